@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// A video frame as the core sees it: planes that somebody else owns, in the memory layout they came in.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "terrainseg/export.hpp"
+
+namespace terrainseg {
+
+/// The raw formats that are read and drawn natively; the names are GStreamer's.
+enum class PixelFormat : std::uint8_t {
+  I420,
+  YV12,
+  NV12,
+  NV21,
+  Y42B,
+  Y444,
+  YUY2,
+  UYVY,
+  RGB,
+  BGR,
+  RGBx,
+  BGRx,
+  xRGB,
+  xBGR,
+  RGBA,
+  BGRA,
+  ARGB,
+  ABGR
+};
+inline constexpr int pixel_format_count = 18;
+
+enum class ColorRange : std::uint8_t { limited, full };
+enum class ColorMatrix : std::uint8_t { bt601, bt709, bt2020 };
+
+/// How numbers stand for colours. The matrix means nothing for the RGB formats.
+struct Colorimetry {
+  ColorRange range = ColorRange::limited;
+  ColorMatrix matrix = ColorMatrix::bt601;
+  bool operator==(const Colorimetry&) const = default;
+};
+
+/// Where one of the three components (Y, U, V or R, G, B) of a pixel lies.
+struct ComponentLayout {
+  std::uint8_t plane;   ///< index into Frame::planes
+  std::uint8_t offset;  ///< bytes from the start of a row to the first sample
+  std::uint8_t step;    ///< bytes from one sample to the next in a row
+  std::uint8_t x_shift; ///< log2 of the horizontal subsampling
+  std::uint8_t y_shift; ///< log2 of the vertical subsampling
+};
+
+struct FormatLayout {
+  std::array<ComponentLayout, 3> components; ///< Y, U, V or R, G, B, in this order for every format
+  std::uint8_t planes;                       ///< number of planes, 1..3
+  bool rgb;                                  ///< true: components are R, G, B
+};
+
+/// The layout of a format: a table look-up, never fails.
+TERRAINSEG_API const FormatLayout& layout_of(PixelFormat format);
+
+/// Samples of a subsampled component along an axis of `size` pixels: ceil(size / 2^shift).
+constexpr int subsampled(int size, int shift) {
+  return (size + (1 << shift) - 1) >> shift;
+}
+
+/// A read-only plane. Rows are `stride` bytes apart; the stride may exceed the row or be negative.
+struct Plane {
+  const std::uint8_t* data = nullptr;
+  std::ptrdiff_t stride = 0;
+  const std::uint8_t* row(int y) const { return data + y * stride; }
+};
+
+/// A writable plane.
+struct MutablePlane {
+  std::uint8_t* data = nullptr;
+  std::ptrdiff_t stride = 0;
+  std::uint8_t* row(int y) const { return data + y * stride; }
+};
+
+/// Position and size in pixels of the frame. Empty when a side is 0 or less.
+struct Rectangle {
+  int x = 0, y = 0, width = 0, height = 0;
+  bool empty() const { return width <= 0 || height <= 0; }
+  bool operator==(const Rectangle&) const = default;
+};
+
+/// A frame to look at: non-owning. Planes are in the memory order of the format (YV12: Y, V, U); every plane
+/// holds at least subsampled(height, y_shift) rows of the bytes that its layout needs.
+struct Frame {
+  PixelFormat format = PixelFormat::I420;
+  int width = 0;  ///< pixels, 1..32767
+  int height = 0; ///< pixels, 1..32767
+  Colorimetry colorimetry;
+  std::array<Plane, 3> planes;
+  std::int64_t pts =
+      -1; ///< presentation time in nanoseconds, -1 = unknown; tells the frame rate, nothing else
+};
+
+/// A frame to draw on.
+struct MutableFrame {
+  PixelFormat format = PixelFormat::I420;
+  int width = 0;
+  int height = 0;
+  Colorimetry colorimetry;
+  std::array<MutablePlane, 3> planes;
+};
+
+/// An 8-bit picture of one channel that somebody else owns.
+struct GrayView {
+  Plane plane;
+  int width = 0, height = 0;
+  bool empty() const { return plane.data == nullptr || width <= 0 || height <= 0; }
+};
+
+} // namespace terrainseg

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The whole filter without GStreamer: frames in, estimates out.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+
+#include "terrainseg/estimate.hpp"
+#include "terrainseg/frame.hpp"
+#include "terrainseg/settings.hpp"
+#include "terrainseg/terrain.hpp"
+
+namespace terrainseg {
+
+/// How a call ended. Errors leave the segmenter as it was.
+class [[nodiscard]] Status {
+ public:
+  enum class Code : std::uint8_t {
+    ok,
+    bad_frame,            ///< no planes, a size outside 1..32767, or a stride shorter than a row
+    window_outside_frame, ///< the window that was set does not fit this frame
+    bad_target,           ///< a mask target of the wrong size
+    foreign_terrain,      ///< a Terrain of another colour space or shape
+  };
+  Status() = default;
+  Status(Code code, std::string message) : code_(code), message_(std::move(message)) {}
+  bool ok() const { return code_ == Code::ok; }
+  Code code() const { return code_; }
+  const std::string& message() const { return message_; } ///< cause and what to do; empty when ok
+
+ private:
+  Code code_ = Code::ok;
+  std::string message_;
+};
+
+/// Training pixels from elsewhere (a laser, a stereo node) that stand in for the window on this frame.
+struct Supervision {
+  std::span<const Rectangle> rectangles; ///< frame pixels
+  GrayView mask;                         ///< any size, stretched over the frame; pixels >= 128 train
+  bool empty() const { return rectangles.empty() && mask.empty(); }
+};
+
+/// Where the mask goes: mask_width() x mask_height() bytes that the caller owns. Without one the segmenter
+/// keeps its own.
+struct MaskTarget {
+  MutablePlane plane;
+  int width = 0, height = 0;
+};
+
+enum class Stage : std::uint8_t { pyramid, prefilter, clustering, update, horizon, scoring, boundary, mask };
+inline constexpr int stage_count = 8;
+TERRAINSEG_API const char* name_of(Stage stage);
+
+/// Counts since the start; why a frame was not learned from.
+struct Counters {
+  std::uint64_t frames = 0;
+  std::uint64_t learned = 0;
+  std::uint64_t skipped_frozen = 0;  ///< learning = false
+  std::uint64_t skipped_near = 0;    ///< near_clear = false
+  std::uint64_t skipped_starved = 0; ///< too few usable window pixels
+};
+
+class TERRAINSEG_API Segmenter {
+ public:
+  /// `settings` must have passed validate().
+  explicit Segmenter(const Settings& settings);
+  ~Segmenter();
+  Segmenter(Segmenter&&) noexcept;
+  Segmenter& operator=(Segmenter&&) noexcept;
+
+  /// Takes other validated settings from the next frame on. What was learned stays unless it no longer fits
+  /// (fewer learned models, another bit shift of the histograms).
+  void configure(const Settings& settings);
+  const Settings& settings() const;
+
+  /// Labels one frame and learns from it. Allocates only when the frame's size, format or the settings
+  /// changed.
+  Status process(const Frame& frame, const Supervision& supervision = {}, const MaskTarget& target = {});
+  const Estimate& estimate() const; ///< of the last successful process(); before it: unknown
+
+  void reset();          ///< forgets the terrain and everything that spans frames
+  void reset_temporal(); ///< after a seek: forgets what spans neighbouring frames, keeps the terrain
+
+  Terrain terrain() const;              ///< a copy of what is learned
+  Status adopt(const Terrain& terrain); ///< continues from it
+
+  const Counters& counters() const;
+  /// Nanoseconds that each stage of the last process() took.
+  const std::array<std::int64_t, stage_count>& stage_times() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Size of the mask of a frame: ceil(size / 2^mask_level).
+constexpr int mask_extent(int frame_extent, int mask_level) {
+  return subsampled(frame_extent, mask_level);
+}
+
+} // namespace terrainseg
