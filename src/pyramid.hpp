@@ -2,7 +2,9 @@
 // Stage A: the octave pyramid (paper, section 3.1, equations (1) and (2)).
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <vector>
 
 #include "terrainseg/frame.hpp"
 
@@ -31,6 +33,26 @@ class Pyramid {
   /// Component 0..2 at a kept level. Level 0 of a component that is planar and not subsampled is the frame's
   /// own plane.
   Plane plane(int level, int component) const;
+
+ private:
+  struct Shape {
+    PixelFormat format{};
+    int width = 0, height = 0;
+    PyramidPlan plan;
+    bool operator==(const Shape&) const = default;
+  };
+  struct Kept {
+    std::vector<std::uint8_t> pixels; ///< empty when the level is not kept or is the frame's own plane
+    Plane view;
+  };
+
+  void adopt(const Shape& shape);
+  bool kept(int level, int component) const;
+
+  Shape shape_;
+  std::array<std::array<Kept, 3>, 7> levels_;
+  std::array<std::vector<std::uint8_t>, 2> scratch_;
+  std::vector<std::uint16_t> columns_;
 };
 
 } // namespace terrainseg

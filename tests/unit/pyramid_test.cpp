@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The pyramid against cv::pyrDown, bit for bit, in every format and memory layout.
+#include "pyramid.hpp"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+#include <random>
+
+namespace {
+
+using namespace terrainseg;
+
+// A frame of any format in memory of its own: padded strides, and upside down where `flipped`.
+struct OwnedFrame {
+  std::array<std::vector<std::uint8_t>, 3> memory;
+  Frame frame;
+
+  OwnedFrame(PixelFormat format, int width, int height, std::uint32_t seed, int padding = 0,
+             bool flipped = false) {
+    frame.format = format;
+    frame.width = width;
+    frame.height = height;
+    std::mt19937 random(seed);
+    const FormatLayout& layout = layout_of(format);
+    for (int p = 0; p < layout.planes; ++p) {
+      int row = 0, rows = 0;
+      for (const ComponentLayout& c : layout.components)
+        if (c.plane == p) {
+          row = std::max(row, subsampled(width, c.x_shift) * c.step);
+          rows = subsampled(height, c.y_shift);
+        }
+      const int stride = row + padding;
+      memory[p].resize(static_cast<std::size_t>(stride) * rows);
+      // Runs of extremes between the noise: sums that would overflow show.
+      for (std::size_t i = 0; i < memory[p].size(); ++i) {
+        const std::uint32_t r = random();
+        memory[p][i] = (r & 0x300) == 0 ? 255 : static_cast<std::uint8_t>(r);
+      }
+      frame.planes[p] = {memory[p].data(), stride};
+      if (flipped)
+        frame.planes[p] = {memory[p].data() + static_cast<std::ptrdiff_t>(stride) * (rows - 1), -stride};
+    }
+  }
+};
+
+cv::Mat component_of(const Frame& frame, int component) {
+  const ComponentLayout& l = layout_of(frame.format).components[component];
+  cv::Mat out(subsampled(frame.height, l.y_shift), subsampled(frame.width, l.x_shift), CV_8U);
+  for (int y = 0; y < out.rows; ++y)
+    for (int x = 0; x < out.cols; ++x)
+      out.at<std::uint8_t>(y, x) = frame.planes[l.plane].row(y)[l.offset + x * l.step];
+  return out;
+}
+
+// 4:2:2 chroma, level 1: the column filter of cv::pyrDown alone.
+cv::Mat column_reduced(const cv::Mat& source) {
+  const int weights[5] = {1, 4, 6, 4, 1};
+  cv::Mat padded, out((source.rows + 1) / 2, source.cols, CV_8U);
+  for (int y = 0; y < out.rows; ++y)
+    for (int x = 0; x < out.cols; ++x) {
+      int sum = 8;
+      for (int k = 0; k < 5; ++k)
+        sum += weights[k] * source.at<std::uint8_t>(
+                                cv::borderInterpolate(2 * y + k - 2, source.rows, cv::BORDER_REFLECT_101), x);
+      out.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(sum / 16);
+    }
+  return out;
+}
+
+std::vector<cv::Mat> oracle(const Frame& frame, int component, int coarsest) {
+  const ComponentLayout& l = layout_of(frame.format).components[component];
+  const cv::Mat own = component_of(frame, component);
+  std::vector<cv::Mat> levels;
+  cv::Mat repeated(frame.height, frame.width, CV_8U);
+  for (int y = 0; y < frame.height; ++y)
+    for (int x = 0; x < frame.width; ++x)
+      repeated.at<std::uint8_t>(y, x) = own.at<std::uint8_t>(y >> l.y_shift, x >> l.x_shift);
+  levels.push_back(repeated);
+  for (int level = 1; level <= coarsest; ++level) {
+    cv::Mat next;
+    if (level == 1 && l.x_shift && l.y_shift)
+      next = own;
+    else if (level == 1 && l.x_shift)
+      next = column_reduced(own);
+    else
+      cv::pyrDown(levels.back(), next);
+    levels.push_back(next);
+  }
+  return levels;
+}
+
+void expect_same(const Pyramid& pyramid, const Frame& frame, const PyramidPlan& plan) {
+  for (int c = 0; c < 3; ++c) {
+    const auto levels = oracle(frame, c, plan.coarsest);
+    for (int level = c == 0 ? plan.finest_luma : plan.finest_color; level <= plan.coarsest; ++level) {
+      const cv::Mat& expected = levels[level];
+      ASSERT_EQ(pyramid.width(level), expected.cols);
+      ASSERT_EQ(pyramid.height(level), expected.rows);
+      const Plane plane = pyramid.plane(level, c);
+      for (int y = 0; y < expected.rows; ++y)
+        for (int x = 0; x < expected.cols; ++x)
+          ASSERT_EQ(plane.row(y)[x], expected.at<std::uint8_t>(y, x))
+              << "format " << static_cast<int>(frame.format) << " " << frame.width << "x" << frame.height
+              << " level " << level << " component " << c << " at " << x << "," << y;
+    }
+  }
+}
+
+TEST(Pyramid, EverySizeUpTo64) {
+  Pyramid pyramid;
+  for (int h = 1; h <= 64; ++h)
+    for (int w = 1; w <= 64; ++w) {
+      const PyramidPlan plan{6, 1, 0};
+      const OwnedFrame owned(w % 2 ? PixelFormat::I420 : PixelFormat::NV12, w, h, w * 64 + h, w % 5);
+      pyramid.build(owned.frame, plan);
+      expect_same(pyramid, owned.frame, plan);
+      if (HasFatalFailure())
+        return;
+    }
+}
+
+TEST(Pyramid, EveryFormatStrideAndOddSize) {
+  Pyramid pyramid;
+  for (int f = 0; f < pixel_format_count; ++f)
+    for (const auto& [w, h] :
+         {std::pair{1, 1}, {1, 9}, {9, 1}, {2, 2}, {3, 5}, {66, 35}, {131, 77}, {256, 64}})
+      for (const bool flipped : {false, true})
+        for (const int padding : {0, 7}) {
+          const OwnedFrame owned(static_cast<PixelFormat>(f), w, h, f + w, padding, flipped);
+          for (const PyramidPlan plan : {PyramidPlan{5, 5, 2}, {3, 0, 0}, {4, 1, 1}, {0, 0, 0}, {6, 6, 6}}) {
+            pyramid.build(owned.frame, plan);
+            expect_same(pyramid, owned.frame, plan);
+            if (HasFatalFailure())
+              return;
+          }
+        }
+}
+
+TEST(Pyramid, LargeFrames) {
+  Pyramid pyramid;
+  for (const auto& [w, h] : {std::pair{3840, 2160}, {1920, 1080}, {1921, 541}, {4099, 37}})
+    for (const PixelFormat format : {PixelFormat::NV12, PixelFormat::I420, PixelFormat::RGB}) {
+      const OwnedFrame owned(format, w, h, w, 13);
+      const PyramidPlan plan{5, 5, 2};
+      pyramid.build(owned.frame, plan);
+      expect_same(pyramid, owned.frame, plan);
+      if (HasFatalFailure())
+        return;
+    }
+}
+
+TEST(Pyramid, Level0OfAPlanarComponentIsTheFrameItself) {
+  const OwnedFrame owned(PixelFormat::Y444, 33, 20, 1, 5, true);
+  Pyramid pyramid;
+  pyramid.build(owned.frame, {2, 0, 0});
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_EQ(pyramid.plane(0, c).data, owned.frame.planes[c].data);
+    EXPECT_EQ(pyramid.plane(0, c).stride, owned.frame.planes[c].stride);
+  }
+}
+
+} // namespace
