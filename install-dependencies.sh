@@ -1,0 +1,63 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# Installs the Debian packages that a purpose needs and that are missing; asks nothing, does nothing when all are there.
+# usage: install-dependencies.sh PURPOSE...      PURPOSE: build | run | test | slow | list
+set -euo pipefail
+
+# What compiling plugin, library and tools takes.
+build=(build-essential meson ninja-build pkg-config libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev libhwy-dev
+       libopencv-dev libeigen3-dev nlohmann-json3-dev libjson-glib-dev)
+# What the pipelines of README and examples take: decoders, encoders, muxers, bindings for Python.
+run=(gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
+     gstreamer1.0-plugins-ugly gstreamer1.0-libav python3-gi gir1.2-gstreamer-1.0 gir1.2-gst-plugins-base-1.0
+     python3-numpy)
+# What tests/run.sh takes on top: GoogleTest, the second compiler with its sanitizers, style, oracles, a broker.
+test=(libgtest-dev libgmock-dev libbenchmark-dev clang libclang-rt-14-dev llvm clang-format clang-tidy ffmpeg git
+      python3-opencv python3-jsonschema binutils procps libgstreamer-plugins-bad1.0-dev libgstrtspserver-1.0-dev
+      mosquitto mosquitto-clients)
+# What the slow checks take on top.
+slow=(debootstrap devscripts debhelper lintian fakeroot dpkg-dev chromium gstreamer1.0-nice gstreamer1.0-opencv
+      g++-aarch64-linux-gnu qemu-user linux-perf)
+
+# Names that only one of the Debian releases has.
+release=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")
+if [ "$release" != bookworm ]; then
+  test=("${test[@]/libclang-rt-14-dev/libclang-rt-dev}")
+fi
+
+[ $# -gt 0 ] || { sed -n '3,4s/^# //p' "$0"; exit 2; }
+wanted=()
+for purpose in "$@"; do
+  case "$purpose" in
+    build) wanted+=("${build[@]}") ;;
+    run) wanted+=("${run[@]}") ;;
+    test) wanted+=("${build[@]}" "${run[@]}" "${test[@]}") ;;
+    slow) wanted+=("${slow[@]}") ;;
+    list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${slow[@]}"; exit 0 ;;
+    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are build, run, test, slow, list" >&2; exit 2 ;;
+  esac
+done
+
+missing=()
+for package in "${wanted[@]}"; do
+  dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null | grep -qx installed || missing+=("$package")
+done
+[ ${#missing[@]} -gt 0 ] || exit 0
+
+root=()
+if [ "$(id -u)" -ne 0 ]; then
+  command -v sudo >/dev/null || { echo "install-dependencies.sh: missing packages: ${missing[*]}; run this as root or install sudo" >&2; exit 1; }
+  root=(sudo)
+fi
+echo "installing ${#missing[@]} Debian packages: ${missing[*]}"
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+install() {
+  "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "${missing[@]}" >"$log" 2>&1
+}
+# The list of packages may be old or absent: fetch it only when the first try says so.
+install || { "${root[@]}" apt-get update >>"$log" 2>&1 || true; install; } || {
+  tail -n 20 "$log" >&2
+  echo "install-dependencies.sh: apt-get could not install: ${missing[*]}" >&2
+  exit 1
+}
