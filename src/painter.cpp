@@ -1,8 +1,420 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "painter.hpp"
 
-namespace terrainseg {
+#include <algorithm>
+#include <cstdlib>
 
-void paint(const MutableFrame&, const Estimate&, const PaintStyle&) {}
+namespace terrainseg {
+namespace {
+
+// Everything drawn is a blend: a coverage of 0..256 per pixel and one colour. Frames are walked in tiles, so
+// that the coverage stays in the first cache and nothing is allocated.
+constexpr int tile_width = 1024;
+constexpr int opaque = 256;
+
+using Ink = std::array<std::uint8_t, 3>;
+using Coverage = std::uint16_t;
+
+constexpr Ink black_rgb = {0, 0, 0};
+constexpr Ink white_rgb = {255, 255, 255};
+constexpr Ink window_rgb = {255, 214, 0};
+constexpr Ink horizon_rgb = {255, 64, 160};
+
+// The luma weights of red and blue in 1/10000, of ITU-R BT.601, BT.709 and BT.2020.
+struct LumaWeights {
+  int red, blue;
+};
+constexpr int weight_unit = 10000;
+constexpr std::array<LumaWeights, 3> luma_weights = {{{2990, 1140}, {2126, 722}, {2627, 593}}};
+
+constexpr std::int64_t divide_rounded(std::int64_t numerator, std::int64_t denominator) {
+  return (numerator + (numerator < 0 ? -denominator : denominator) / 2) / denominator;
+}
+
+constexpr std::uint8_t to_byte(std::int64_t value) {
+  return static_cast<std::uint8_t>(std::clamp<std::int64_t>(value, 0, 255));
+}
+
+// 255 * 256 + 128 fits 16 bits: a vector version needs no wider lanes.
+template <int Step> void blend_samples(std::uint8_t* samples, const Coverage* coverage, int count, int ink) {
+  for (int i = 0; i < count; ++i) {
+    const unsigned a = coverage[i];
+    std::uint8_t& sample = samples[i * Step];
+    sample = static_cast<std::uint8_t>((sample * (256U - a) + static_cast<unsigned>(ink) * a + 128U) >> 8);
+  }
+}
+
+void blend_samples(std::uint8_t* samples, int step, const Coverage* coverage, int count, int ink) {
+  switch (step) {
+  case 1:
+    return blend_samples<1>(samples, coverage, count, ink);
+  case 2:
+    return blend_samples<2>(samples, coverage, count, ink);
+  case 3:
+    return blend_samples<3>(samples, coverage, count, ink);
+  default:
+    return blend_samples<4>(samples, coverage, count, ink);
+  }
+}
+
+int log2_of(int power) {
+  return power >= 4 ? 2 : power >= 2 ? 1 : 0;
+}
+
+// Mean coverage of the pixels that share a chroma sample. At the right and bottom edge fewer pixels do.
+void pool_coverage(const std::array<std::array<Coverage, tile_width>, 2>& rows, int row_count, int pixels,
+                   int x_shift, Coverage* pooled) {
+  const int whole = pixels >> x_shift;
+  const int per_sample = row_count << x_shift;
+  const int shift = log2_of(per_sample), half = per_sample >> 1;
+  const Coverage* top = rows[0].data();
+  const Coverage* bottom = rows[1].data();
+  if (x_shift == 1 && row_count == 2) {
+    for (int i = 0; i < whole; ++i)
+      pooled[i] = static_cast<Coverage>(
+          (top[2 * i] + top[2 * i + 1] + bottom[2 * i] + bottom[2 * i + 1] + half) >> shift);
+  } else if (x_shift == 1) {
+    for (int i = 0; i < whole; ++i)
+      pooled[i] = static_cast<Coverage>((top[2 * i] + top[2 * i + 1] + half) >> shift);
+  }
+  if (whole << x_shift < pixels)
+    pooled[whole] = static_cast<Coverage>(row_count == 2 ? (top[pixels - 1] + bottom[pixels - 1] + 1) >> 1
+                                                         : top[pixels - 1]);
+}
+
+Rectangle intersection(const Rectangle& a, const Rectangle& b) {
+  const int left = std::max(a.x, b.x), top = std::max(a.y, b.y);
+  const auto end = [](int start, int extent) { return static_cast<std::int64_t>(start) + extent; };
+  const auto right = std::min(end(a.x, a.width), end(b.x, b.width));
+  const auto bottom = std::min(end(a.y, a.height), end(b.y, b.height));
+  return {left, top, static_cast<int>(std::max<std::int64_t>(right - left, 0)),
+          static_cast<int>(std::max<std::int64_t>(bottom - top, 0))};
+}
+
+class Canvas {
+ public:
+  explicit Canvas(const MutableFrame& frame) : frame_(frame), layout_(layout_of(frame.format)) {}
+
+  int width() const { return frame_.width; }
+  int height() const { return frame_.height; }
+  Rectangle bounds() const { return {0, 0, frame_.width, frame_.height}; }
+  Ink ink(const Ink& rgb) const { return color_in(frame_.format, frame_.colorimetry, rgb); }
+
+  /// Blends `ink` over an area; `cover(y, x, count, out)` writes the coverage of `count` pixels of row y from
+  /// x on, all inside the area.
+  template <class Cover> void blend(const Rectangle& area, const Ink& ink, Cover&& cover) const {
+    const Rectangle r = intersection(area, bounds());
+    if (r.empty())
+      return;
+    const int x_shift = layout_.components[1].x_shift, y_shift = layout_.components[1].y_shift;
+    const int block_width = 1 << x_shift, block_height = 1 << y_shift;
+    const int left = r.x & -block_width, right = r.x + r.width, bottom = r.y + r.height;
+    // A tile takes in the neighbours that share chroma samples with the area, at coverage 0.
+    const int end = std::min((right + block_width - 1) & -block_width, frame_.width);
+    std::array<std::array<Coverage, tile_width>, 2> rows;
+    for (int y = r.y & -block_height; y < bottom; y += block_height) {
+      const int row_count = std::min(block_height, frame_.height - y);
+      for (int x = left; x < end; x += tile_width) {
+        const int count = std::min(tile_width, end - x);
+        const int first = std::max(r.x - x, 0), last = std::min(right - x, count);
+        for (int i = 0; i < row_count; ++i) {
+          Coverage* row = rows[i].data();
+          if (y + i < r.y || y + i >= bottom) {
+            std::fill_n(row, count, Coverage{0});
+            continue;
+          }
+          std::fill_n(row, first, Coverage{0});
+          cover(y + i, x + first, last - first, row + first);
+          std::fill(row + last, row + count, Coverage{0});
+        }
+        blend_tile(x, y, count, row_count, rows, ink);
+      }
+    }
+  }
+
+  void fill(const Rectangle& area, const Ink& ink, int strength) const {
+    blend(area, ink, [strength](int, int, int count, Coverage* out) {
+      std::fill_n(out, count, static_cast<Coverage>(strength));
+    });
+  }
+
+  /// A frame of `thickness` pixels just inside a rectangle.
+  void outline(const Rectangle& r, int thickness, const Ink& ink, int strength) const {
+    if (r.empty())
+      return;
+    // One blend for all four sides: a chroma sample at a corner is then blended once.
+    blend(r, ink, [&](int y, int x, int count, Coverage* out) {
+      const bool edge_row = y < r.y + thickness || y >= r.y + r.height - thickness;
+      for (int i = 0; i < count; ++i) {
+        const bool edge = edge_row || x + i < r.x + thickness || x + i >= r.x + r.width - thickness;
+        out[i] = static_cast<Coverage>(edge ? strength : 0);
+      }
+    });
+  }
+
+ private:
+  void blend_tile(int x, int y, int count, int row_count,
+                  const std::array<std::array<Coverage, tile_width>, 2>& rows, const Ink& ink) const {
+    for (int c = 0; c < 3; ++c) {
+      const ComponentLayout& component = layout_.components[c];
+      const MutablePlane& plane = frame_.planes[component.plane];
+      const auto samples = [&](int row) {
+        return plane.row(row >> component.y_shift) + component.offset +
+               static_cast<std::ptrdiff_t>(x >> component.x_shift) * component.step;
+      };
+      if (component.x_shift == 0) {
+        for (int i = 0; i < row_count; ++i)
+          blend_samples(samples(y + i), component.step, rows[i].data(), count, ink[c]);
+      } else {
+        std::array<Coverage, tile_width> pooled;
+        pool_coverage(rows, row_count, count, component.x_shift, pooled.data());
+        blend_samples(samples(y), component.step, pooled.data(), subsampled(count, component.x_shift),
+                      ink[c]);
+      }
+    }
+  }
+
+  MutableFrame frame_;
+  const FormatLayout& layout_;
+};
+
+/// What is drawn: the estimate brought to the size of the frame.
+class StretchedMask {
+ public:
+  StretchedMask(const GrayView& mask, const Rectangle& region) : mask_(mask), region_(region) {}
+
+  const Rectangle& region() const { return region_; }
+
+  /// Mask values of `count` pixels of row y from x on; both inside the region.
+  void read(int y, int x, int count, std::uint8_t* out) const {
+    const std::uint8_t* row = mask_.plane.row(nearest(y - region_.y, region_.height, mask_.height));
+    if (mask_.width == region_.width) {
+      std::copy_n(row + (x - region_.x), count, out);
+      return;
+    }
+    // nearest() of successive columns without a division each.
+    const std::int64_t step = 2LL * mask_.width, unit = 2LL * region_.width;
+    const std::int64_t start = (2LL * (x - region_.x) + 1) * mask_.width;
+    std::int64_t column = start / unit, rest = start % unit;
+    const std::int64_t whole = step / unit, part = step % unit;
+    for (int i = 0; i < count; ++i) {
+      out[i] = row[column];
+      column += whole;
+      rest += part;
+      if (rest >= unit) {
+        rest -= unit;
+        ++column;
+      }
+    }
+  }
+
+ private:
+  // The sample whose cell holds the centre of pixel `position`.
+  static std::int64_t nearest(std::int64_t position, std::int64_t pixels, std::int64_t samples) {
+    return (2 * position + 1) * samples / (2 * pixels);
+  }
+
+  GrayView mask_;
+  Rectangle region_;
+};
+
+int half_of(int strength) {
+  return (strength + 1) / 2;
+}
+
+void paint_tint(const Canvas& canvas, const StretchedMask& mask, const Ink& ink, int strength) {
+  const auto full = static_cast<Coverage>(strength), half = static_cast<Coverage>(half_of(strength));
+  canvas.blend(mask.region(), ink, [&](int y, int x, int count, Coverage* out) {
+    std::array<std::uint8_t, tile_width> values;
+    mask.read(y, x, count, values.data());
+    for (int i = 0; i < count; ++i)
+      out[i] = values[i] >= 192 ? full : values[i] >= 64 ? half : Coverage{0};
+  });
+}
+
+// The edge runs inside the area: a pixel belongs to it when a worse one lies within `reach` rows and columns.
+void paint_contour(const Canvas& canvas, const StretchedMask& mask, const Ink& ink, int strength, int reach) {
+  constexpr int max_reach = 32;
+  reach = std::min(reach, max_reach);
+  const auto full = static_cast<Coverage>(strength), half = static_cast<Coverage>(half_of(strength));
+  const Rectangle inside = intersection(mask.region(), canvas.bounds());
+  canvas.blend(inside, ink, [&](int y, int x, int count, Coverage* out) {
+    std::array<std::uint8_t, tile_width + 2 * max_reach> own, worst, row;
+    const int left = std::max(x - reach, inside.x);
+    const int right = std::min(x + count + reach, inside.x + inside.width);
+    const int span = right - left;
+    mask.read(y, left, span, own.data());
+    worst = own;
+    const int top = std::max(y - reach, inside.y), bottom = std::min(y + reach, inside.y + inside.height - 1);
+    for (int other = top; other <= bottom; ++other) {
+      if (other == y)
+        continue;
+      mask.read(other, left, span, row.data());
+      for (int i = 0; i < span; ++i)
+        worst[i] = std::min(worst[i], row[i]);
+    }
+    std::array<std::uint8_t, tile_width> lowest;
+    std::fill_n(lowest.data(), count, std::uint8_t{255});
+    for (int shift = -reach; shift <= reach; ++shift) {
+      const int begin = std::max(0, left - (x + shift)), end = std::min(count, right - (x + shift));
+      const std::uint8_t* shifted = worst.data() + (x + shift - left);
+      for (int i = begin; i < end; ++i)
+        lowest[i] = std::min(lowest[i], shifted[i]);
+    }
+    for (int i = 0; i < count; ++i) {
+      const std::uint8_t value = own[x - left + i];
+      const bool edge = value >= 192 && lowest[i] < 192;
+      const bool doubtful_edge = value >= 64 && lowest[i] < 64;
+      out[i] = edge ? full : doubtful_edge ? half : Coverage{0};
+    }
+  });
+}
+
+void paint_mask(const Canvas& canvas, const StretchedMask& mask, bool have_mask) {
+  const Ink white = canvas.ink(white_rgb);
+  canvas.fill(canvas.bounds(), canvas.ink(black_rgb), opaque);
+  const Rectangle known = have_mask ? intersection(mask.region(), canvas.bounds()) : Rectangle{};
+  // v + (v >> 7) as coverage of white over black gives back v itself.
+  canvas.blend(canvas.bounds(), white, [&](int y, int x, int count, Coverage* out) {
+    std::fill_n(out, count, Coverage{mask_doubtful});
+    if (y < known.y || y >= known.y + known.height)
+      return;
+    const int begin = std::max(x, known.x), end = std::min(x + count, known.x + known.width);
+    if (begin >= end)
+      return;
+    std::array<std::uint8_t, tile_width> values;
+    mask.read(y, begin, end - begin, values.data());
+    for (int i = 0; i < end - begin; ++i)
+      out[begin - x + i] = static_cast<Coverage>(values[i] + (values[i] >> 7));
+  });
+}
+
+// One line per learned colour at the top left: a track that stands for the whole mass, and on it the model's
+// share in its own colour.
+void paint_bars(const Canvas& canvas, const Estimate& estimate) {
+  const int count = std::clamp(estimate.model_count, 0, max_models);
+  // Capped, so that the sum of eight fits.
+  const auto mass_of = [&](int i) { return std::min(estimate.models[i].mass, std::uint64_t{1} << 60); };
+  std::uint64_t total = 0;
+  for (int i = 0; i < count; ++i)
+    total += mass_of(i);
+  const int bar = std::max(canvas.height() / 36, 3), gap = std::max(bar / 3, 1);
+  const int frame = std::max(bar / 10, 1);
+  const int track = std::max(canvas.width() / 4, 8);
+  const Ink white = canvas.ink(white_rgb), black = canvas.ink(black_rgb);
+  for (int i = 0; i < count; ++i) {
+    const ModelSummary& model = estimate.models[i];
+    const Rectangle box = {2 * gap, 2 * gap + i * (bar + gap), track, bar};
+    const Rectangle inner = {box.x + frame, box.y + frame, box.width - 2 * frame, box.height - 2 * frame};
+    canvas.fill(box, black, opaque / 2);
+    canvas.outline(box, frame, white, opaque);
+    if (total == 0)
+      continue;
+    // Brought to 32 bits, so that the product with a width cannot overflow.
+    std::uint64_t mass = mass_of(i), whole = total;
+    for (; whole >> 32; whole >>= 1)
+      mass >>= 1;
+    const auto length = static_cast<int>(mass * static_cast<std::uint64_t>(std::max(inner.width, 0)) / whole);
+    canvas.fill({inner.x, inner.y, model.mass > 0 ? std::max(length, 1) : 0, inner.height},
+                canvas.ink(model.rgb), opaque);
+  }
+}
+
+void paint_horizon(const Canvas& canvas, int row, bool held, int thickness, int strength) {
+  const Ink ink = canvas.ink(horizon_rgb);
+  const Rectangle line = {0, row - thickness / 2, canvas.width(), thickness};
+  if (!held)
+    return canvas.fill(line, ink, strength);
+  const int dash = std::max(canvas.width() / 40, 2);
+  canvas.blend(line, ink, [&](int, int x, int count, Coverage* out) {
+    for (int i = 0; i < count; ++i)
+      out[i] = static_cast<Coverage>((x + i) / dash % 2 == 0 ? strength : 0);
+  });
+}
+
+int scaled(int position, int from, int to) {
+  const std::int64_t moved = static_cast<std::int64_t>(position) * to / from;
+  return static_cast<int>(std::clamp<std::int64_t>(moved, -(1 << 24), 1 << 24));
+}
+
+Rectangle scaled(const Rectangle& r, int from_width, int from_height, int to_width, int to_height) {
+  const int left = scaled(r.x, from_width, to_width), top = scaled(r.y, from_height, to_height);
+  // Clamped before the sum, so that a wild rectangle of foreign metadata cannot overflow.
+  const auto end = [](int start, int extent) { return std::clamp(start, -(1 << 24), 1 << 24) + extent; };
+  return {left, top, scaled(end(r.x, std::clamp(r.width, 0, 1 << 24)), from_width, to_width) - left,
+          scaled(end(r.y, std::clamp(r.height, 0, 1 << 24)), from_height, to_height) - top};
+}
+
+bool drawable(const MutableFrame& frame) {
+  if (frame.width <= 0 || frame.height <= 0)
+    return false;
+  const int planes = layout_of(frame.format).planes;
+  return std::all_of(frame.planes.begin(), frame.planes.begin() + planes,
+                     [](const MutablePlane& plane) { return plane.data != nullptr; });
+}
+
+} // namespace
+
+std::array<std::uint8_t, 3> color_in(PixelFormat format, const Colorimetry& colorimetry,
+                                     const std::array<std::uint8_t, 3>& rgb) {
+  const bool limited = colorimetry.range == ColorRange::limited;
+  if (layout_of(format).rgb) {
+    if (!limited)
+      return rgb;
+    Ink ink;
+    for (int c = 0; c < 3; ++c)
+      ink[c] = to_byte(16 + divide_rounded(219 * rgb[c], 255));
+    return ink;
+  }
+  const LumaWeights& weights = luma_weights[static_cast<std::size_t>(colorimetry.matrix)];
+  const std::int64_t luma = weights.red * rgb[0] + (weight_unit - weights.red - weights.blue) * rgb[1] +
+                            weights.blue * rgb[2]; // in 1/10000
+  const auto chroma = [&](std::uint8_t primary, int weight) {
+    const std::int64_t difference = static_cast<std::int64_t>(primary) * weight_unit - luma;
+    const std::int64_t span = 2LL * (weight_unit - weight) * 255;
+    return to_byte(128 + divide_rounded(difference * (limited ? 224 : 255), span));
+  };
+  const std::int64_t y =
+      limited ? 16 + divide_rounded(219 * luma, 255LL * weight_unit) : divide_rounded(luma, weight_unit);
+  return {to_byte(y), chroma(rgb[2], weights.blue), chroma(rgb[0], weights.red)};
+}
+
+void paint(const MutableFrame& frame, const Estimate& estimate, const PaintStyle& style) {
+  if (!drawable(frame))
+    return;
+  const Canvas canvas(frame);
+  const int from_width = estimate.frame_width > 0 ? estimate.frame_width : frame.width;
+  const int from_height = estimate.frame_height > 0 ? estimate.frame_height : frame.height;
+  const auto to_frame = [&](const Rectangle& r) {
+    return scaled(r, from_width, from_height, frame.width, frame.height);
+  };
+  const StretchedMask mask(estimate.mask, to_frame(estimate.mask_region));
+  const bool have_mask = !estimate.mask.empty() && !mask.region().empty();
+  if (style.style == OverlayStyle::mask)
+    return paint_mask(canvas, mask, have_mask);
+
+  const int opacity = static_cast<int>(style.color >> 24);
+  const int strength = std::clamp(style.alpha, 0, opaque) * (opacity + (opacity >> 7)) >> 8;
+  if (strength == 0)
+    return;
+  const Ink color =
+      canvas.ink({static_cast<std::uint8_t>(style.color >> 16), static_cast<std::uint8_t>(style.color >> 8),
+                  static_cast<std::uint8_t>(style.color)});
+  const int line_strength = std::min(2 * strength, opaque);
+  const int thickness = std::clamp((frame.height + 180) / 360, 1, 16);
+
+  if (have_mask) {
+    if (style.style == OverlayStyle::contour)
+      paint_contour(canvas, mask, color, line_strength, thickness);
+    else
+      paint_tint(canvas, mask, color, strength);
+  }
+  canvas.outline(to_frame(estimate.window), thickness, canvas.ink(window_rgb), line_strength);
+  if (estimate.horizon_row >= 0)
+    paint_horizon(canvas, scaled(estimate.horizon_row, from_height, frame.height),
+                  estimate.flags & flag_horizon_held, thickness, line_strength);
+  if (style.style == OverlayStyle::models)
+    paint_bars(canvas, estimate);
+}
 
 } // namespace terrainseg
