@@ -1,12 +1,14 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs the Debian packages that a purpose needs and that are missing; asks nothing, does nothing when all are there.
-# usage: install-dependencies.sh PURPOSE...      PURPOSE: build | run | test | slow | list
+# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | build | run | preview | test | slow | list
 set -euo pipefail
 
-# What compiling plugin, library and tools takes.
-build=(build-essential meson ninja-build pkg-config libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev libhwy-dev
-       libopencv-dev libeigen3-dev nlohmann-json3-dev libjson-glib-dev)
+# What compiling the plugin and the library takes; what the tools take on top.
+plugin=(build-essential meson ninja-build pkg-config libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev libhwy-dev)
+build=("${plugin[@]}" libopencv-dev libeigen3-dev nlohmann-json3-dev libjson-glib-dev)
+# What the contact sheet of the quickstart takes.
+preview=(ffmpeg)
 # What the pipelines of README and examples take: decoders, encoders, muxers, bindings for Python.
 run=(gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
      gstreamer1.0-plugins-ugly gstreamer1.0-libav python3-gi gir1.2-gstreamer-1.0 gir1.2-gst-plugins-base-1.0
@@ -29,12 +31,14 @@ fi
 wanted=()
 for purpose in "$@"; do
   case "$purpose" in
+    plugin) wanted+=("${plugin[@]}") ;;
+    preview) wanted+=("${preview[@]}") ;;
     build) wanted+=("${build[@]}") ;;
     run) wanted+=("${run[@]}") ;;
     test) wanted+=("${build[@]}" "${run[@]}" "${test[@]}") ;;
     slow) wanted+=("${slow[@]}") ;;
     list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${slow[@]}"; exit 0 ;;
-    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are build, run, test, slow, list" >&2; exit 2 ;;
+    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, build, run, preview, test, slow, list" >&2; exit 2 ;;
   esac
 done
 

@@ -1,0 +1,17 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# The suite on Debian 13 (GCC 14, GStreamer 1.26 with GstAnalytics, OpenCV 4.10), in a clean root that it makes itself.
+# usage: tests/debian13.sh [FOLDER]     FOLDER: where the root lies (default: /var/tmp/terrainseg-debian13)
+# Ends with "N passed, N failed" of the suite inside.
+set -uo pipefail
+cd "$(dirname "$0")/.."
+. tests/debian_root.sh
+root=${1:-/var/tmp/terrainseg-debian13}
+command -v debootstrap >/dev/null || ./install-dependencies.sh slow || exit 1
+debian_root trixie "$root" || exit 1
+trap 'leave_root "$root"' EXIT
+
+mkdir -p "$root/build/terrainseg"
+# What is committed and what is about to be; never a build folder.
+git ls-files -co --exclude-standard -z | xargs -0 tar -c --ignore-failed-read | tar -x -C "$root/build/terrainseg"
+in_root "$root" sh -c 'cd /build/terrainseg && ./install-dependencies.sh test && tests/run.sh release'

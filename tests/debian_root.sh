@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# Sourced by the slow checks that need a clean Debian: a root made by debootstrap from this machine's own mirror.
+
+# debian_root RELEASE FOLDER: makes the root, or takes the one that is there.
+debian_root() {
+  local release=$1 root=$2 mirror
+  [ "$(id -u)" -eq 0 ] || { echo "a clean Debian root needs root rights: run this with sudo" >&2; return 1; }
+  mirror=${DEBIAN_MIRROR:-$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' 2>/dev/null |
+    grep -E '/debian/?$' | head -n 1)}
+  [ -n "$mirror" ] || { echo "no Debian mirror is known: set DEBIAN_MIRROR" >&2; return 1; }
+  if [ ! -x "$root/usr/bin/apt-get" ] || [ ! -e "$root/.complete" ]; then
+    rm -rf --one-file-system "$root"
+    debootstrap --variant=minbase "$release" "$root" "$mirror" >"$root.log" 2>&1 ||
+      { tail -n 20 "$root.log"; echo "debootstrap of $release failed" >&2; return 1; }
+    echo "deb $mirror $release main" >"$root/etc/apt/sources.list"
+    cp /etc/resolv.conf "$root/etc/resolv.conf" 2>/dev/null || true
+    touch "$root/.complete"
+  fi
+  mountpoint -q "$root/proc" || mount -t proc proc "$root/proc" || return 1
+  mountpoint -q "$root/dev/shm" || mount -t tmpfs tmpfs "$root/dev/shm" 2>/dev/null || true
+}
+
+# in_root FOLDER COMMAND...: runs inside, with a clean environment.
+in_root() {
+  local root=$1
+  shift
+  chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive "$@"
+}
+
+# leave_root FOLDER: unmounts; the folder stays for the next run unless KEEP_ROOT=0.
+leave_root() {
+  umount "$1/dev/shm" 2>/dev/null || true
+  umount "$1/proc" 2>/dev/null || true
+  [ "${KEEP_ROOT:-1}" = 1 ] || rm -rf --one-file-system "$1"
+}

@@ -1,0 +1,54 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# Builds the Debian packages, runs lintian, installs them into a clean root and runs the filter there.
+# usage: tests/packages.sh [FOLDER]     FOLDER: where the root lies (default: /var/tmp/terrainseg-debian12)
+# Ends with "N passed, N failed".
+set -uo pipefail
+cd "$(dirname "$0")/.."
+. tests/debian_root.sh
+root=${1:-/var/tmp/terrainseg-debian12}
+passed=0
+failed=0
+check() { # check NAME COMMAND...
+  local name=$1
+  shift
+  if "$@" >"$work/check.log" 2>&1; then
+    passed=$((passed + 1)); echo "ok: $name"
+  else
+    failed=$((failed + 1)); echo "FAILED: $name"; tail -n 15 "$work/check.log"
+  fi
+}
+work=$(mktemp -d)
+cleanup() { leave_root "$root"; rm -rf "$work"; }
+trap cleanup EXIT
+
+./install-dependencies.sh build slow || exit 1
+. /etc/os-release
+mkdir "$work/source"
+git ls-files -co --exclude-standard -z | xargs -0 tar -c --ignore-failed-read | tar -x -C "$work/source"
+check "dpkg-buildpackage" sh -c "cd '$work/source' && dpkg-buildpackage -b -us -uc"
+check "lintian has no error" sh -c "lintian --fail-on error --no-tag-display-limit --allow-root '$work'/*.changes"
+check "four packages and no more" sh -c "[ \"\$(ls '$work'/*.deb | grep -v dbgsym | wc -l)\" -eq 4 ]"
+
+debian_root "$VERSION_CODENAME" "$root" || exit 1
+rm -rf "$root/packages" && mkdir "$root/packages" && cp "$work"/*.deb "$root/packages/" 2>/dev/null
+rm -f "$root"/packages/*dbgsym*
+check "the plugin installs alone" in_root "$root" sh -c \
+  'apt-get update && apt-get install -y --no-install-recommends /packages/gstreamer1.0-terrainseg_*.deb gstreamer1.0-tools'
+check "gst-inspect finds every element" in_root "$root" sh -c \
+  'for e in terrainseg terrainoverlay terrainextract terraincombine terrainscenesrc; do gst-inspect-1.0 $e >/dev/null || exit 1; done'
+check "the filter runs" in_root "$root" sh -c \
+  'gst-launch-1.0 -q terrainscenesrc num-buffers=20 ! terrainseg ! terrainextract ! application/x-ndjson ! filesink location=/tmp/t.jsonl && [ "$(wc -l </tmp/t.jsonl)" -eq 20 ]'
+check "all packages install" in_root "$root" sh -c 'apt-get install -y --no-install-recommends /packages/*.deb'
+check "terrainseg-process answers" in_root "$root" terrainseg-process --version
+check "terrainseg-eval answers" in_root "$root" terrainseg-eval --help
+check "a program compiles against the library" in_root "$root" sh -c \
+  'apt-get install -y --no-install-recommends g++ pkg-config >/dev/null &&
+   printf "#include <terrainseg/segmenter.hpp>\nint main() { terrainseg::Segmenter s{terrainseg::Settings{}}; return int(s.counters().frames); }\n" >/tmp/a.cpp &&
+   g++ -std=c++20 /tmp/a.cpp -o /tmp/a $(pkg-config --cflags --libs terrainseg) && /tmp/a'
+check "a program compiles against the metadata header" in_root "$root" sh -c \
+  'printf "#include <gst/terrainseg/terrainsegmeta.h>\nint main(void) { return 0; }\n" >/tmp/b.c &&
+   cc /tmp/b.c -o /tmp/b $(pkg-config --cflags --libs gstreamer-terrainseg-1.0) && /tmp/b'
+check "the packages leave cleanly" in_root "$root" apt-get purge -y gstreamer1.0-terrainseg libterrainseg0
+echo "$passed passed, $failed failed"
+[ "$failed" -eq 0 ]
