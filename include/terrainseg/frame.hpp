@@ -83,7 +83,7 @@ struct MutablePlane {
 /// Position and size in pixels of the frame. Empty when a side is 0 or less.
 struct Rectangle {
   int x = 0, y = 0, width = 0, height = 0;
-  bool empty() const { return width <= 0 || height <= 0; }
+  constexpr bool empty() const { return width <= 0 || height <= 0; }
   bool operator==(const Rectangle&) const = default;
 };
 

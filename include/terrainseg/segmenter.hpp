@@ -5,13 +5,13 @@
 #include <array>
 #include <cstdint>
 #include <memory>
-#include <span>
 #include <string>
 #include <utility>
 
 #include "terrainseg/estimate.hpp"
 #include "terrainseg/frame.hpp"
 #include "terrainseg/settings.hpp"
+#include "terrainseg/supervision.hpp"
 #include "terrainseg/terrain.hpp"
 
 namespace terrainseg {
@@ -35,13 +35,6 @@ class [[nodiscard]] Status {
  private:
   Code code_ = Code::ok;
   std::string message_;
-};
-
-/// Training pixels from elsewhere (a laser, a stereo node) that stand in for the window on this frame.
-struct Supervision {
-  std::span<const Rectangle> rectangles; ///< frame pixels
-  GrayView mask;                         ///< any size, stretched over the frame; pixels >= 128 train
-  bool empty() const { return rectangles.empty() && mask.empty(); }
 };
 
 /// Where the mask goes: mask_width() x mask_height() bytes that the caller owns. Without one the segmenter

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "terrain_model.hpp"
+
+#include <algorithm>
+
+#include "fixed.hpp"
+
+namespace terrainseg {
+namespace {
+
+std::uint64_t distance_between(std::uint64_t a, std::uint64_t b) {
+  return a > b ? a - b : b - a;
+}
+
+/// from + (to - from) * weight / total, the step rounded away from zero.
+template <typename Value> Value moved(Value from, Value to, std::uint64_t weight, std::uint64_t total) {
+  const std::uint64_t step = ceiled_quotient(distance_between(from, to) * weight, total);
+  return static_cast<Value>(to > from ? from + step : from - step);
+}
+
+} // namespace
+
+// The paper transposes twice, which would be an outer product; read as the squared Mahalanobis distance.
+std::uint64_t squared_distance(const TerrainModel& a, const TerrainModel& b) {
+  std::uint64_t sum = 0;
+  for (int c = 0; c < 3; ++c) {
+    const std::uint64_t d = distance_between(a.mean[c], b.mean[c]);
+    sum += (d * d << 8) / (std::uint64_t{a.variance[c]} + b.variance[c]);
+  }
+  return sum;
+}
+
+int nearest_match(std::span<const TerrainModel> learned, const TerrainModel& training,
+                  std::uint32_t match_threshold_q8) {
+  int nearest = -1;
+  std::uint64_t least = std::uint64_t{match_threshold_q8} << 8;
+  for (std::size_t n = 0; n < learned.size(); ++n) {
+    if (learned[n].mass == 0)
+      continue;
+    const std::uint64_t distance = squared_distance(learned[n], training);
+    if (distance < least || (nearest < 0 && distance == least)) {
+      least = distance;
+      nearest = static_cast<int>(n);
+    }
+  }
+  return nearest;
+}
+
+void absorb(TerrainModel& learned, const TerrainModel& training) {
+  const std::uint64_t total = learned.mass + training.mass;
+  for (int c = 0; c < 3 && training.mass > 0; ++c) {
+    learned.mean[c] = moved(learned.mean[c], training.mean[c], training.mass, total);
+    learned.variance[c] = moved(learned.variance[c], training.variance[c], training.mass, total);
+  }
+  learned.mass = total;
+}
+
+int slot_to_replace(std::span<const TerrainModel> learned) {
+  const auto lighter = [](const TerrainModel& a, const TerrainModel& b) { return a.mass < b.mass; };
+  return static_cast<int>(std::min_element(learned.begin(), learned.end(), lighter) - learned.begin());
+}
+
+void learn(std::span<TerrainModel> learned, std::span<const TerrainModel> training,
+           const LearningRule& rule) {
+  if (rule.forget_shift > 0)
+    for (TerrainModel& model : learned)
+      model.mass -= model.mass >> rule.forget_shift;
+
+  for (const TerrainModel& model : training) {
+    const int match = nearest_match(learned, model, rule.match_threshold_q8);
+    if (match >= 0)
+      absorb(learned[match], model);
+    else
+      learned[slot_to_replace(learned)] = model;
+  }
+
+  // Without a cap the mass of a long drive outweighs every new frame and nothing more is learned.
+  if (rule.mass_cap > 0)
+    for (TerrainModel& model : learned)
+      model.mass = std::min(model.mass, rule.mass_cap);
+}
+
+int heaviest(std::span<const TerrainModel> learned) {
+  int index = -1;
+  std::uint64_t mass = 0;
+  for (std::size_t n = 0; n < learned.size(); ++n)
+    if (learned[n].mass > mass) {
+      mass = learned[n].mass;
+      index = static_cast<int>(n);
+    }
+  return index;
+}
+
+} // namespace terrainseg

@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Stage B against a transcription of its equations in doubles.
+#include "window.hpp"
+
+#include <cmath>
+#include <random>
+
+#include <gtest/gtest.h>
+
+namespace terrainseg {
+namespace {
+
+struct Picture {
+  std::array<std::vector<std::uint8_t>, 3> data;
+  Grid grid;
+  Picture(int width, int height, int level = 0) {
+    grid.width = width;
+    grid.height = height;
+    grid.level = level;
+    for (int c = 0; c < 3; ++c) {
+      data[c].assign(static_cast<std::size_t>(width) * height, 0);
+      grid.planes[c] = {data[c].data(), width};
+    }
+  }
+  void set(Cell cell, Color color) {
+    for (int c = 0; c < 3; ++c)
+      data[c][static_cast<std::size_t>(cell.y) * grid.width + cell.x] = color[c];
+  }
+};
+
+Picture noise(int width, int height, std::uint32_t seed, int spread) {
+  Picture picture(width, height);
+  std::mt19937 random(seed);
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) {
+      Color color{};
+      for (int c = 0; c < 3; ++c)
+        color[c] = static_cast<std::uint8_t>(
+            std::clamp<int>(60 + 40 * c + static_cast<int>(random() % (2 * spread + 1)) - spread, 0, 255));
+      picture.set({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)}, color);
+    }
+  return picture;
+}
+
+std::vector<Cell> all_cells(const Grid& grid) {
+  std::vector<Cell> cells;
+  for (int y = 0; y < grid.height; ++y)
+    for (int x = 0; x < grid.width; ++x)
+      cells.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
+  return cells;
+}
+
+Settings paper() {
+  return Settings::of(Preset::paper);
+}
+
+TEST(PlaceWindow, PaperRuleIsThePowerOfTwoNotAboveAFifthOfTheWidth) {
+  EXPECT_EQ(place_window(paper(), 640, 480), (Rectangle{256, 416, 128, 64}));
+  EXPECT_EQ(place_window(paper(), 639, 480), (Rectangle{287, 448, 64, 32}));
+  EXPECT_EQ(place_window(paper(), 1920, 1080), (Rectangle{832, 952, 256, 128}));
+}
+
+TEST(PlaceWindow, DefaultRuleIsAShareOfTheFrame) {
+  EXPECT_EQ(place_window(Settings{}, 1000, 200), (Rectangle{350, 170, 300, 30}));
+}
+
+TEST(PlaceWindow, BottomAndLeftMoveIt) {
+  Settings s = paper();
+  s.window_bottom = 30;
+  s.window_x = 7;
+  EXPECT_EQ(place_window(s, 640, 480), (Rectangle{7, 386, 128, 64}));
+}
+
+TEST(PlaceWindow, WhatWasSetIsKeptOrRefused) {
+  Settings s = paper();
+  s.window_width = 100;
+  s.window_height = 50;
+  EXPECT_EQ(place_window(s, 100, 50), (Rectangle{0, 0, 100, 50}));
+  EXPECT_EQ(place_window(s, 99, 50), std::nullopt);
+  EXPECT_EQ(place_window(s, 100, 49), std::nullopt);
+  s.window_bottom = 1;
+  EXPECT_EQ(place_window(s, 100, 50), std::nullopt);
+  s = paper();
+  s.window_bottom = 480;
+  EXPECT_EQ(place_window(s, 640, 480), std::nullopt);
+  s = paper();
+  s.window_x = 640;
+  EXPECT_EQ(place_window(s, 640, 480), std::nullopt);
+}
+
+TEST(PlaceWindow, AutomaticSidesFitEveryFrame) {
+  for (const Settings& s : {paper(), Settings{}})
+    for (int width : {1, 2, 3, 7, 16, 33, 640, 32767})
+      for (int height : {1, 2, 5, 18, 480, 32767}) {
+        const auto window = place_window(s, width, height);
+        ASSERT_TRUE(window);
+        EXPECT_FALSE(window->empty());
+        EXPECT_GE(window->x, 0);
+        EXPECT_LE(window->x + window->width, width);
+        EXPECT_EQ(window->y + window->height, height);
+      }
+}
+
+TrainingArea area_of(Rectangle window, int width, int height) {
+  return {window, {}, {}, width, height};
+}
+
+TEST(SelectCells, AreThoseWhoseCentreLiesInTheWindow) {
+  std::vector<Cell> cells;
+  for (int level = 0; level <= 6; ++level) {
+    const Rectangle window{13, 50, 41, 37};
+    select_cells(area_of(window, 101, 97), level, cells);
+    std::vector<Cell> expected;
+    for (int y = 0; y << level < 97; ++y)
+      for (int x = 0; x << level < 101; ++x)
+        if ((x << level) >= 13 && (x << level) < 54 && (y << level) >= 50 && (y << level) < 87)
+          expected.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
+    EXPECT_EQ(cells, expected) << "level " << level;
+  }
+}
+
+TEST(SelectCells, IgnoredPixelsNeverTrain) {
+  const std::array<Rectangle, 2> ignored{{{0, 0, 10, 100}, {20, 90, 100, 100}}};
+  TrainingArea area = area_of({0, 80, 40, 20}, 100, 100);
+  area.ignored = ignored;
+  std::vector<Cell> cells;
+  select_cells(area, 0, cells);
+  EXPECT_EQ(cells.size(), 40u * 20 - 10 * 20 - 20 * 10);
+  const std::array<Rectangle, 1> everything{{{-5, -5, 200, 200}}};
+  area.ignored = everything;
+  select_cells(area, 0, cells);
+  EXPECT_TRUE(cells.empty());
+}
+
+TEST(SelectCells, SupervisionStandsInForTheWindow) {
+  const std::array<Rectangle, 3> rectangles{{{0, 0, 4, 4}, {2, 2, 4, 4}, {-10, -10, 3, 3}}};
+  TrainingArea area = area_of({50, 50, 50, 50}, 100, 100);
+  area.supervision.rectangles = rectangles;
+  std::vector<Cell> cells;
+  select_cells(area, 0, cells);
+  EXPECT_EQ(cells.size(), 16u + 16 - 4); // the overlap trains once
+  EXPECT_EQ(training_bounds(area, 0, cells), (Rectangle{0, 0, 6, 6}));
+}
+
+TEST(SelectCells, AMaskIsStretchedOverTheFrame) {
+  const std::array<std::uint8_t, 4> mask{127, 0, 255, 128};
+  TrainingArea area = area_of({0, 0, 1, 1}, 100, 60);
+  area.supervision.mask = {{mask.data(), 2}, 2, 2};
+  std::vector<Cell> cells;
+  select_cells(area, 1, cells);
+  EXPECT_EQ(cells.size(), 50u * 15);
+  EXPECT_EQ(cells.front(), (Cell{0, 15}));
+  EXPECT_EQ(training_bounds(area, 1, cells), (Rectangle{0, 30, 100, 30}));
+}
+
+TEST(SelectTrainingLevel, IsTheCoarsestWithEnoughCells) {
+  std::vector<Cell> cells;
+  const TrainingArea area = area_of({256, 416, 128, 64}, 640, 480);
+  EXPECT_EQ(select_training_level(area, 5, 48, cells), 3); // 8 at level 5, 32 at 4, 128 at 3
+  EXPECT_EQ(cells.size(), 128u);
+  EXPECT_EQ(select_training_level(area, 5, 8, cells), 5);
+  EXPECT_EQ(cells.size(), 8u);
+  EXPECT_EQ(select_training_level(area, 5, 1 << 20, cells), 0);
+  EXPECT_EQ(cells.size(), 128u * 64);
+}
+
+TEST(MomentsOf, AgreeWithDoubles) {
+  for (int spread : {0, 1, 5, 60, 200}) {
+    const Picture picture = noise(37, 11, 5, spread);
+    const auto cells = all_cells(picture.grid);
+    const Moments moments = moments_of(picture.grid, cells);
+    ASSERT_EQ(moments.count, cells.size());
+    for (int c = 0; c < 3; ++c) {
+      double sum = 0, squares = 0;
+      for (const Cell& cell : cells)
+        sum += picture.grid.at(cell)[c];
+      const double mean = sum / cells.size();
+      for (const Cell& cell : cells)
+        squares += std::pow(picture.grid.at(cell)[c] - mean, 2);
+      EXPECT_NEAR(moments.mean[c] / 256.0, mean, 0.5 / 256 + 1e-9);
+      EXPECT_NEAR(moments.variance[c] / 256.0, squares / cells.size(), 2.0 / 256);
+    }
+  }
+}
+
+TEST(MomentsOf, ExtremesDoNotOverflow) {
+  MomentSums sums;
+  for (int i = 0; i < 4096 * 2160; ++i)
+    sums.add({255, static_cast<std::uint8_t>(i % 2 ? 255 : 0), 0});
+  const Moments moments = sums.moments();
+  EXPECT_EQ(moments.mean[0], 255 << 8);
+  EXPECT_EQ(moments.variance[0], 0u);
+  EXPECT_EQ(moments.mean[1], (255 << 8) / 2);
+  EXPECT_NEAR(moments.variance[1], 255.0 * 255 / 4 * 256, 2);
+  EXPECT_EQ(moments.variance[2], 0u);
+}
+
+TEST(MomentsOf, NothingIsZero) {
+  const Picture picture(4, 4);
+  EXPECT_EQ(moments_of(picture.grid, {}).count, 0u);
+}
+
+std::vector<Cell> filtered_in_doubles(const Grid& grid, const std::vector<Cell>& cells, double sigma) {
+  std::array<double, 3> mean{}, variance{};
+  for (int c = 0; c < 3; ++c) {
+    for (const Cell& cell : cells)
+      mean[c] += grid.at(cell)[c] / static_cast<double>(cells.size());
+    for (const Cell& cell : cells)
+      variance[c] += std::pow(grid.at(cell)[c] - mean[c], 2) / static_cast<double>(cells.size());
+  }
+  std::vector<Cell> kept;
+  for (const Cell& cell : cells) {
+    bool inside = true;
+    for (int c = 0; c < 3; ++c)
+      inside &= std::abs(grid.at(cell)[c] - mean[c]) <= sigma * std::sqrt(variance[c]);
+    if (inside)
+      kept.push_back(cell);
+  }
+  return kept;
+}
+
+TEST(Prefilter, KeepsWhatLiesWithinSigmaOfTheMean) {
+  for (int sigma_q8 : {256, 320, 384, 512}) {
+    const Picture picture = noise(16, 8, 11, 40);
+    const auto cells = all_cells(picture.grid);
+    const auto expected = filtered_in_doubles(picture.grid, cells, sigma_q8 / 256.0);
+    PrefilterRule rule;
+    rule.sigma_q8 = sigma_q8;
+    Prefiltered kept;
+    prefilter(picture.grid, cells, moments_of(picture.grid, cells), rule, kept);
+    if (expected.size() * 2 >= cells.size())
+      EXPECT_EQ(kept.cells, expected) << sigma_q8;
+    else
+      EXPECT_GE(kept.cells.size() * 2, cells.size()) << sigma_q8;
+  }
+}
+
+TEST(Prefilter, NeverKeepsFewerThanTheNearestHalf) {
+  Picture picture(10, 1);
+  for (std::int16_t x = 0; x < 10; ++x)
+    picture.set({x, 0}, {static_cast<std::uint8_t>(100 + 10 * x), 50, 50});
+  const auto cells = all_cells(picture.grid);
+  PrefilterRule rule;
+  rule.sigma_q8 = 0;
+  Prefiltered kept;
+  prefilter(picture.grid, cells, moments_of(picture.grid, cells), rule, kept);
+  // The mean is 145: five are wanted, 120 and 170 are equally far, so six stay.
+  EXPECT_EQ(kept.cells, (std::vector<Cell>{{2, 0}, {3, 0}, {4, 0}, {5, 0}, {6, 0}, {7, 0}}));
+}
+
+TEST(Prefilter, KeepsEverythingBelowAQuarterWhereAsked) {
+  Picture picture(10, 1);
+  for (std::int16_t x = 0; x < 10; ++x)
+    picture.set({x, 0}, {static_cast<std::uint8_t>(100 + 10 * x), 50, 50});
+  const auto cells = all_cells(picture.grid);
+  PrefilterRule rule{0, 0, PrefilterRule::Scarce::all_below_one_quarter};
+  Prefiltered kept;
+  prefilter(picture.grid, cells, moments_of(picture.grid, cells), rule, kept);
+  EXPECT_EQ(kept.cells, cells);
+  rule.sigma_q8 = 256; // seven within one sigma
+  prefilter(picture.grid, cells, moments_of(picture.grid, cells), rule, kept);
+  EXPECT_EQ(kept.cells.size(), 6u);
+}
+
+TEST(Prefilter, AConstantWindowStaysWhole) {
+  const Picture picture(6, 6);
+  const auto cells = all_cells(picture.grid);
+  Prefiltered kept;
+  prefilter(picture.grid, cells, moments_of(picture.grid, cells), {}, kept);
+  EXPECT_EQ(kept.cells, cells);
+}
+
+TEST(Prefilter, AnOutlierGoes) {
+  Picture picture = noise(8, 8, 3, 4);
+  picture.set({3, 3}, {250, 250, 250});
+  const auto cells = all_cells(picture.grid);
+  PrefilterRule rule;
+  rule.sigma_q8 = 512;
+  Prefiltered kept;
+  prefilter(picture.grid, cells, moments_of(picture.grid, cells), rule, kept);
+  EXPECT_EQ(std::count(kept.cells.begin(), kept.cells.end(), (Cell{3, 3})), 0);
+  EXPECT_EQ(kept.cells.size(), 63u);
+}
+
+TEST(Prefilter, NothingIn) {
+  const Picture picture(2, 2);
+  Prefiltered kept;
+  prefilter(picture.grid, {}, {}, {}, kept);
+  EXPECT_TRUE(kept.cells.empty());
+}
+
+} // namespace
+} // namespace terrainseg
