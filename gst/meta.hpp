@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Registers the custom metas of the plugin: GstTerrainSegMeta, GstTerrainTrainingMeta, GstTerrainTruthMeta.
+#pragma once
+
+#include <gst/gst.h>
+
+namespace terrainseg {
+
+/// Registers what is not registered yet; a second call does nothing. Only plugin_init calls it: consumers
+/// look the metas up. False when GStreamer refuses.
+bool register_metas();
+
+} // namespace terrainseg

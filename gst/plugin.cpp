@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gst/gst.h>
+
+#include "meta.hpp"
+#include "terrainseg_config.h"
+
+namespace {
+
+gboolean plugin_init(GstPlugin* plugin) {
+  if (!terrainseg::register_metas())
+    return FALSE;
+  (void)plugin;
+  return TRUE;
+}
+
+} // namespace
+
+GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, terrainseg,
+                  "Learns the appearance of the ground ahead of a rover and labels what is traversable",
+                  plugin_init, TERRAINSEG_VERSION, "LGPL", "terrainseg", TERRAINSEG_ORIGIN)

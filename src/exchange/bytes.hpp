@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Checksums and run lengths that the ways out share.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+#include "terrainseg/frame.hpp"
+
+namespace terrainseg {
+
+/// CRC-32 with the polynomial of zlib, PNG and Ethernet.
+std::uint32_t crc32(std::span<const std::uint8_t> bytes);
+
+/// First position in [from, end) whose byte differs from *from; `end` if none does. from < end.
+inline const std::uint8_t* run_end(const std::uint8_t* from, const std::uint8_t* end) {
+  const std::uint8_t value = *from;
+  const std::uint64_t pattern = value * 0x0101010101010101ull;
+  const std::uint8_t* p = from;
+  // Long runs are the rule: 32 bytes a step, then 8, then one.
+  for (; end - p >= 32; p += 32) {
+    std::uint64_t w[4];
+    std::memcpy(w, p, 32);
+    if (((w[0] ^ pattern) | (w[1] ^ pattern) | (w[2] ^ pattern) | (w[3] ^ pattern)) != 0)
+      break;
+  }
+  for (; end - p >= 8; p += 8) {
+    std::uint64_t w;
+    std::memcpy(&w, p, 8);
+    if (w != pattern)
+      break;
+  }
+  while (p < end && *p == value)
+    ++p;
+  return p;
+}
+
+/// Calls take(value, length) for each run of equal bytes in raster order; a run goes on over row ends.
+template <class Take> void for_each_run(const GrayView& view, Take take) {
+  if (view.empty())
+    return;
+  std::uint8_t value = *view.plane.row(0);
+  std::size_t length = 0;
+  for (int y = 0; y < view.height; ++y) {
+    const std::uint8_t* p = view.plane.row(y);
+    const std::uint8_t* const end = p + view.width;
+    while (p < end) {
+      const std::uint8_t* const next = run_end(p, end);
+      if (*p != value) {
+        take(value, length);
+        value = *p;
+        length = 0;
+      }
+      length += static_cast<std::size_t>(next - p);
+      p = next;
+    }
+  }
+  take(value, length);
+}
+
+} // namespace terrainseg

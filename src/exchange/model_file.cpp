@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "exchange/model_file.hpp"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "exchange/bytes.hpp"
+
+namespace terrainseg {
+namespace {
+
+constexpr std::array<std::uint8_t, 8> magic = {'T', 'E', 'R', 'R', 'A', 'I', 'N', '\n'};
+constexpr std::size_t header_size = magic.size() + 4 + 4;
+constexpr std::size_t model_size = 3 * 2 + 3 * 4 + 8;
+constexpr std::size_t largest_content =
+    4 + max_models * model_size + 3 * 4 + 4 * (color_bins + 2 * texture_bins) + 3 * 4;
+constexpr std::size_t largest_file = header_size + largest_content + 4;
+
+template <class Number> void put(std::vector<std::uint8_t>& out, Number value) {
+  for (std::size_t i = 0; i < sizeof(Number); ++i)
+    out.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
+}
+
+void put(std::vector<std::uint8_t>& out, const std::vector<std::uint32_t>& histogram) {
+  put(out, static_cast<std::uint32_t>(histogram.size()));
+  for (const std::uint32_t bin : histogram)
+    put(out, bin);
+}
+
+/// Takes numbers off the front; past the end it yields zeros and remembers that it did.
+class Reader {
+ public:
+  explicit Reader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
+  template <class Number> Number take() {
+    if (bytes_.size() < sizeof(Number)) {
+      short_ = true;
+      bytes_ = {};
+      return 0;
+    }
+    Number value = 0;
+    for (std::size_t i = 0; i < sizeof(Number); ++i)
+      value = static_cast<Number>(value | static_cast<Number>(Number{bytes_[i]} << (8 * i)));
+    bytes_ = bytes_.subspan(sizeof(Number));
+    return value;
+  }
+  std::size_t left() const { return bytes_.size(); }
+  bool ran_out() const { return short_; }
+
+ private:
+  std::span<const std::uint8_t> bytes_;
+  bool short_ = false;
+};
+
+TerrainResult refuse(std::string why) {
+  return {std::nullopt, std::move(why)};
+}
+
+/// Reads a histogram of exactly `bins` bins or none; says what is wrong otherwise.
+std::string take_histogram(Reader& in, const char* name, std::uint32_t bins,
+                           std::vector<std::uint32_t>& out) {
+  const auto count = in.take<std::uint32_t>();
+  if (count != 0 && count != bins)
+    return std::string("the histogram of ") + name + " has " + std::to_string(count) +
+           " bins, this version of terrainseg knows 0 or " + std::to_string(bins);
+  out.resize(count);
+  for (std::uint32_t& bin : out)
+    bin = in.take<std::uint32_t>();
+  return {};
+}
+
+std::string cause(const char* doing, const std::string& path, int error) {
+  return std::string(doing) + " '" + path + "': " + std::strerror(error);
+}
+
+/// Closes a file descriptor when it goes out of scope.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0)
+      ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+  int close() {
+    const int fd = fd_;
+    fd_ = -1;
+    return ::close(fd);
+  }
+
+ private:
+  int fd_;
+};
+
+/// A new file of the default mode (mkstemp's would be 0600) whose name no other writer has.
+Descriptor create_beside(const std::string& path, std::string& name) {
+  static std::atomic<unsigned> serial = 0;
+  for (int attempt = 0; attempt < 100; ++attempt) {
+    name = path + "." + std::to_string(::getpid()) + "-" + std::to_string(serial++) + ".tmp";
+    const int fd = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (fd >= 0 || errno != EEXIST)
+      return Descriptor(fd);
+  }
+  return Descriptor(-1);
+}
+
+bool write_all(int fd, std::span<const std::uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+    if (n < 0 && errno == EINTR)
+      continue;
+    if (n < 0)
+      return false;
+    bytes = bytes.subspan(static_cast<std::size_t>(n));
+  }
+  return true;
+}
+
+} // namespace
+
+std::vector<std::uint8_t> serialize_terrain(const Terrain& terrain) {
+  std::vector<std::uint8_t> content;
+  content.reserve(largest_content);
+  content.push_back(terrain.space.rgb ? 1 : 0);
+  content.push_back(static_cast<std::uint8_t>(terrain.space.colorimetry.range));
+  content.push_back(static_cast<std::uint8_t>(terrain.space.colorimetry.matrix));
+  content.push_back(static_cast<std::uint8_t>(terrain.models.size()));
+  for (const TerrainModel& model : terrain.models) {
+    for (const std::uint16_t mean : model.mean)
+      put(content, mean);
+    for (const std::uint32_t variance : model.variance)
+      put(content, variance);
+    put(content, model.mass);
+  }
+  put(content, terrain.negative_colors);
+  put(content, terrain.terrain_texture);
+  put(content, terrain.negative_texture);
+  put(content, terrain.exposure_mean);
+  put(content, terrain.horizon);
+  put(content, terrain.generation);
+
+  std::vector<std::uint8_t> file(magic.begin(), magic.end());
+  put(file, model_file_version);
+  put(file, static_cast<std::uint32_t>(content.size()));
+  file.insert(file.end(), content.begin(), content.end());
+  put(file, crc32(file));
+  return file;
+}
+
+TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
+  if (bytes.empty())
+    return refuse("the file is empty: save the learned terrain again");
+  if (bytes.size() < magic.size() || !std::equal(magic.begin(), magic.end(), bytes.begin()))
+    return refuse("not a learned terrain of terrainseg: it does not begin with \"TERRAIN\"");
+  Reader header(bytes.subspan(magic.size()));
+  const auto version = header.take<std::uint32_t>();
+  const auto size = header.take<std::uint32_t>();
+  if (header.ran_out())
+    return refuse("the file is cut short: it ends within its header after " + std::to_string(bytes.size()) +
+                  " bytes");
+  if (version == 0)
+    return refuse("the file is damaged: version 0 was never written");
+  if (version > model_file_version)
+    return refuse("the file has version " + std::to_string(version) +
+                  ", written by a newer terrainseg; this one reads up to version " +
+                  std::to_string(model_file_version) + ": update terrainseg or save the terrain again");
+  if (size > largest_content)
+    return refuse("the file is damaged: it announces " + std::to_string(size) +
+                  " bytes of content, at most " + std::to_string(largest_content) + " are possible");
+  const std::size_t whole = header_size + size + 4;
+  if (bytes.size() < whole)
+    return refuse("the file is cut short: " + std::to_string(bytes.size()) + " of " + std::to_string(whole) +
+                  " bytes are there");
+  if (bytes.size() > whole)
+    return refuse("the file is damaged: " + std::to_string(bytes.size() - whole) + " bytes follow its end");
+  if (Reader(bytes.subspan(whole - 4)).take<std::uint32_t>() != crc32(bytes.first(whole - 4)))
+    return refuse("the file is damaged: its checksum does not match its content");
+
+  Reader in(bytes.subspan(header_size, size));
+  Terrain terrain;
+  const auto rgb = in.take<std::uint8_t>(), range = in.take<std::uint8_t>(), matrix = in.take<std::uint8_t>();
+  if (rgb > 1 || range > 1 || matrix > 2)
+    return refuse("unknown colour space (rgb " + std::to_string(rgb) + ", range " + std::to_string(range) +
+                  ", matrix " + std::to_string(matrix) + ")");
+  terrain.space = {rgb == 1, {static_cast<ColorRange>(range), static_cast<ColorMatrix>(matrix)}};
+  const auto models = in.take<std::uint8_t>();
+  if (models > max_models)
+    return refuse("the file holds " + std::to_string(models) + " models, at most " +
+                  std::to_string(max_models) + " are possible");
+  terrain.models.resize(models);
+  for (TerrainModel& model : terrain.models) {
+    for (std::uint16_t& mean : model.mean)
+      mean = in.take<std::uint16_t>();
+    for (std::uint32_t& variance : model.variance)
+      variance = in.take<std::uint32_t>();
+    model.mass = in.take<std::uint64_t>();
+  }
+  for (std::string wrong : {take_histogram(in, "negative colours", color_bins, terrain.negative_colors),
+                            take_histogram(in, "terrain texture", texture_bins, terrain.terrain_texture),
+                            take_histogram(in, "negative texture", texture_bins, terrain.negative_texture)})
+    if (!wrong.empty())
+      return refuse(std::move(wrong));
+  terrain.exposure_mean = in.take<std::uint32_t>();
+  terrain.horizon = in.take<std::uint32_t>();
+  terrain.generation = in.take<std::uint32_t>();
+  if (in.ran_out() || in.left() != 0)
+    return refuse("the file is damaged: its content does not have the size that its counts add up to");
+  return {std::move(terrain), {}};
+}
+
+std::string write_file_atomically(const std::string& path, std::span<const std::uint8_t> bytes) {
+  if (path.empty())
+    return "cannot write: the path is empty";
+  std::string temporary;
+  Descriptor fd = create_beside(path, temporary);
+  if (fd.get() < 0)
+    return cause("cannot create a temporary file beside", path, errno);
+  struct stat old {};
+  const bool replaces = ::stat(path.c_str(), &old) == 0;
+  if (!write_all(fd.get(), bytes) || (replaces && ::fchmod(fd.get(), old.st_mode & 07777) != 0) ||
+      ::fsync(fd.get()) != 0 || fd.close() != 0 || ::rename(temporary.c_str(), path.c_str()) != 0) {
+    std::string why = cause("cannot write", path, errno);
+    ::unlink(temporary.c_str());
+    return why;
+  }
+  // The new name itself reaches the disk with its folder.
+  const std::size_t slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
+  if (const Descriptor dir(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)); dir.get() >= 0)
+    ::fsync(dir.get());
+  return {};
+}
+
+TerrainResult load_terrain(const std::string& path) {
+  Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (fd.get() < 0)
+    return refuse(cause("cannot open", path, errno));
+  std::vector<std::uint8_t> bytes(largest_file + 1);
+  std::size_t size = 0;
+  while (size < bytes.size()) {
+    const ssize_t n = ::read(fd.get(), bytes.data() + size, bytes.size() - size);
+    if (n < 0 && errno == EINTR)
+      continue;
+    if (n < 0)
+      return refuse(cause("cannot read", path, errno));
+    if (n == 0)
+      break;
+    size += static_cast<std::size_t>(n);
+  }
+  TerrainResult result = parse_terrain(std::span(bytes).first(size));
+  if (!result.error.empty())
+    result.error = "cannot load '" + path + "': " + result.error;
+  return result;
+}
+
+std::string save_terrain(const std::string& path, const Terrain& terrain) {
+  return write_file_atomically(path, serialize_terrain(terrain));
+}
+
+} // namespace terrainseg

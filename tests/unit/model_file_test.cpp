@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "exchange/model_file.hpp"
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <gtest/gtest.h>
+#include <random>
+#include <sys/stat.h>
+
+#include "exchange/bytes.hpp"
+
+namespace terrainseg {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+Terrain full_terrain(unsigned seed) {
+  std::mt19937_64 random(seed);
+  Terrain t;
+  t.space = {true, {ColorRange::full, ColorMatrix::bt2020}};
+  t.models.resize(max_models);
+  for (TerrainModel& m : t.models) {
+    for (auto& v : m.mean)
+      v = static_cast<std::uint16_t>(random());
+    for (auto& v : m.variance)
+      v = static_cast<std::uint32_t>(random());
+    m.mass = random();
+  }
+  auto fill = [&](std::vector<std::uint32_t>& h, int bins) {
+    h.resize(static_cast<std::size_t>(bins));
+    for (auto& v : h)
+      v = static_cast<std::uint32_t>(random());
+  };
+  fill(t.negative_colors, color_bins);
+  fill(t.terrain_texture, texture_bins);
+  fill(t.negative_texture, texture_bins);
+  t.exposure_mean = 0x01020304;
+  t.horizon = 0xfffefdfc;
+  t.generation = 77;
+  return t;
+}
+
+void put_u32(Bytes& bytes, std::size_t at, std::uint32_t v) {
+  for (int i = 0; i < 4; ++i)
+    bytes.at(at + static_cast<std::size_t>(i)) = static_cast<std::uint8_t>(v >> (8 * i));
+}
+
+/// Bit-by-bit CRC-32, apart from the table-driven one.
+std::uint32_t slow_crc(std::span<const std::uint8_t> bytes) {
+  std::uint32_t c = 0xffffffffu;
+  for (const std::uint8_t b : bytes)
+    for (int i = 0; i < 8; ++i) {
+      const bool one = ((c ^ (b >> i)) & 1) != 0;
+      c >>= 1;
+      if (one)
+        c ^= 0xedb88320u;
+    }
+  return ~c;
+}
+
+void fix_crc(Bytes& bytes) {
+  put_u32(bytes, bytes.size() - 4, slow_crc(std::span(bytes).first(bytes.size() - 4)));
+}
+
+std::string error_of(const Bytes& bytes) {
+  const TerrainResult r = parse_terrain(bytes);
+  EXPECT_FALSE(r.terrain.has_value());
+  EXPECT_FALSE(r.error.empty());
+  return r.error;
+}
+
+#define EXPECT_SAYS(text, part) EXPECT_NE((text).find(part), std::string::npos) << (text)
+
+class Folder {
+ public:
+  Folder() {
+    std::string name = (std::filesystem::temp_directory_path() / "terrainseg-XXXXXX").string();
+    path = ::mkdtemp(name.data());
+  }
+  ~Folder() { std::filesystem::remove_all(path); }
+  std::filesystem::path path;
+};
+
+TEST(Crc32, KnownValuesAndEveryLength) {
+  const std::string check = "123456789"; // the catalogue's check value of CRC-32/ISO-HDLC
+  EXPECT_EQ(crc32({reinterpret_cast<const std::uint8_t*>(check.data()), check.size()}), 0xcbf43926u);
+  EXPECT_EQ(crc32({}), 0u);
+  std::mt19937 random(3);
+  Bytes bytes;
+  for (int n = 0; n < 70; ++n) {
+    EXPECT_EQ(crc32(bytes), slow_crc(bytes)) << n;
+    bytes.push_back(static_cast<std::uint8_t>(random()));
+  }
+}
+
+TEST(ModelFile, ComesBackAsItWas) {
+  const Terrain full = full_terrain(1);
+  EXPECT_EQ(parse_terrain(serialize_terrain(full)).terrain, full);
+  const Terrain empty;
+  EXPECT_EQ(parse_terrain(serialize_terrain(empty)).terrain, empty);
+  Terrain some = full;
+  some.models.resize(3);
+  some.negative_colors.clear();
+  some.space = {false, {ColorRange::limited, ColorMatrix::bt709}};
+  EXPECT_EQ(parse_terrain(serialize_terrain(some)).terrain, some);
+}
+
+// The bytes themselves are the promise: written out by hand from the layout in the header.
+TEST(ModelFile, BytesAreTheDocumentedOnes) {
+  Terrain t;
+  t.space = {true, {ColorRange::full, ColorMatrix::bt709}};
+  t.models.push_back({{0x0102, 0x0304, 0x0506}, {7, 8, 0x090a0b0c}, 0x1112131415161718});
+  t.exposure_mean = 0x21222324;
+  t.horizon = 0x31;
+  t.generation = 2;
+  Bytes expected = {'T', 'E', 'R', 'R', 'A', 'I', 'N', '\n', 1, 0, 0, 0, 54, 0, 0, 0,
+                    // space and one model
+                    1, 1, 1, 1, 2, 1, 4, 3, 6, 5, 7, 0, 0, 0, 8, 0, 0, 0, 0xc, 0xb, 0xa, 9, 0x18, 0x17, 0x16,
+                    0x15, 0x14, 0x13, 0x12, 0x11,
+                    // three empty histograms
+                    0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+                    // exposure, horizon, generation, checksum
+                    0x24, 0x23, 0x22, 0x21, 0x31, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0};
+  fix_crc(expected);
+  EXPECT_EQ(serialize_terrain(t), expected);
+}
+
+TEST(ModelFile, RefusalsNameTheCause) {
+  const Bytes good = serialize_terrain(full_terrain(2));
+  EXPECT_SAYS(error_of({}), "empty");
+  EXPECT_SAYS(error_of({'P', 'N', 'G'}), "not a learned terrain");
+  EXPECT_SAYS(error_of(Bytes(500, 'x')), "not a learned terrain");
+
+  Bytes text_copy = good;
+  text_copy.insert(text_copy.begin() + 7, '\r');
+  EXPECT_SAYS(error_of(text_copy), "not a learned terrain");
+
+  Bytes newer = good;
+  put_u32(newer, 8, 9);
+  EXPECT_SAYS(error_of(newer), "version 9");
+  EXPECT_SAYS(error_of(newer), "newer terrainseg");
+  put_u32(newer, 8, 0);
+  EXPECT_SAYS(error_of(newer), "version 0");
+
+  Bytes longer = good;
+  longer.push_back(0);
+  EXPECT_SAYS(error_of(longer), "1 bytes follow");
+
+  Bytes huge = good;
+  put_u32(huge, 12, 0xffffffffu);
+  EXPECT_SAYS(error_of(huge), "4294967295");
+
+  Bytes flipped = good;
+  flipped[100] ^= 1;
+  EXPECT_SAYS(error_of(flipped), "checksum");
+}
+
+TEST(ModelFile, EveryPrefixIsRefused) {
+  const Bytes good = serialize_terrain(full_terrain(4));
+  for (std::size_t n = 0; n < good.size(); ++n) {
+    const std::string e = error_of(Bytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(n)));
+    if (n >= 8) {
+      EXPECT_SAYS(e, "cut short");
+    }
+  }
+}
+
+TEST(ModelFile, EveryFlippedBitIsRefused) {
+  Terrain small;
+  small.models.resize(2);
+  const Bytes good = serialize_terrain(small);
+  for (std::size_t bit = 0; bit < good.size() * 8; ++bit) {
+    Bytes bad = good;
+    bad[bit / 8] ^= static_cast<std::uint8_t>(1 << (bit % 8));
+    error_of(bad);
+  }
+}
+
+// A checksum does not make content meaningful: files with a right checksum and wrong counts.
+TEST(ModelFile, WrongContentWithRightChecksumIsRefused) {
+  const Bytes good = serialize_terrain(full_terrain(5));
+  constexpr std::size_t content = 16;
+  Bytes bad = good;
+  bad[content + 2] = 3;
+  fix_crc(bad);
+  EXPECT_SAYS(error_of(bad), "matrix 3");
+
+  bad = good;
+  bad[content + 3] = 200;
+  fix_crc(bad);
+  EXPECT_SAYS(error_of(bad), "200 models");
+
+  bad = good;
+  bad[content + 3] = 7; // one fewer than there are: everything behind it shifts
+  fix_crc(bad);
+  error_of(bad);
+
+  Terrain plain;
+  bad = serialize_terrain(plain);
+  put_u32(bad, content + 4, color_bins); // announces bins that are not there
+  fix_crc(bad);
+  EXPECT_SAYS(error_of(bad), "size");
+  put_u32(bad, content + 4, 5);
+  fix_crc(bad);
+  EXPECT_SAYS(error_of(bad), "5 bins");
+}
+
+TEST(ModelFile, RandomAndMutatedBytesNeverPassOrCrash) {
+  std::mt19937 random(6);
+  const Bytes good = serialize_terrain(full_terrain(6));
+  const Terrain truth = full_terrain(6);
+  for (int i = 0; i < 20000; ++i) {
+    Bytes bytes = good;
+    if (i % 4 == 0) {
+      bytes.resize(random() % 400);
+      for (auto& b : bytes)
+        b = static_cast<std::uint8_t>(random());
+      if (bytes.size() > 12 && i % 8 == 0)
+        std::copy(good.begin(), good.begin() + 12, bytes.begin());
+    } else {
+      for (unsigned k = 0; k < 1 + random() % 6; ++k)
+        bytes[random() % 64] = static_cast<std::uint8_t>(random());
+      if (i % 4 == 2)
+        bytes.resize(random() % bytes.size());
+      if (i % 4 == 3)
+        fix_crc(bytes);
+    }
+    const TerrainResult r = parse_terrain(bytes);
+    EXPECT_NE(r.terrain.has_value(), !r.error.empty());
+    if (r.terrain) {
+      EXPECT_EQ(serialize_terrain(*r.terrain), bytes);
+    }
+  }
+}
+
+TEST(ModelFile, SavesAndLoads) {
+  Folder folder;
+  const std::string path = folder.path / "ground.terrain";
+  const Terrain t = full_terrain(7);
+  EXPECT_EQ(save_terrain(path, t), "");
+  EXPECT_EQ(load_terrain(path).terrain, t);
+  EXPECT_EQ(save_terrain(path, {}), "");
+  EXPECT_EQ(load_terrain(path).terrain, Terrain{});
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path), {}), 1)
+      << "a temporary file stays";
+}
+
+TEST(ModelFile, KeepsTheModeOfTheFileAndFollowsTheUmask) {
+  Folder folder;
+  const std::string path = folder.path / "ground.terrain";
+  const mode_t old = ::umask(027);
+  EXPECT_EQ(save_terrain(path, {}), "");
+  ::umask(old);
+  struct stat s {};
+  ASSERT_EQ(::stat(path.c_str(), &s), 0);
+  EXPECT_EQ(s.st_mode & 0777, 0640u);
+  ::chmod(path.c_str(), 0604);
+  EXPECT_EQ(save_terrain(path, {}), "");
+  ASSERT_EQ(::stat(path.c_str(), &s), 0);
+  EXPECT_EQ(s.st_mode & 0777, 0604u);
+}
+
+TEST(ModelFile, FileErrorsNameThePath) {
+  Folder folder;
+  const std::string missing = folder.path / "no" / "such.terrain";
+  EXPECT_SAYS(load_terrain(missing).error, missing);
+  EXPECT_SAYS(load_terrain(missing).error, "No such file");
+  EXPECT_SAYS(save_terrain(missing, {}), missing);
+  EXPECT_SAYS(load_terrain(folder.path.string()).error, "directory");
+  EXPECT_SAYS(save_terrain("", {}), "empty");
+
+  const std::string huge = folder.path / "huge";
+  std::ofstream(huge) << std::string(1 << 20, 'x');
+  EXPECT_SAYS(load_terrain(huge).error, huge);
+  EXPECT_SAYS(load_terrain(huge).error, "not a learned terrain");
+}
+
+TEST(ModelFile, FailedWriteLeavesTheOldFile) {
+  Folder folder;
+  const std::string path = folder.path / "ground.terrain";
+  ASSERT_EQ(save_terrain(path, full_terrain(8)), "");
+  // A folder of the target's name makes the rename fail after the temporary file was written.
+  const std::string blocked = folder.path / "blocked";
+  std::filesystem::create_directories(std::filesystem::path(blocked) / "inside");
+  EXPECT_SAYS(save_terrain(blocked, {}), blocked);
+  EXPECT_EQ(load_terrain(path).terrain, full_terrain(8));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path), {}), 2)
+      << "a temporary file stays";
+}
+
+} // namespace
+} // namespace terrainseg
