@@ -1,0 +1,115 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Runs the commands of README.md and docs/ as they are printed there.
+
+usage: check_commands.py BUILD_FOLDER [PAGE...]
+
+A fenced block that starts with ```sh is run by bash in an empty folder in which drive.mp4 and a folder of frames
+exist. Words behind `sh` say what cannot be run alone:
+  camera      needs hardware: not run
+  install     changes the machine or builds it: not run here (other tests run these commands)
+  background  starts before the next block and is stopped after it; it must not have failed until then
+What is changed before a block runs: a window becomes a sink without a screen, and a scene without an end gets one.
+"""
+import os
+import pathlib
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+TOP = pathlib.Path(__file__).resolve().parent.parent
+BLOCK = re.compile(r'^( *)```sh([^\n]*)\n(.*?)^ *```', re.M | re.S)
+LIMIT = 60
+
+
+def runnable(text):
+    """The command without a screen, and with an end."""
+    text = re.sub(r'\bautovideosink\b', 'fakesink sync=false', text)
+    return re.sub(r'\bterrainscenesrc\b(?![^!]*num-buffers)', 'terrainscenesrc num-buffers=60', text)
+
+
+def start(text, folder, environment):
+    return subprocess.Popen(['bash', '-euo', 'pipefail', '-c', text], cwd=folder, env=environment, text=True,
+                            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                            start_new_session=True)
+
+
+def stop(process):
+    try:
+        os.killpg(process.pid, signal.SIGINT)
+        process.wait(5)
+    except (ProcessLookupError, subprocess.TimeoutExpired):
+        pass
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        pass
+
+
+def main():
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    build = pathlib.Path(sys.argv[1]).resolve()
+    pages = [pathlib.Path(p) for p in sys.argv[2:]] or [TOP / 'README.md', *sorted((TOP / 'docs').rglob('*.md'))]
+    environment = dict(os.environ, GST_PLUGIN_PATH=str(build / 'gst'), GST_REGISTRY=str(build / 'registry-docs.bin'),
+                       PATH=f"{build / 'src' / 'tools'}:{os.environ['PATH']}", TERRAINSEG_SOURCE=str(TOP))
+    environment.pop('DISPLAY', None)
+    ran = failed = 0
+    with tempfile.TemporaryDirectory() as scratch:
+        stock = pathlib.Path(scratch) / 'stock'
+        (stock / 'frames').mkdir(parents=True)
+        subprocess.run(['gst-launch-1.0', '-q', '-e', *'terrainscenesrc num-buffers=40 ! video/x-raw,width=320,height=180,'
+                        'format=I420 ! x264enc ! h264parse ! mp4mux ! filesink location=drive.mp4'.split()],
+                       cwd=stock, env=environment, check=True, timeout=LIMIT)
+        subprocess.run(['gst-launch-1.0', '-q', *'terrainscenesrc num-buffers=5 ! video/x-raw,width=320,height=180 ! '
+                        'videoconvert ! pngenc ! multifilesink location=frames/%04d.png'.split()],
+                       cwd=stock, env=environment, check=True, timeout=LIMIT)
+        for page in pages:
+            page = page.resolve()
+            background = []
+            for indent, words, text in BLOCK.findall(page.read_text()):
+                words = words.split()
+                unknown = set(words) - {'camera', 'install', 'background'}
+                line = text.strip().splitlines()[0].strip()[:90]
+                where = f'{page.relative_to(TOP) if page.is_relative_to(TOP) else page}: {line}'
+                if unknown:
+                    print(f'FAILED {where}\n  unknown words behind sh: {unknown}')
+                    failed += 1
+                if 'camera' in words or 'install' in words or unknown:
+                    continue
+                folder = pathlib.Path(scratch) / f'run{ran}'
+                shutil.copytree(stock, folder)
+                for name in ('examples', 'docs', 'tests'):
+                    (folder / name).symlink_to(TOP / name)
+                process = start(runnable(text), folder, environment)
+                ran += 1
+                if 'background' in words:
+                    background.append((where, process))
+                    time.sleep(1.5)
+                    continue
+                try:
+                    output, _ = process.communicate(timeout=LIMIT)
+                    bad = process.returncode != 0
+                except subprocess.TimeoutExpired:
+                    stop(process)
+                    output, bad = f'did not end within {LIMIT} s', True
+                for other, server in background:
+                    if server.poll() not in (None, 0):
+                        print(f'FAILED {other}\n{server.stdout.read()}')
+                        failed += 1
+                    stop(server)
+                background = []
+                print('FAILED' if bad else 'ok', where, flush=True)
+                if bad:
+                    failed += 1
+                    print('\n'.join('  ' + l for l in output.splitlines()[-15:]))
+    print(f'{ran - failed} of {ran} commands of {len(pages)} pages work')
+    sys.exit(1 if failed or not ran else 0)
+
+
+if __name__ == '__main__':
+    main()
