@@ -1,107 +1,428 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "pyramid.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cstring>
+#include <vector>
 
 #include "kernels/reduce.hpp"
+#include "workers.hpp"
 
 namespace terrainseg {
 namespace {
 
-std::size_t area(int width, int height) {
-  return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+using kernels::Interleave;
+
+constexpr int level_count = 7;
+// The rows of a level that are still needed: three to begin, three at an odd end, one being written.
+constexpr int ring_rows = 4;
+constexpr std::ptrdiff_t row_alignment = 64;
+// A band of fewer coarse rows spends more on its overlap than a thread gives back.
+constexpr int least_band_rows = 4;
+
+std::ptrdiff_t aligned(std::ptrdiff_t bytes) {
+  return (bytes + row_alignment - 1) / row_alignment * row_alignment;
 }
 
-// One component of a frame as a plane of its own, at its own sampling.
-void gather(const Frame& frame, const ComponentLayout& layout, std::uint8_t* out) {
-  const Plane& plane = frame.planes[layout.plane];
-  const int width = subsampled(frame.width, layout.x_shift);
-  const int height = subsampled(frame.height, layout.y_shift);
-  for (int y = 0; y < height; ++y) {
-    const std::uint8_t* in = plane.row(y) + layout.offset;
-    for (int x = 0; x < width; ++x)
-      *out++ = in[static_cast<std::ptrdiff_t>(x) * layout.step];
-  }
+int reflect_101(int i, int size) {
+  if (size == 1)
+    return 0;
+  while (i < 0 || i >= size)
+    i = i < 0 ? -i : 2 * size - 2 - i;
+  return i;
 }
+
+// Memory of rows, aligned, given out piece by piece after one allocation.
+class RowMemory {
+ public:
+  // Called twice with the same sequence: the first pass counts, the second gives out.
+  std::uint8_t* take(std::ptrdiff_t bytes) {
+    std::uint8_t* at = base_ ? base_ + used_ : nullptr;
+    used_ += aligned(bytes);
+    return at;
+  }
+  void allocate() {
+    memory_.assign(static_cast<std::size_t>(used_ + row_alignment), 0);
+    const auto address = reinterpret_cast<std::uintptr_t>(memory_.data());
+    base_ = memory_.data() + (row_alignment - static_cast<std::ptrdiff_t>(address % row_alignment));
+    used_ = 0;
+  }
+  void clear() {
+    base_ = nullptr;
+    used_ = 0;
+  }
+
+ private:
+  std::vector<std::uint8_t> memory_;
+  std::uint8_t* base_ = nullptr;
+  std::ptrdiff_t used_ = 0;
+};
+
+struct Shape {
+  PixelFormat format{};
+  int width = 0, height = 0;
+  PyramidPlan plan;
+  int bands = 0;
+  bool operator==(const Shape&) const = default;
+};
+
+struct Rows {
+  int first = 0, end = 0;
+  bool holds(int y) const { return y >= first && y < end; }
+};
+
+// Which components travel together through the levels, and how.
+struct Route {
+  int components = 0;             ///< how many
+  std::array<int, 3> component{}; ///< Y U V or R G B
+  std::array<int, 3> offset{};    ///< byte of each in a pixel
+  Interleave interleave{};        ///< of the source rows
+  int source_level = 0;           ///< level whose height the source rows have
+  bool vertical_first = false;    ///< 4:2:2 chroma: already as narrow as level 1
+  bool split = false;             ///< source rows come from split_422
+  int source_plane = 0;
+};
+
+struct Routes {
+  int count = 0;
+  std::array<Route, 3> route;
+};
+
+Routes routes_of(const FormatLayout& layout) {
+  Routes routes;
+  const auto add = [&](const Route& r) { routes.route[static_cast<std::size_t>(routes.count++)] = r; };
+  const auto& [a, b, c] = layout.components;
+  if (layout.rgb) {
+    add({3,
+         {0, 1, 2},
+         {a.offset, b.offset, c.offset},
+         a.step == 3 ? Interleave::three : Interleave::four,
+         0,
+         false,
+         false,
+         0});
+    return routes;
+  }
+  const bool packed = layout.planes == 1;
+  add({1, {0}, {0}, Interleave::one, 0, false, packed, 0});
+  if (packed || layout.planes == 2) {
+    const bool u_first = b.offset < c.offset;
+    add({2, {1, 2}, {u_first ? 0 : 1, u_first ? 1 : 0}, Interleave::two, b.y_shift, packed, packed, b.plane});
+    return routes;
+  }
+  for (int i = 1; i < 3; ++i) {
+    const ComponentLayout& l = layout.components[static_cast<std::size_t>(i)];
+    add({1, {i}, {0}, Interleave::one, l.y_shift, l.x_shift > l.y_shift, false, l.plane});
+  }
+  return routes;
+}
+
+// A level that one band of one route is making.
+struct Step {
+  Rows made;   ///< first row of the band, and one past the last row made so far
+  Rows own;    ///< rows that this band writes into the kept planes
+  int end = 0; ///< one past the last row that this band makes
+  int source_width = 0, source_height = 0;
+  bool begun = false;
+  kernels::Waiting waiting;
+  std::uint8_t* ring = nullptr;
+  std::ptrdiff_t ring_stride = 0;
+  bool direct = false; ///< own rows go straight into the kept plane
+
+  std::uint8_t* ring_row(int y) const { return ring + ring_stride * (y & (ring_rows - 1)); }
+};
+
+struct Course {
+  Rows source; ///< rows of the source that this band reads
+  std::array<Step, level_count> step;
+};
+
+struct Band {
+  RowMemory memory;
+  std::array<Course, 3> course;
+  std::uint8_t* split_luma = nullptr;
+  std::uint8_t* split_chroma = nullptr;
+  std::ptrdiff_t split_stride = 0;
+};
 
 } // namespace
 
+struct Pyramid::State {
+  Shape shape;
+  Routes routes;
+  std::array<std::array<RowMemory, 3>, level_count> memory;
+  std::array<std::array<MutablePlane, 3>, level_count> planes;
+  std::array<Plane, 3> own_planes; ///< level 0 of planar components
+  std::vector<Band> bands;
+  Frame frame; ///< of the build that is running
+
+  int width(int level) const { return subsampled(shape.width, level); }
+  int height(int level) const { return subsampled(shape.height, level); }
+  bool kept(int level, int component) const {
+    const PyramidPlan& plan = shape.plan;
+    return level <= plan.coarsest && level >= (component == 0 ? plan.finest_luma : plan.finest_color);
+  }
+  const ComponentLayout& layout(int component) const {
+    return layout_of(shape.format).components[static_cast<std::size_t>(component)];
+  }
+  bool is_frame_plane(int component) const {
+    const ComponentLayout& l = layout(component);
+    return l.step == 1 && l.x_shift == 0 && l.y_shift == 0;
+  }
+
+  void adopt(const Shape& wanted);
+  void lay_out(Band& band, int index);
+  void lay_out(Band& band, const Route& route, Course& course, int index);
+  void run(Band& band, int index);
+  void begin(Course& course, const Route& route) const;
+  const std::uint8_t* row(const Band& band, const Route& route, const Course& course, int level, int y) const;
+  void advance(Band& band, const Route& route, Course& course, int level, int available);
+  void reduce(const Band& band, const Route& route, Course& course, int level, int odd, int even,
+              std::uint8_t* out);
+  void deliver(const Route& route, int level, int y, const std::uint8_t* pixels);
+  void fill_level_0(int component, int index);
+  void copy_chroma(int component, int index);
+  Rows own_rows(int level, int index) const;
+};
+
+void Pyramid::State::adopt(const Shape& wanted) {
+  if (wanted == shape)
+    return;
+  shape = wanted;
+  routes = routes_of(layout_of(shape.format));
+  for (int level = 0; level < level_count; ++level)
+    for (int c = 0; c < 3; ++c) {
+      RowMemory& m = memory[level][c];
+      m.clear();
+      planes[level][c] = {};
+      if (!kept(level, c) || (level == 0 && is_frame_plane(c)))
+        continue;
+      const std::ptrdiff_t stride = aligned(width(level));
+      m.take(stride * height(level));
+      m.allocate();
+      planes[level][c] = {m.take(0), stride};
+    }
+  bands.resize(static_cast<std::size_t>(shape.bands));
+  for (int i = 0; i < shape.bands; ++i) {
+    Band& band = bands[static_cast<std::size_t>(i)];
+    band.memory.clear();
+    lay_out(band, i);
+    band.memory.allocate();
+    lay_out(band, i);
+  }
+}
+
+// A band owns whole cells of the coarsest level and what lies under them.
+Rows Pyramid::State::own_rows(int level, int index) const {
+  const int coarse = height(shape.plan.coarsest), shift = shape.plan.coarsest - level;
+  const auto cut = [&](int i) { return std::min(height(level), (coarse * i / shape.bands) << shift); };
+  return {cut(index), index + 1 == shape.bands ? height(level) : cut(index + 1)};
+}
+
+void Pyramid::State::lay_out(Band& band, int index) {
+  for (int r = 0; r < routes.count; ++r)
+    lay_out(band, routes.route[r], band.course[r], index);
+  if (routes.route[0].split) {
+    band.split_stride = aligned(shape.width + 1);
+    band.split_luma = band.memory.take(band.split_stride * ring_rows);
+    band.split_chroma = band.memory.take(band.split_stride * ring_rows);
+  }
+}
+
+void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int index) {
+  const int coarsest = shape.plan.coarsest;
+  for (int level = coarsest; level > route.source_level; --level) {
+    Step& step = course.step[level];
+    step = {};
+    step.own = own_rows(level, index);
+    step.made.first = step.own.first;
+    step.end = step.own.end;
+    // What the coarser level reads, two rows beyond its own on either side.
+    if (level < coarsest) {
+      const Step& coarser = course.step[level + 1];
+      step.made.first = std::max(0, std::min(step.own.first, 2 * coarser.made.first - 2));
+      step.end = std::min(height(level), std::max(step.own.end, 2 * coarser.end + 1));
+    }
+    const bool narrow = route.vertical_first && level == 1;
+    step.source_width = narrow ? width(1) : width(level - 1);
+    step.source_height = height(level - 1);
+    step.direct = route.components == 1 && kept(level, route.component[0]);
+    const std::ptrdiff_t bytes = std::ptrdiff_t{width(level)} * kernels::written_step(route.interleave);
+    step.ring_stride = aligned(bytes);
+    step.ring = band.memory.take(step.ring_stride * ring_rows);
+    step.waiting.partial = reinterpret_cast<std::uint16_t*>(band.memory.take(2 * bytes));
+    step.waiting.held = reinterpret_cast<std::uint16_t*>(band.memory.take(2 * bytes));
+  }
+  if (coarsest > route.source_level) {
+    const Step& first = course.step[route.source_level + 1];
+    course.source = {std::max(0, 2 * first.made.first - 2),
+                     std::min(height(route.source_level), 2 * first.end + 1)};
+  } else {
+    course.source = {};
+  }
+}
+
+void Pyramid::State::begin(Course& course, const Route& route) const {
+  for (int level = route.source_level + 1; level <= shape.plan.coarsest; ++level) {
+    course.step[level].made.end = course.step[level].made.first;
+    course.step[level].begun = false;
+  }
+}
+
+const std::uint8_t* Pyramid::State::row(const Band& band, const Route& route, const Course& course, int level,
+                                        int y) const {
+  if (level == route.source_level) {
+    if (!route.split)
+      return frame.planes[route.source_plane].row(y);
+    const std::uint8_t* rows = route.vertical_first ? band.split_chroma : band.split_luma;
+    return rows + band.split_stride * (y & (ring_rows - 1));
+  }
+  const Step& step = course.step[level];
+  if (step.direct && step.own.holds(y))
+    return planes[level][route.component[0]].row(y);
+  return step.ring_row(y);
+}
+
+void Pyramid::State::reduce(const Band& band, const Route& route, Course& course, int level, int odd,
+                            int even, std::uint8_t* out) {
+  Step& step = course.step[level];
+  const std::uint8_t* odd_row = row(band, route, course, level - 1, reflect_101(odd, step.source_height));
+  const std::uint8_t* even_row = row(band, route, course, level - 1, reflect_101(even, step.source_height));
+  if (route.vertical_first && level == 1) {
+    const int bytes = width(1) * kernels::written_step(route.interleave);
+    kernels::reduce_pair_vertically(odd_row, even_row, bytes, step.waiting, out);
+    return;
+  }
+  const bool from_three = route.interleave == Interleave::three && level > 1;
+  kernels::reduce_pair(from_three ? Interleave::four : route.interleave, odd_row, even_row, step.source_width,
+                       step.waiting, out);
+}
+
+void Pyramid::State::deliver(const Route& route, int level, int y, const std::uint8_t* pixels) {
+  const int step = kernels::written_step(route.interleave);
+  for (int i = 0; i < route.components; ++i)
+    if (kept(level, route.component[i]))
+      kernels::pick(pixels, route.offset[i], step, width(level), planes[level][route.component[i]].row(y));
+}
+
+// Makes what rows 0..available-1 of the level below allow, at this level and all coarser ones.
+void Pyramid::State::advance(Band& band, const Route& route, Course& course, int level, int available) {
+  if (level > shape.plan.coarsest)
+    return;
+  Step& step = course.step[level];
+  while (step.made.end < step.end) {
+    const int y = step.made.end, last = step.source_height - 1;
+    std::uint8_t* out =
+        step.direct && step.own.holds(y) ? planes[level][route.component[0]].row(y) : step.ring_row(y);
+    if (!step.begun) {
+      if (std::min(std::max(2 * y, y == 0 ? 2 : 0), last) >= available)
+        return;
+      reduce(band, route, course, level, 2 * y - 2, 2 * y - 2, out);
+      reduce(band, route, course, level, 2 * y - 1, 2 * y, out);
+      step.begun = true;
+    }
+    if (std::min(2 * y + 2, last) >= available)
+      return;
+    reduce(band, route, course, level, 2 * y + 1, 2 * y + 2, out);
+    if (!step.direct && step.own.holds(y))
+      deliver(route, level, y, out);
+    ++step.made.end;
+    advance(band, route, course, level + 1, step.made.end);
+  }
+}
+
+void Pyramid::State::run(Band& band, int index) {
+  int first = shape.height, end = 0;
+  for (int r = 0; r < routes.count; ++r) {
+    const Route& route = routes.route[r];
+    const Rows source = band.course[r].source;
+    begin(band.course[r], route);
+    if (source.end > source.first) {
+      first = std::min(first, source.first << route.source_level);
+      end = std::max(end, source.end << route.source_level);
+    }
+  }
+  const bool split = routes.route[0].split;
+  const bool yuyv = shape.format == PixelFormat::YUY2;
+  for (int y = first; y < end; ++y) {
+    if (split) {
+      const std::ptrdiff_t at = band.split_stride * (y & (ring_rows - 1));
+      kernels::split_422(frame.planes[0].row(y), shape.width, yuyv, band.split_luma + at,
+                         band.split_chroma + at);
+    }
+    for (int r = 0; r < routes.count; ++r) {
+      const Route& route = routes.route[r];
+      Course& course = band.course[r];
+      const int available = std::min((y >> route.source_level) + 1, course.source.end);
+      advance(band, route, course, route.source_level + 1, available);
+    }
+  }
+  for (int c = 0; c < 3; ++c) {
+    if (kept(0, c) && !is_frame_plane(c))
+      fill_level_0(c, index);
+    if (kept(1, c) && layout(c).y_shift == 1)
+      copy_chroma(c, index);
+  }
+}
+
+void Pyramid::State::fill_level_0(int component, int index) {
+  const ComponentLayout& l = layout(component);
+  const Rows rows = own_rows(0, index);
+  for (int y = rows.first; y < rows.end; ++y) {
+    const std::uint8_t* in = frame.planes[l.plane].row(y >> l.y_shift) + l.offset;
+    std::uint8_t* out = planes[0][component].row(y);
+    for (int x = 0; x < shape.width; ++x)
+      out[x] = in[(x >> l.x_shift) * l.step];
+  }
+}
+
+void Pyramid::State::copy_chroma(int component, int index) {
+  const ComponentLayout& l = layout(component);
+  const Rows rows = own_rows(1, index);
+  for (int y = rows.first; y < rows.end; ++y) {
+    const std::uint8_t* in = frame.planes[l.plane].row(y);
+    std::uint8_t* out = planes[1][component].row(y);
+    if (l.step == 1)
+      std::memcpy(out, in, static_cast<std::size_t>(width(1)));
+    else
+      kernels::pick(in, l.offset, l.step, width(1), out);
+  }
+}
+
+Pyramid::Pyramid() : state_(std::make_unique<State>()) {}
+Pyramid::~Pyramid() = default;
+Pyramid::Pyramid(Pyramid&&) noexcept = default;
+Pyramid& Pyramid::operator=(Pyramid&&) noexcept = default;
+
+void Pyramid::build(const Frame& frame, const PyramidPlan& plan, Workers* workers) {
+  State& s = *state_;
+  const int threads = workers ? workers->count() : 1;
+  const int most = std::max(1, subsampled(frame.height, plan.coarsest) / least_band_rows);
+  s.adopt({frame.format, frame.width, frame.height, plan, std::min(threads, most)});
+  s.frame = frame;
+  for (int c = 0; c < 3; ++c)
+    s.own_planes[c] = frame.planes[s.layout(c).plane];
+  if (s.shape.bands == 1)
+    s.run(s.bands[0], 0);
+  else
+    workers->run(s.shape.bands, [&s](int i) { s.run(s.bands[i], i); });
+}
+
 int Pyramid::width(int level) const {
-  return subsampled(shape_.width, level);
+  return state_->width(level);
 }
 
 int Pyramid::height(int level) const {
-  return subsampled(shape_.height, level);
+  return state_->height(level);
 }
 
 Plane Pyramid::plane(int level, int component) const {
-  return levels_[level][component].view;
-}
-
-bool Pyramid::kept(int level, int component) const {
-  const PyramidPlan& plan = shape_.plan;
-  return level <= plan.coarsest && level >= (component == 0 ? plan.finest_luma : plan.finest_color);
-}
-
-void Pyramid::adopt(const Shape& shape) {
-  if (shape == shape_)
-    return;
-  shape_ = shape;
-  const FormatLayout& layout = layout_of(shape.format);
-  for (int level = 0; level < static_cast<int>(levels_.size()); ++level)
-    for (int c = 0; c < 3; ++c) {
-      const ComponentLayout& l = layout.components[c];
-      const bool own_plane = level == 0 && l.step == 1 && l.x_shift == 0 && l.y_shift == 0;
-      Kept& k = levels_[level][c];
-      k.pixels.assign(kept(level, c) && !own_plane ? area(width(level), height(level)) : 0, 0);
-      k.view = {k.pixels.data(), width(level)};
-    }
-  for (auto& s : scratch_)
-    s.assign(area(shape.width, shape.height), 0);
-}
-
-void Pyramid::build(const Frame& frame, const PyramidPlan& plan) {
-  adopt({frame.format, frame.width, frame.height, plan});
-  const FormatLayout& layout = layout_of(frame.format);
-  columns_.resize(frame.width);
-  for (int c = 0; c < 3; ++c) {
-    const ComponentLayout& l = layout.components[c];
-    int w = subsampled(frame.width, l.x_shift), h = subsampled(frame.height, l.y_shift);
-    Plane current = frame.planes[l.plane];
-    int spare = 0;
-    if (l.step != 1) {
-      gather(frame, l, scratch_[spare].data());
-      current = {scratch_[spare].data(), w};
-      spare ^= 1;
-    }
-    if (kept(0, c)) {
-      Kept& k = levels_[0][c];
-      if (k.pixels.empty())
-        k.view = current;
-      for (int y = 0; !k.pixels.empty() && y < height(0); ++y)
-        for (int x = 0; x < width(0); ++x)
-          k.pixels[area(y, width(0)) + x] = current.row(y >> l.y_shift)[x >> l.x_shift];
-    }
-    for (int level = 1; level <= plan.coarsest; ++level) {
-      const bool keep = kept(level, c);
-      MutablePlane out{keep ? levels_[level][c].pixels.data() : scratch_[spare].data(), width(level)};
-      if (level == 1 && l.x_shift == 1 && l.y_shift == 1) {
-        if (!keep)
-          continue;
-        for (int y = 0; y < h; ++y)
-          std::memcpy(out.row(y), current.row(y), w);
-      } else if (level == 1 && l.x_shift == 1) {
-        kernels::reduce_rows(current, w, h, out);
-      } else {
-        kernels::reduce(current, w, h, out, columns_.data());
-      }
-      w = width(level);
-      h = height(level);
-      current = {out.data, out.stride};
-      if (!keep)
-        spare ^= 1;
-    }
-  }
+  const State& s = *state_;
+  if (level == 0 && s.is_frame_plane(component))
+    return s.own_planes[component];
+  const MutablePlane& p = s.planes[level][component];
+  return {p.data, p.stride};
 }
 
 } // namespace terrainseg

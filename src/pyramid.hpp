@@ -2,13 +2,14 @@
 // Stage A: the octave pyramid (paper, section 3.1, equations (1) and (2)).
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <vector>
+#include <memory>
 
 #include "terrainseg/frame.hpp"
 
 namespace terrainseg {
+
+class Workers;
 
 /// Which levels to build. Level k is 2^k times smaller than the frame, sizes rounded up at every step.
 struct PyramidPlan {
@@ -22,11 +23,19 @@ struct PyramidPlan {
 /// borders and one rounding (s + 128) >> 8: the bits of 8-bit cv::pyrDown. Subsampled chroma starts at the
 /// level whose size it has (4:2:0: level 1); 4:2:2 chroma is reduced vertically only to reach level 1; level
 /// 0 repeats chroma samples.
+///
+/// The frame is read once, from the top: a row runs down all levels while it is in the cache. Levels that the
+/// plan does not keep exist as a few rows only.
 class Pyramid {
  public:
-  /// Builds all planned levels from a frame. Allocates only when size, format or plan differ from the last
-  /// call.
-  void build(const Frame& frame, const PyramidPlan& plan);
+  Pyramid();
+  ~Pyramid();
+  Pyramid(Pyramid&&) noexcept;
+  Pyramid& operator=(Pyramid&&) noexcept;
+
+  /// Builds all planned levels from a frame. Allocates only when size, format, plan or the number of workers
+  /// differ from the last call. With workers the rows are shared out in bands; the bytes are the same.
+  void build(const Frame& frame, const PyramidPlan& plan, Workers* workers = nullptr);
 
   int width(int level) const;
   int height(int level) const;
@@ -35,24 +44,8 @@ class Pyramid {
   Plane plane(int level, int component) const;
 
  private:
-  struct Shape {
-    PixelFormat format{};
-    int width = 0, height = 0;
-    PyramidPlan plan;
-    bool operator==(const Shape&) const = default;
-  };
-  struct Kept {
-    std::vector<std::uint8_t> pixels; ///< empty when the level is not kept or is the frame's own plane
-    Plane view;
-  };
-
-  void adopt(const Shape& shape);
-  bool kept(int level, int component) const;
-
-  Shape shape_;
-  std::array<std::array<Kept, 3>, 7> levels_;
-  std::array<std::vector<std::uint8_t>, 2> scratch_;
-  std::vector<std::uint16_t> columns_;
+  struct State;
+  std::unique_ptr<State> state_;
 };
 
 } // namespace terrainseg

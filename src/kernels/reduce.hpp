@@ -1,19 +1,48 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Loops of the octave pyramid: one 1-4-6-4-1 reduction of a plane (paper, equations (1) and (2)).
+// Loops of the octave pyramid: the 1-4-6-4-1 reduction of the paper's equations (1) and (2), one row at a
+// time. A row of the finer level is read once: what it adds to the rows above and below it waits in
+// `Waiting`.
+//
+// No function reads or writes past the ends of a row, whatever its length and alignment. All vector variants
+// and the plain one give the same bits.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-
-#include "terrainseg/frame.hpp"
 
 namespace terrainseg::kernels {
 
-/// Halves a width x height plane in both directions into ceil(width / 2) x ceil(height / 2): separable
-/// 1-4-6-4-1, reflect-101 borders, one rounding (s + 128) >> 8; the bits of 8-bit cv::pyrDown. `columns`
-/// holds at least width elements of working memory.
-void reduce(const Plane& source, int width, int height, const MutablePlane& target, std::uint16_t* columns);
+/// How samples of one row lie: so many interleaved bytes a pixel. `three` is read as three and written as
+/// four, the fourth being 0.
+enum class Interleave : std::uint8_t { one = 1, two = 2, three = 3, four = 4 };
 
-/// The same in the vertical direction only, (s + 8) >> 4: width x height into width x ceil(height / 2).
-void reduce_rows(const Plane& source, int width, int height, const MutablePlane& target);
+/// Bytes of one written pixel.
+constexpr int written_step(Interleave i) {
+  return i == Interleave::three ? 4 : static_cast<int>(i);
+}
+
+/// The unfinished sums of one level, one element a written byte.
+struct Waiting {
+  std::uint16_t* partial = nullptr; ///< h[2y-2] + 4 h[2y-1] + 6 h[2y] of the row y that is due next
+  std::uint16_t* held = nullptr;    ///< h[2y]; h is the horizontal sum of a finer row
+};
+
+/// Takes the finer rows 2y+1 (`odd`) and 2y+2 (`even`) of `width` pixels and finishes row y: ceil(width / 2)
+/// pixels of (s + 128) >> 8 with reflect-101 borders. To begin at row y, feed (any, 2y-2) and (2y-1, 2y) and
+/// ignore what comes out.
+void reduce_pair(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
+                 const Waiting& waiting, std::uint8_t* out);
+
+/// The same in the vertical direction only, for `bytes` bytes: (s + 8) >> 4.
+void reduce_pair_vertically(const std::uint8_t* odd, const std::uint8_t* even, int bytes,
+                            const Waiting& waiting, std::uint8_t* out);
+
+/// Splits a row of packed 4:2:2 of `width` pixels into luma and interleaved chroma (2 * ceil(width / 2)
+/// bytes, in the order of the row). `luma_first`: YUY2 rather than UYVY. The row holds 4 * ceil(width / 2)
+/// bytes.
+void split_422(const std::uint8_t* row, int width, bool luma_first, std::uint8_t* luma, std::uint8_t* chroma);
+
+/// Every `step`-th byte of a row, from `offset` on: `count` samples. step is 2 or 4.
+void pick(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out);
 
 } // namespace terrainseg::kernels

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The pyramid against cv::pyrDown, bit for bit, in every format and memory layout.
 #include "pyramid.hpp"
+#include "workers.hpp"
 
 #include <gtest/gtest.h>
 
@@ -148,6 +149,22 @@ TEST(Pyramid, LargeFrames) {
       if (HasFatalFailure())
         return;
     }
+}
+
+TEST(Pyramid, BandsGiveTheSameBytes) {
+  Pyramid pyramid;
+  for (const int threads : {2, 3, 7}) {
+    Workers workers(threads);
+    for (int f = 0; f < pixel_format_count; ++f)
+      for (const auto& [w, h] : {std::pair{64, 9}, {77, 131}, {130, 513}})
+        for (const PyramidPlan plan : {PyramidPlan{5, 3, 2}, {3, 0, 0}, {4, 1, 1}, {0, 0, 0}, {2, 2, 2}}) {
+          const OwnedFrame owned(static_cast<PixelFormat>(f), w, h, f + w, 3);
+          pyramid.build(owned.frame, plan, &workers);
+          expect_same(pyramid, owned.frame, plan);
+          if (HasFatalFailure())
+            return;
+        }
+  }
 }
 
 TEST(Pyramid, Level0OfAPlanarComponentIsTheFrameItself) {
