@@ -2,6 +2,7 @@
 #include "reference/clusters.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 #include <random>
 
@@ -16,8 +17,9 @@ double square(double v) {
 }
 
 /// Squared distance of pixels [first, first + count) from a centre.
-void distances(const TrainingColors& colors, std::size_t first, std::size_t count,
-               const Eigen::Vector3d& centre, double* out) {
+inline __attribute__((always_inline)) void distances(const TrainingColors& colors, std::size_t first,
+                                                     std::size_t count, const Eigen::Vector3d& centre,
+                                                     double* __restrict out) {
   const double* b = colors.channel[0].data() + first;
   const double* g = colors.channel[1].data() + first;
   const double* r = colors.channel[2].data() + first;
@@ -69,34 +71,94 @@ struct Sums {
   Eigen::Vector3d color = Eigen::Vector3d::Zero();
 };
 
+/// Adds up the colours of each centre's pixels among `count` pixels, four at a time.
+inline __attribute__((always_inline)) void add_owned(const TrainingColors& colors, std::size_t first,
+                                                     std::size_t count, const double* owner, Sums* sums,
+                                                     std::size_t centres) {
+  using Four = double __attribute__((vector_size(4 * sizeof(double))));
+  const auto load = [](const double* from, Four& four) { std::memcpy(&four, from, sizeof four); };
+  const auto total = [](const Four& four) { return four[0] + four[1] + four[2] + four[3]; };
+  const double* channel[3] = {colors.channel[0].data() + first, colors.channel[1].data() + first,
+                              colors.channel[2].data() + first};
+  const std::size_t whole = count & ~std::size_t{3};
+  for (std::size_t k = 0; k < centres; ++k) {
+    const double name = static_cast<double>(k);
+    Four n{}, b{}, g{}, r{};
+    for (std::size_t i = 0; i < whole; i += 4) {
+      Four owners, blue, green, red;
+      load(owner + i, owners);
+      load(channel[0] + i, blue);
+      load(channel[1] + i, green);
+      load(channel[2] + i, red);
+      const Four mine = owners == name ? Four{1, 1, 1, 1} : Four{};
+      n += mine;
+      b += mine * blue;
+      g += mine * green;
+      r += mine * red;
+    }
+    sums[k].count += total(n);
+    sums[k].color += Eigen::Vector3d(total(b), total(g), total(r));
+  }
+  for (std::size_t i = whole; i < count; ++i) {
+    Sums& sum = sums[static_cast<std::size_t>(owner[i])];
+    sum.count += 1;
+    sum.color += Eigen::Vector3d(channel[0][i], channel[1][i], channel[2][i]);
+  }
+}
+
 /// Assigns every pixel to its nearest centre; says whether any assignment changed.
-bool assign(const TrainingColors& colors, const std::vector<Eigen::Vector3d>& centres,
-            std::vector<std::uint8_t>& members, std::vector<Sums>& sums) {
+inline __attribute__((always_inline)) bool assign_plain(const TrainingColors& colors,
+                                                        const std::vector<Eigen::Vector3d>& centres,
+                                                        std::vector<std::uint8_t>& members,
+                                                        std::vector<Sums>& sums) {
   bool changed = false;
-  double least[block], distance[block];
-  std::uint8_t owner[block];
-  std::fill(sums.begin(), sums.end(), Sums{});
+  double least[block], distance[block], owner[block];
+  for (Sums& sum : sums)
+    sum = {};
   for (std::size_t first = 0; first < colors.size(); first += block) {
     const std::size_t count = std::min(block, colors.size() - first);
     distances(colors, first, count, centres[0], least);
-    std::fill_n(owner, count, std::uint8_t{0});
+    std::fill_n(owner, count, 0.0);
     for (std::size_t k = 1; k < centres.size(); ++k) {
       distances(colors, first, count, centres[k], distance);
       for (std::size_t i = 0; i < count; ++i) {
         const bool nearer = distance[i] < least[i];
         least[i] = nearer ? distance[i] : least[i];
-        owner[i] = nearer ? static_cast<std::uint8_t>(k) : owner[i];
+        owner[i] = nearer ? static_cast<double>(k) : owner[i];
       }
     }
+    add_owned(colors, first, count, owner, sums.data(), sums.size());
+    std::uint8_t* before = members.data() + first;
     for (std::size_t i = 0; i < count; ++i) {
-      changed |= members[first + i] != owner[i];
-      members[first + i] = owner[i];
-      Sums& sum = sums[owner[i]];
-      sum.count += 1;
-      sum.color += color_at(colors, first + i);
+      const auto now = static_cast<std::uint8_t>(static_cast<int>(owner[i]));
+      changed |= before[i] != now;
+      before[i] = now;
     }
   }
   return changed;
+}
+
+bool assign_portable(const TrainingColors& colors, const std::vector<Eigen::Vector3d>& centres,
+                     std::vector<std::uint8_t>& members, std::vector<Sums>& sums) {
+  return assign_plain(colors, centres, members, sums);
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) bool assign_avx2(const TrainingColors& colors,
+                                                 const std::vector<Eigen::Vector3d>& centres,
+                                                 std::vector<std::uint8_t>& members,
+                                                 std::vector<Sums>& sums) {
+  return assign_plain(colors, centres, members, sums);
+}
+#endif
+
+bool assign(const TrainingColors& colors, const std::vector<Eigen::Vector3d>& centres,
+            std::vector<std::uint8_t>& members, std::vector<Sums>& sums) {
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("avx2"))
+    return assign_avx2(colors, centres, members, sums);
+#endif
+  return assign_portable(colors, centres, members, sums);
 }
 
 } // namespace

@@ -5,8 +5,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "reference/scoring.hpp"
-
 namespace terrainseg::reference {
 
 namespace {
@@ -78,9 +76,9 @@ const ReferenceResult& ReferenceEngine::process(const cv::Mat& bgr, const cv::Ma
   result_.window = {};
   if (training.empty()) {
     result_.window = window_in(bgr.size(), settings_.window);
-    result_.training = window_pixels(bgr, result_.window, settings_.window_sigma);
+    window_pixels(bgr, result_.window, settings_.window_sigma, result_.training);
   } else
-    result_.training = training >= 128;
+    cv::compare(training, 128, result_.training, cv::CMP_GE);
   laps.end_of(ReferenceStage::training_pixels);
 
   result_.clusters.clear();
@@ -113,9 +111,9 @@ const ReferenceResult& ReferenceEngine::process(const cv::Mat& bgr, const cv::Ma
   }
   label_pixels(bgr, mixture_.heaviest(settings_.mass_share), settings_.threshold, result_.mask);
   laps.end_of(ReferenceStage::scoring);
-  clean_up(result_.mask, settings_.dilations, settings_.erosions);
+  clean_up_.smooth(result_.mask, settings_.dilations, settings_.erosions);
   if (settings_.connected)
-    keep_connected(result_.mask, result_.training);
+    clean_up_.keep_connected(result_.mask, result_.training);
   laps.end_of(ReferenceStage::clean_up);
   return result_;
 }

@@ -12,6 +12,7 @@
 
 #include "reference/clusters.hpp"
 #include "reference/mixture.hpp"
+#include "reference/scoring.hpp"
 #include "reference/training_pixels.hpp"
 
 namespace terrainseg::reference {
@@ -26,7 +27,8 @@ struct ReferenceSettings {
   double mass_cap = 64;       ///< frames of this frame's training pixels
   double mass_share = 0.3;    ///< only models above this share of the heaviest one score
   double threshold = 3;       ///< standard deviations
-  double variance_floor = 1;  ///< added to every diagonal entry: a cluster of one colour stays invertible
+  double variance_floor =
+      16; ///< added to every diagonal entry: a cluster of one colour stays invertible; the paper preset's
   int dilations = 1, erosions = 2;
   bool connected = true;        ///< keep only what is connected to the training pixels
   int min_training_pixels = 16; ///< per training model; below it nothing is learned
@@ -70,6 +72,7 @@ class ReferenceEngine {
   ReferenceSettings settings_;
   Mixture mixture_;
   TrainingColors colors_;
+  CleanUp clean_up_;
   ReferenceResult result_;
 };
 

@@ -30,67 +30,66 @@ struct Kernel {
   }
 };
 
-struct RowBuffers {
-  explicit RowBuffers(int width) : b(width), g(width), r(width), least(width) {}
-  std::vector<double> b, g, r, least;
-};
+constexpr int block = 512; // pixels whose channels and distances stay in the first-level cache together
 
-inline __attribute__((always_inline)) void score_row_plain(const std::uint8_t* __restrict bgr, int width,
-                                                           const Kernel* models, std::size_t count,
-                                                           double* __restrict b, double* __restrict g,
-                                                           double* __restrict r, double* __restrict least) {
-  for (int x = 0; x < width; ++x) {
+/// Squared distances of `count` pixels, block or less, to the nearest of the models.
+inline __attribute__((always_inline)) void score_block_plain(const std::uint8_t* __restrict bgr, int count,
+                                                             const std::vector<Kernel>& models,
+                                                             double* __restrict least) {
+  double b[block], g[block], r[block];
+  for (int x = 0; x < count; ++x) {
     b[x] = bgr[3 * x];
     g[x] = bgr[3 * x + 1];
     r[x] = bgr[3 * x + 2];
     least[x] = std::numeric_limits<double>::infinity();
   }
-  for (std::size_t m = 0; m < count; ++m) {
-    const Kernel k = models[m];
-    for (int x = 0; x < width; ++x) {
+  for (const Kernel& k : models)
+    for (int x = 0; x < count; ++x) {
       const double u = k.l00 * b[x] - k.o0;
       const double v = k.l10 * b[x] + k.l11 * g[x] - k.o1;
       const double w = k.l20 * b[x] + k.l21 * g[x] + k.l22 * r[x] - k.o2;
       const double d = u * u + v * v + w * w;
       least[x] = d < least[x] ? d : least[x];
     }
-  }
 }
 
-void score_row_portable(const std::uint8_t* bgr, int width, const Kernel* models, std::size_t count,
-                        RowBuffers& row) {
-  score_row_plain(bgr, width, models, count, row.b.data(), row.g.data(), row.r.data(), row.least.data());
+void score_block_portable(const std::uint8_t* bgr, int count, const std::vector<Kernel>& models,
+                          double* least) {
+  score_block_plain(bgr, count, models, least);
 }
 
 #if defined(__x86_64__)
 // Four doubles at a time where the processor has them. Fused multiplication is left out: the sums stay the
 // bits of the portable version.
-__attribute__((target("avx2"))) void score_row_avx2(const std::uint8_t* bgr, int width, const Kernel* models,
-                                                    std::size_t count, RowBuffers& row) {
-  score_row_plain(bgr, width, models, count, row.b.data(), row.g.data(), row.r.data(), row.least.data());
+__attribute__((target("avx2"))) void score_block_avx2(const std::uint8_t* bgr, int count,
+                                                      const std::vector<Kernel>& models, double* least) {
+  score_block_plain(bgr, count, models, least);
 }
 #endif
 
-using ScoreRow = void (*)(const std::uint8_t*, int, const Kernel*, std::size_t, RowBuffers&);
+using ScoreBlock = void (*)(const std::uint8_t*, int, const std::vector<Kernel>&, double*);
 
-ScoreRow best_score_row() {
+ScoreBlock best_score_block() {
 #if defined(__x86_64__)
   if (__builtin_cpu_supports("avx2"))
-    return score_row_avx2;
+    return score_block_avx2;
 #endif
-  return score_row_portable;
+  return score_block_portable;
 }
 
-/// Calls use(y, squared distances of the row) for every row.
-template <typename Use> void for_each_row(const cv::Mat& bgr, const std::vector<Gaussian>& models, Use use) {
+/// Calls use(y, first column, count, squared distances) for every stretch of pixels.
+template <typename Use>
+void for_each_block(const cv::Mat& bgr, const std::vector<Gaussian>& models, Use use) {
   CV_Assert(bgr.type() == CV_8UC3);
   const std::vector<Kernel> kernels(models.begin(), models.end());
-  const ScoreRow score_row = best_score_row();
-  RowBuffers row(bgr.cols);
-  for (int y = 0; y < bgr.rows; ++y) {
-    score_row(bgr.ptr<std::uint8_t>(y), bgr.cols, kernels.data(), kernels.size(), row);
-    use(y, row.least.data());
-  }
+  const ScoreBlock score_block = best_score_block();
+  double least[block];
+  for (int y = 0; y < bgr.rows; ++y)
+    for (int x = 0; x < bgr.cols; x += block) {
+      const int count = std::min(block, bgr.cols - x);
+      score_block(bgr.ptr<std::uint8_t>(y, x), count, kernels, least);
+      use(y, x, count, least);
+    }
 }
 
 } // namespace
@@ -98,45 +97,52 @@ template <typename Use> void for_each_row(const cv::Mat& bgr, const std::vector<
 void label_pixels(const cv::Mat& bgr, const std::vector<Gaussian>& models, double threshold, cv::Mat& mask) {
   mask.create(bgr.size(), CV_8UC1);
   const double limit = threshold * threshold;
-  for_each_row(bgr, models, [&](int y, const double* squared) {
-    auto* out = mask.ptr<std::uint8_t>(y);
-    for (int x = 0; x < bgr.cols; ++x)
-      out[x] = squared[x] <= limit ? 255 : 0;
+  for_each_block(bgr, models, [&](int y, int x, int count, const double* squared) {
+    auto* out = mask.ptr<std::uint8_t>(y, x);
+    for (int i = 0; i < count; ++i)
+      out[i] = squared[i] <= limit ? 255 : 0;
   });
 }
 
 void score_pixels(const cv::Mat& bgr, const std::vector<Gaussian>& models, cv::Mat& squared_distance) {
   squared_distance.create(bgr.size(), CV_32FC1);
-  for_each_row(bgr, models, [&](int y, const double* squared) {
-    std::copy_n(squared, bgr.cols, squared_distance.ptr<float>(y));
+  for_each_block(bgr, models, [&](int y, int x, int count, const double* squared) {
+    std::copy_n(squared, count, squared_distance.ptr<float>(y, x));
   });
 }
 
-void clean_up(cv::Mat& mask, int dilations, int erosions) {
-  if (dilations > 0)
-    cv::dilate(mask, mask, cv::Mat(), {-1, -1}, dilations);
-  if (erosions > 0)
-    cv::erode(mask, mask, cv::Mat(), {-1, -1}, erosions);
+void CleanUp::smooth(cv::Mat& mask, int dilations, int erosions) {
+  if (dilations > 0) {
+    cv::dilate(mask, other_, cv::Mat(), {-1, -1}, dilations);
+    cv::swap(mask, other_);
+  }
+  if (erosions > 0) {
+    cv::erode(mask, other_, cv::Mat(), {-1, -1}, erosions);
+    cv::swap(mask, other_);
+  }
 }
 
-void keep_connected(cv::Mat& mask, const cv::Mat& training) {
+void CleanUp::keep_connected(cv::Mat& mask, const cv::Mat& training) {
   CV_Assert(mask.size() == training.size() && mask.type() == CV_8UC1 && training.type() == CV_8UC1);
-  cv::Mat areas;
-  const int count = cv::connectedComponents(mask, areas, 8, CV_32S);
-  std::vector<std::uint8_t> kept(static_cast<std::size_t>(count), 0);
+  const int count = cv::connectedComponents(mask, areas_, 8, CV_32S);
+  kept_.assign(static_cast<std::size_t>(count), 0);
   for (int y = 0; y < mask.rows; ++y) {
-    const auto* area = areas.ptr<int>(y);
+    if (cv::countNonZero(training.row(y)) == 0)
+      continue;
+    const auto* area = areas_.ptr<int>(y);
     const auto* trains = training.ptr<std::uint8_t>(y);
     for (int x = 0; x < mask.cols; ++x)
       if (trains[x])
-        kept[static_cast<std::size_t>(area[x])] = 255;
+        kept_[static_cast<std::size_t>(area[x])] = 255;
   }
-  kept[0] = 0; // the background
+  kept_[0] = 0; // the background
   for (int y = 0; y < mask.rows; ++y) {
-    const auto* area = areas.ptr<int>(y);
     auto* out = mask.ptr<std::uint8_t>(y);
+    if (cv::countNonZero(mask.row(y)) == 0)
+      continue;
+    const auto* area = areas_.ptr<int>(y);
     for (int x = 0; x < mask.cols; ++x)
-      out[x] = kept[static_cast<std::size_t>(area[x])];
+      out[x] = kept_[static_cast<std::size_t>(area[x])];
   }
 }
 

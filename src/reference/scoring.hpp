@@ -2,6 +2,7 @@
 // Labels every pixel by its distance to the learned models, then cleans the labels up.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include <opencv2/core.hpp>
@@ -18,10 +19,17 @@ void label_pixels(const cv::Mat& bgr, const std::vector<Gaussian>& models, doubl
 /// The distances themselves, CV_32FC1; infinite without models.
 void score_pixels(const cv::Mat& bgr, const std::vector<Gaussian>& models, cv::Mat& squared_distance);
 
-/// 3x3 squares: so many dilations, then so many erosions, in place.
-void clean_up(cv::Mat& mask, int dilations, int erosions);
+/// What is done to the labels; keeps its buffers from frame to frame.
+class CleanUp {
+ public:
+  /// 3x3 squares: so many dilations, then so many erosions, in place.
+  void smooth(cv::Mat& mask, int dilations, int erosions);
+  /// Clears the 8-connected areas of `mask` that share no pixel with `training`.
+  void keep_connected(cv::Mat& mask, const cv::Mat& training);
 
-/// Clears the 8-connected areas of `mask` that share no pixel with `training`.
-void keep_connected(cv::Mat& mask, const cv::Mat& training);
+ private:
+  cv::Mat other_, areas_;
+  std::vector<std::uint8_t> kept_;
+};
 
 } // namespace terrainseg::reference

@@ -63,14 +63,15 @@ cv::Rect window_in(cv::Size frame, const WindowPlace& place) {
   return cv::Rect(x, frame.height - place.bottom - height, width, height) & cv::Rect({0, 0}, frame);
 }
 
-cv::Mat window_pixels(const cv::Mat& bgr, const cv::Rect& window, double sigma) {
-  cv::Mat mask = cv::Mat::zeros(bgr.size(), CV_8UC1);
+void window_pixels(const cv::Mat& bgr, const cv::Rect& window, double sigma, cv::Mat& mask) {
+  mask.create(bgr.size(), CV_8UC1);
+  mask.setTo(0);
   if (window.empty())
-    return mask;
+    return;
   cv::Mat chosen = mask(window);
   if (sigma <= 0) {
     chosen.setTo(255);
-    return mask;
+    return;
   }
   cv::Scalar mean, deviation;
   cv::meanStdDev(bgr(window), mean, deviation);
@@ -78,7 +79,6 @@ cv::Mat window_pixels(const cv::Mat& bgr, const cv::Rect& window, double sigma) 
     // A window of one colour has no deviation; half a step keeps its pixels.
     deviation[c] = std::max(deviation[c] * sigma, 0.5);
   cv::inRange(bgr(window), mean - deviation, mean + deviation, chosen);
-  return mask;
 }
 
 double FloorProfile::depth_at(double height) const {

@@ -23,7 +23,7 @@ cv::Rect window_in(cv::Size frame, const WindowPlace& place);
 
 /// The pixels of the window; with `sigma` above 0 only those whose every channel lies within that many
 /// standard deviations of the window's mean (paper, figure 5).
-cv::Mat window_pixels(const cv::Mat& bgr, const cv::Rect& window, double sigma);
+void window_pixels(const cv::Mat& bgr, const cv::Rect& window, double sigma, cv::Mat& mask);
 
 /// The floor's depth in metres as a function of the row, equation (18): a * exp(b * height above the bottom
 /// edge), the height as a fraction of the frame's.

@@ -186,8 +186,10 @@ TEST(Window, ShareRuleAndClipping) {
 TEST(Window, PrefilterDropsTheOddPixel) {
   cv::Mat frame(10, 10, CV_8UC3, cv::Scalar(100, 100, 100));
   frame.at<cv::Vec3b>(5, 5) = {100, 100, 200};
-  EXPECT_EQ(cv::countNonZero(window_pixels(frame, {0, 0, 10, 10}, 0)), 100);
-  const cv::Mat kept = window_pixels(frame, {0, 0, 10, 10}, 1);
+  cv::Mat kept;
+  window_pixels(frame, {0, 0, 10, 10}, 0, kept);
+  EXPECT_EQ(cv::countNonZero(kept), 100);
+  window_pixels(frame, {0, 0, 10, 10}, 1, kept);
   EXPECT_EQ(cv::countNonZero(kept), 99);
   EXPECT_EQ(kept.at<std::uint8_t>(5, 5), 0);
 }
@@ -263,7 +265,7 @@ TEST(Scoring, OneDilationAndTwoErosions) {
   mask({3, 3, 6, 6}).setTo(255);
   mask.at<std::uint8_t>(5, 5) = 0; // a hole that the dilation closes
   mask.at<std::uint8_t>(0, 11) = 255;
-  clean_up(mask, 1, 2);
+  CleanUp().smooth(mask, 1, 2);
   // 6x6 grows to 8x8, shrinks to 4x4; the speck in the corner is gone.
   EXPECT_EQ(cv::countNonZero(mask), 16);
   EXPECT_EQ(cv::countNonZero(mask({4, 4, 4, 4})), 16);
@@ -276,7 +278,7 @@ TEST(Scoring, OnlyAreasThatTouchTheTrainingPixelsStay) {
   mask.at<std::uint8_t>(3, 3) = 255; // joined by its corner
   training.at<std::uint8_t>(7, 0) = 255;
   training.at<std::uint8_t>(7, 7) = 255; // not terrain: keeps nothing
-  keep_connected(mask, training);
+  CleanUp().keep_connected(mask, training);
   EXPECT_EQ(cv::countNonZero(mask), 13);
   EXPECT_EQ(mask.at<std::uint8_t>(3, 3), 255);
   EXPECT_EQ(mask.at<std::uint8_t>(1, 6), 0);
