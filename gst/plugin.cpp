@@ -2,6 +2,7 @@
 #include <gst/gst.h>
 
 #include "meta.hpp"
+#include "terrainseg.hpp"
 #include "terrainseg_config.h"
 
 namespace {
@@ -9,8 +10,9 @@ namespace {
 gboolean plugin_init(GstPlugin* plugin) {
   if (!terrainseg::register_metas())
     return FALSE;
-  (void)plugin;
-  return TRUE;
+  gboolean registered = TRUE;
+  registered &= GST_ELEMENT_REGISTER(terrainseg, plugin);
+  return registered;
 }
 
 } // namespace

@@ -5,6 +5,7 @@
 #include <gst/video/video.h>
 
 #include <optional>
+#include <string>
 
 #include "terrainseg/frame.hpp"
 
@@ -27,29 +28,26 @@ Colorimetry colorimetry_of(const GstVideoInfo& info);
 Frame view_of(const GstVideoFrame& frame);
 MutableFrame mutable_view_of(const GstVideoFrame& frame);
 
+/// Why `buffer` does not hold a frame of `info`: shorter than its caps or its GstVideoMeta say, or another
+/// picture altogether. Nothing when it does. Maps nothing, so that it is cheap.
+std::optional<std::string> describe_unusable(const GstVideoInfo& info, GstBuffer* buffer);
+
 /// Maps a frame for as long as it lives.
 class MappedFrame {
  public:
-  MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlags flags) {
-    // NO_REF: the caller holds the buffer, and a second reference would make it unwritable.
-    mapped_ = gst_video_frame_map(
-        &frame_, &info, buffer,
-        static_cast<GstMapFlags>(static_cast<int>(flags) | GST_VIDEO_FRAME_MAP_FLAG_NO_REF));
-  }
-  ~MappedFrame() {
-    if (mapped_)
-      gst_video_frame_unmap(&frame_);
-  }
+  /// Check describe_unusable() before.
+  MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlags flags);
+  ~MappedFrame();
   MappedFrame(const MappedFrame&) = delete;
   MappedFrame& operator=(const MappedFrame&) = delete;
-  /// False when the buffer is shorter than its caps say, or not accessible.
-  explicit operator bool() const { return mapped_; }
+  /// False when the memory is not accessible, or a plane is scattered over several memories.
+  explicit operator bool() const { return usable_; }
   const GstVideoFrame& operator*() const { return frame_; }
   const GstVideoFrame* operator->() const { return &frame_; }
 
  private:
   GstVideoFrame frame_{};
-  bool mapped_ = false;
+  bool mapped_ = false, usable_ = false;
 };
 
 } // namespace terrainseg
