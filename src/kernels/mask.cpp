@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "kernels/mask.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/mask.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h, as Highway demands.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace terrainseg::kernels {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Rows that share one set of 8-bit thresholds; 255 stands for "in no row of these".
+constexpr int slab_rows = 255;
+
+struct Span {
+  int least, most;
+};
+
+Span span_of(const std::uint16_t* curve, int width) {
+  std::uint16_t least = curve[0], most = curve[0];
+  for (int x = 1; x < width; ++x) {
+    least = std::min(least, curve[x]);
+    most = std::max(most, curve[x]);
+  }
+  return {least, most};
+}
+
+void relative(const std::uint16_t* curve, int width, int top, std::uint8_t* out) {
+  for (int x = 0; x < width; ++x)
+    out[x] = static_cast<std::uint8_t>(std::clamp(int{curve[x]} - top, 0, slab_rows));
+}
+
+void write_row(const std::uint8_t* boundary, const std::uint8_t* safe, int row, int width,
+               std::uint8_t* out) {
+  int x = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint8_t, 64> d;
+  const int n = static_cast<int>(hn::Lanes(d));
+  if (width >= n) {
+    const auto here = hn::Set(d, static_cast<std::uint8_t>(row)), zero = hn::Zero(d);
+    const auto doubtful = hn::Set(d, 128);
+    for (;;) {
+      // A threshold is reached where nothing is left of it: x86 compares no unsigned bytes.
+      const auto below = hn::Eq(hn::SaturatedSub(hn::LoadU(d, boundary + x), here), zero);
+      const auto beyond = hn::Eq(hn::SaturatedSub(hn::LoadU(d, safe + x), here), zero);
+      const auto value = hn::Or(hn::IfThenElseZero(below, doubtful), hn::VecFromMask(d, beyond));
+      hn::StoreU(value, d, out + x);
+      if (x + n >= width)
+        return;
+      x = std::min(x + n, width - n);
+    }
+  }
+#endif
+  for (; x < width; ++x)
+    out[x] = row >= safe[x] ? 255 : row >= boundary[x] ? 128 : 0;
+}
+
+void fill(const MutablePlane& mask, int width, int first, int end, int value) {
+  if (end <= first)
+    return;
+  if (mask.stride == width) {
+    std::memset(mask.row(first), value,
+                static_cast<std::size_t>(width) * static_cast<std::size_t>(end - first));
+    return;
+  }
+  for (int y = first; y < end; ++y)
+    std::memset(mask.row(y), value, static_cast<std::size_t>(width));
+}
+
+void write_mask(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
+                const MutablePlane& mask, std::uint8_t* work) {
+  const int top = std::clamp(span_of(boundary, width).least, first, end);
+  const int bottom = std::clamp(span_of(safe, width).most, top, end);
+  fill(mask, width, first, top, 0);
+  std::uint8_t* near = work;
+  std::uint8_t* far = work + width;
+  for (int slab = top; slab < bottom; slab += slab_rows) {
+    relative(boundary, width, slab, near);
+    relative(safe, width, slab, far);
+    for (int y = slab; y < std::min(slab + slab_rows, bottom); ++y)
+      write_row(near, far, y - slab, width, mask.row(y));
+  }
+  fill(mask, width, bottom, end, 255);
+}
+
+} // namespace HWY_NAMESPACE
+} // namespace terrainseg::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace terrainseg::kernels {
+
+HWY_EXPORT(write_mask);
+
+void write_mask_rows(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
+                     const MutablePlane& mask, std::uint8_t* work) {
+  if (width > 0 && first < end)
+    HWY_DYNAMIC_DISPATCH(write_mask)(boundary, safe, width, first, end, mask, work);
+}
+
+} // namespace terrainseg::kernels
+#endif

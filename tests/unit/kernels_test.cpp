@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Every kernel on every target against a direct transcription: the same bits, whatever the length, alignment
+// and content, and no byte touched that is not the row's own. Sizes run over all remainders of the widest
+// vector.
+#include <algorithm>
+#include <array>
+
+#include "kernel_harness.hpp"
+#include "kernels/mask.hpp"
+#include "kernels/reduce.hpp"
+
+namespace {
+
+using namespace terrainseg;
+using namespace terrainseg::kernels;
+using namespace terrainseg::testing;
+
+int reflected(int i, int size) {
+  if (size == 1)
+    return 0;
+  for (;;) {
+    if (i < 0)
+      i = -i;
+    else if (i >= size)
+      i = 2 * (size - 1) - i;
+    else
+      return i;
+  }
+}
+
+// What reduce_pair promises, written down directly: element (x, channel) of the next row.
+struct Expected {
+  std::vector<std::uint16_t> partial, held;
+  std::vector<std::uint8_t> out;
+};
+
+template <typename Bytes>
+Expected reduced(int step, const Bytes& odd, const Bytes& even, int width,
+                 const std::vector<std::uint16_t>& partial, const std::vector<std::uint16_t>& held) {
+  const int written = step == 3 ? 4 : step;
+  Expected e{partial, held, std::vector<std::uint8_t>(partial.size(), 0)};
+  for (int x = 0; x < (width + 1) / 2; ++x)
+    for (int c = 0; c < step; ++c) {
+      constexpr int weight[5] = {1, 4, 6, 4, 1};
+      int o = 0, v = 0;
+      for (int k = 0; k < 5; ++k) {
+        const auto at = static_cast<std::size_t>(reflected(2 * x + k - 2, width) * step + c);
+        o += weight[k] * odd[at];
+        v += weight[k] * even[at];
+      }
+      const auto i = static_cast<std::size_t>(x * written + c);
+      e.out[i] = static_cast<std::uint8_t>((partial[i] + 4 * o + v + 128) / 256);
+      e.partial[i] = static_cast<std::uint16_t>(held[i] + 4 * o + 6 * v);
+      e.held[i] = static_cast<std::uint16_t>(v);
+    }
+  return e;
+}
+
+void check_reduce(int step, int width, Fill how, bool at_end, std::mt19937& random) {
+  const int written = step == 3 ? 4 : step;
+  const std::size_t in = static_cast<std::size_t>(width) * step;
+  const std::size_t size = static_cast<std::size_t>((width + 1) / 2) * written;
+  const Guarded<std::uint8_t> odd(in, at_end), even(in, at_end), out(size, at_end);
+  const Guarded<std::uint16_t> partial(size, at_end), held(size, at_end);
+  std::vector<std::uint16_t> old_partial(size), old_held(size);
+  fill(odd, how, random);
+  fill(even, how, random);
+  for (std::size_t i = 0; i < size; ++i) {
+    if (written > step && i % 4 == 3)
+      continue; // the fourth byte of three is no sample
+    old_held[i] = how == Fill::full ? 4080 : random() % 4081;
+    old_partial[i] = how == Fill::full ? 44880 : random() % 44881;
+  }
+  std::copy(old_partial.begin(), old_partial.end(), partial.begin());
+  std::copy(old_held.begin(), old_held.end(), held.begin());
+  const Expected e = reduced(step, odd, even, width, old_partial, old_held);
+  reduce_pair(static_cast<Interleave>(step), odd.data(), even.data(), width, {partial.data(), held.data()},
+              out.data());
+  for (std::size_t i = 0; i < size; ++i) {
+    ASSERT_EQ(out[i], e.out[i]) << "step " << step << " width " << width << " at " << i;
+    ASSERT_EQ(partial[i], e.partial[i]) << "step " << step << " width " << width << " at " << i;
+    ASSERT_EQ(held[i], e.held[i]) << "step " << step << " width " << width << " at " << i;
+  }
+}
+
+TEST(Kernels, ReducePair) {
+  on_every_target([] {
+    std::mt19937 random(1);
+    for (int step = 1; step <= 4; ++step)
+      for (int width = 1; width <= 300; ++width)
+        for (const bool at_end : {false, true}) {
+          check_reduce(step, width, all_fills[width % 5], at_end, random);
+          if (::testing::Test::HasFatalFailure())
+            return;
+        }
+    for (const Fill how : all_fills)
+      for (int step = 1; step <= 4; ++step)
+        check_reduce(step, 1920 + step, how, true, random);
+  });
+}
+
+TEST(Kernels, ReducePairVertically) {
+  on_every_target([] {
+    std::mt19937 random(2);
+    for (int bytes = 1; bytes <= 300; ++bytes)
+      for (const bool at_end : {false, true}) {
+        const auto size = static_cast<std::size_t>(bytes);
+        const Guarded<std::uint8_t> odd(size, at_end), even(size, at_end), out(size, at_end);
+        const Guarded<std::uint16_t> partial(size, at_end), held(size, at_end);
+        fill(odd, all_fills[bytes % 5], random);
+        fill(even, all_fills[bytes % 5], random);
+        std::vector<std::uint16_t> p(size), h(size);
+        for (std::size_t i = 0; i < size; ++i) {
+          partial[i] = p[i] = static_cast<std::uint16_t>(random() % (11 * 255 + 1));
+          held[i] = h[i] = static_cast<std::uint16_t>(random() % 256);
+        }
+        reduce_pair_vertically(odd.data(), even.data(), bytes, {partial.data(), held.data()}, out.data());
+        for (std::size_t i = 0; i < size; ++i) {
+          ASSERT_EQ(out[i], (p[i] + 4 * odd[i] + even[i] + 8) / 16) << bytes << " at " << i;
+          ASSERT_EQ(partial[i], h[i] + 4 * odd[i] + 6 * even[i]);
+          ASSERT_EQ(held[i], even[i]);
+        }
+      }
+  });
+}
+
+TEST(Kernels, Split422) {
+  on_every_target([] {
+    std::mt19937 random(3);
+    for (int width = 1; width <= 300; ++width)
+      for (const bool at_end : {false, true})
+        for (const bool luma_first : {false, true}) {
+          const std::size_t bytes = static_cast<std::size_t>((width + 1) / 2) * 2;
+          const Guarded<std::uint8_t> row(2 * bytes, at_end), luma(bytes, at_end), chroma(bytes, at_end);
+          fill(row, Fill::noise, random);
+          split_422(row.data(), width, luma_first, luma.data(), chroma.data());
+          for (std::size_t i = 0; i < bytes; ++i) {
+            ASSERT_EQ(luma[i], row[2 * i + (luma_first ? 0 : 1)]) << width << " at " << i;
+            ASSERT_EQ(chroma[i], row[2 * i + (luma_first ? 1 : 0)]) << width << " at " << i;
+          }
+        }
+  });
+}
+
+TEST(Kernels, Pick) {
+  on_every_target([] {
+    std::mt19937 random(4);
+    for (int count = 1; count <= 200; ++count)
+      for (const int step : {2, 4})
+        for (int offset = 0; offset < step; ++offset) {
+          const Guarded<std::uint8_t> row(static_cast<std::size_t>(count * step), true);
+          const Guarded<std::uint8_t> out(static_cast<std::size_t>(count), true);
+          fill(row, Fill::noise, random);
+          pick(row.data(), offset, step, count, out.data());
+          for (int i = 0; i < count; ++i)
+            ASSERT_EQ(out[i], row[i * step + offset]);
+        }
+  });
+}
+
+void check_mask(int width, int height, int stride, int spread, std::mt19937& random) {
+  std::vector<std::uint16_t> boundary(width), safe(width);
+  const int base = static_cast<int>(random() % static_cast<unsigned>(height + 1));
+  for (int x = 0; x < width; ++x) {
+    boundary[x] = static_cast<std::uint16_t>(std::min(height, base + static_cast<int>(random() % spread)));
+    safe[x] = static_cast<std::uint16_t>(std::min(65535, boundary[x] + static_cast<int>(random() % spread)));
+  }
+  const Guarded<std::uint8_t> mask(static_cast<std::size_t>(stride) * (height - 1) + width, true);
+  const Guarded<std::uint8_t> work(2 * static_cast<std::size_t>(width), true);
+  std::fill(mask.begin(), mask.end(), 77);
+  const int cut = height / 3;
+  for (const auto& [first, end] : {std::pair{0, cut}, {cut, height}})
+    write_mask_rows(boundary.data(), safe.data(), width, first, end, {mask.data(), stride}, work.data());
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < stride; ++x) {
+      if (y == height - 1 && x >= width)
+        break;
+      const int expected = x >= width ? 77 : y < boundary[x] ? 0 : y < safe[x] ? 128 : 255;
+      ASSERT_EQ(mask[static_cast<std::size_t>(y) * stride + x], expected)
+          << width << "x" << height << " at " << x << "," << y;
+    }
+}
+
+TEST(Kernels, WriteMaskRows) {
+  on_every_target([] {
+    std::mt19937 random(5);
+    for (int width = 1; width <= 200; ++width)
+      check_mask(width, 1 + static_cast<int>(random() % 40), width + width % 3, 1 + width % 17, random);
+    for (const int spread : {1, 2, 250, 600, 1500})
+      check_mask(131, 1100, 131, spread, random);
+  });
+}
+
+} // namespace

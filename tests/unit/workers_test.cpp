@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "workers.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+namespace {
+
+using terrainseg::Workers;
+
+TEST(Workers, EveryTaskRunsOnceForAnyCount) {
+  for (const int threads : {1, 2, 3, 16}) {
+    Workers workers(threads);
+    EXPECT_EQ(workers.count(), threads);
+    for (int tasks = 0; tasks <= 40; ++tasks) {
+      std::array<std::atomic<int>, 40> ran{};
+      workers.run(tasks, [&](int task) { ++ran[static_cast<std::size_t>(task)]; });
+      for (int i = 0; i < 40; ++i)
+        ASSERT_EQ(ran[static_cast<std::size_t>(i)], i < tasks ? 1 : 0) << threads << " threads, task " << i;
+    }
+  }
+}
+
+TEST(Workers, WhatTasksWroteIsSeenAfterwards) {
+  Workers workers(4);
+  std::array<std::uint64_t, 8> sums{}; // not atomic: run() itself must order the writes
+  for (std::uint64_t round = 1; round <= 2000; ++round) {
+    workers.run(8, [&](int task) { sums[static_cast<std::size_t>(task)] += round; });
+    for (const std::uint64_t s : sums)
+      ASSERT_EQ(s, round * (round + 1) / 2);
+  }
+}
+
+TEST(Workers, ZeroMeansTheProcessorsThereAre) {
+  const Workers workers(0);
+  EXPECT_GE(workers.count(), 1);
+  EXPECT_LE(workers.count(), 8);
+}
+
+TEST(Workers, ManyCanLiveAtOnceAndEndUnused) {
+  std::array<Workers, 3> workers;
+  Workers a(3), b(2);
+  std::atomic<int> n{0};
+  a.run(5, [&](int) { ++n; });
+  EXPECT_EQ(n, 5);
+}
+
+} // namespace
