@@ -37,7 +37,8 @@ inline const std::uint8_t* run_end(const std::uint8_t* from, const std::uint8_t*
   return p;
 }
 
-/// Calls take(value, length) for each run of equal bytes in raster order; a run goes on over row ends.
+/// Calls take(value, length) for each run of equal bytes in raster order; a run goes on over row ends. Stops
+/// when take returns false.
 template <class Take> void for_each_run(const GrayView& view, Take take) {
   if (view.empty())
     return;
@@ -49,7 +50,8 @@ template <class Take> void for_each_run(const GrayView& view, Take take) {
     while (p < end) {
       const std::uint8_t* const next = run_end(p, end);
       if (*p != value) {
-        take(value, length);
+        if (!take(value, length))
+          return;
         value = *p;
         length = 0;
       }

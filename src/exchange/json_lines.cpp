@@ -105,6 +105,7 @@ void put_runs(std::string& out, const GrayView& mask) {
     out += ',';
     put(out, length);
     out += ',';
+    return true;
   });
   if (out.size() > before)
     out.pop_back();

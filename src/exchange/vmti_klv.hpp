@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// An estimate as one KLV unit and back: a MISB ST 0903 VMTI Local Set that any VMTI decoder reads (the mask
+// as run lengths, the horizon as a target), and beside it a private Local Set with the rest, so that decode()
+// gives what encode() got. The layout is docs/klv.md.
+//
+// Integers only, no GStreamer. Numbers on the wire are big-endian, as everywhere in MISB.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "terrainseg/estimate.hpp"
+
+namespace terrainseg {
+
+/// A unit never has more bytes: mpegtsmux drops KLV above 65532 bytes with no more than a warning.
+inline constexpr std::size_t klv_unit_limit = 60000;
+/// Masks with more pixels are neither sent at full size nor accepted: 8192 x 8192.
+inline constexpr std::int64_t klv_mask_limit = std::int64_t{1} << 26;
+
+inline constexpr std::array<std::uint8_t, 16> vmti_label = {0x06, 0x0e, 0x2b, 0x34, 0x02, 0x0b, 0x01, 0x01,
+                                                            0x0e, 0x01, 0x03, 0x03, 0x06, 0x00, 0x00, 0x00};
+/// SMPTE's class 15 (experimental), then "TRNSEG" and 1.
+inline constexpr std::array<std::uint8_t, 16> terrain_label = {
+    0x06, 0x0e, 0x2b, 0x34, 0x02, 0x0b, 0x01, 0x01, 0x0f, 'T', 'R', 'N', 'S', 'E', 'G', 0x01};
+inline constexpr std::uint8_t terrain_set_version = 1;
+
+/// Makes units. Keeps its buffers: once it has seen the largest frame it allocates nothing.
+class KlvEncoder {
+ public:
+  /// The unit, valid until the next call; empty when the estimate has no mask. `time_us` is the precision
+  /// time stamp, microseconds. A mask whose runs do not fit is halved until they do, as is the boundary: a
+  /// pixel of the smaller mask has the least of its four values, a column the nearer of its two rows, so that
+  /// halving never adds free space.
+  std::span<const std::uint8_t> encode(const Estimate& estimate, std::uint64_t time_us);
+
+ private:
+  bool halve(GrayView& mask, std::span<const std::uint16_t>& boundary);
+  bool write(const Estimate& estimate, const GrayView& mask, std::span<const std::uint16_t> boundary,
+             std::uint64_t time_us);
+
+  void put_terrain_set(const Estimate& estimate, std::span<const std::uint16_t> boundary);
+
+  std::vector<std::uint8_t> unit_, set_, traversable_, doubtful_, extra_;
+  std::array<std::vector<std::uint8_t>, 2> halved_masks_;
+  std::array<std::vector<std::uint16_t>, 2> halved_boundaries_;
+  unsigned halvings_ = 0;
+};
+
+enum class KlvVerdict : std::uint8_t {
+  ok,
+  foreign, ///< whole, but not made by terrainseg, or by a newer one
+  damaged, ///< lengths, checksums or values that no encoder writes
+};
+
+/// A decoded unit. Keeps its buffers when it is decoded into again.
+class KlvUnit {
+ public:
+  /// Reads a unit. On anything but ok the content is unspecified and error() says why. Safe on hostile bytes:
+  /// every length is checked, time and memory are linear in the number of bytes.
+  KlvVerdict decode(std::span<const std::uint8_t> bytes);
+  const std::string& error() const { return error_; }
+
+  /// All but the mask's pixels (mask.plane.data is null, mask.width and height are set); the boundary is a
+  /// view into this unit.
+  const Estimate& estimate() const { return estimate_; }
+  std::uint64_t time_us() const { return time_us_; }
+  /// Size of the mask before the sender halved it.
+  int sender_mask_width() const { return sender_width_; }
+  int sender_mask_height() const { return sender_height_; }
+
+  /// Draws the mask: estimate().mask.height rows of estimate().mask.width bytes.
+  void draw_mask(const MutablePlane& target) const;
+
+ private:
+  struct Run {
+    std::uint32_t start, length;
+    std::uint8_t value;
+  };
+  KlvVerdict refuse(KlvVerdict verdict, std::string why);
+  KlvVerdict read_vmti(std::span<const std::uint8_t> set, std::span<const std::uint8_t>& terrain);
+  KlvVerdict read_targets();
+  KlvVerdict read_target(std::span<const std::uint8_t> pack);
+  KlvVerdict read_runs(std::span<const std::uint8_t> series, std::uint8_t value);
+  KlvVerdict read_terrain_set(std::span<const std::uint8_t> set);
+
+  std::string error_;
+  Estimate estimate_;
+  std::vector<std::uint16_t> boundary_;
+  std::vector<Run> runs_;
+  std::uint64_t time_us_ = 0;
+  int sender_width_ = 0, sender_height_ = 0;
+  std::uint64_t grid_width_ = 0, grid_height_ = 0;
+  std::span<const std::uint8_t> targets_; ///< into the bytes that decode() reads; not used after it
+  std::uint32_t seen_targets_ = 0;
+};
+
+} // namespace terrainseg
