@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "terrainseg/frame.hpp"
 
+#include <cstdlib>
+
+#include "frame_check.hpp"
+
 namespace terrainseg {
 namespace {
 
@@ -50,6 +54,25 @@ constexpr std::array<FormatLayout, pixel_format_count> layouts = {{
 
 const FormatLayout& layout_of(PixelFormat format) {
   return layouts[static_cast<std::size_t>(format)];
+}
+
+std::string flaw_of(const Frame& frame) {
+  constexpr int most = 32767;
+  if (static_cast<int>(frame.format) >= pixel_format_count)
+    return "the pixel format is not one of those that are read";
+  if (frame.width < 1 || frame.height < 1 || frame.width > most || frame.height > most)
+    return "a frame of " + std::to_string(frame.width) + "x" + std::to_string(frame.height) +
+           " pixels: each side must be 1.." + std::to_string(most);
+  for (const ComponentLayout& part : layout_of(frame.format).components) {
+    const Plane& plane = frame.planes[part.plane];
+    if (!plane.data)
+      return "plane " + std::to_string(part.plane) + " of the frame has no data";
+    const std::ptrdiff_t row = part.offset + (subsampled(frame.width, part.x_shift) - 1) * part.step + 1;
+    if (std::abs(plane.stride) < row && subsampled(frame.height, part.y_shift) > 1)
+      return "plane " + std::to_string(part.plane) + " has a stride of " + std::to_string(plane.stride) +
+             " bytes, a row needs " + std::to_string(row);
+  }
+  return {};
 }
 
 } // namespace terrainseg

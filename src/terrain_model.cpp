@@ -91,4 +91,10 @@ int heaviest(std::span<const TerrainModel> learned) {
   return index;
 }
 
+void resize_mixture(std::vector<TerrainModel>& learned, int slots) {
+  while (learned.size() > static_cast<std::size_t>(slots))
+    learned.erase(learned.begin() + slot_to_replace(learned));
+  learned.resize(static_cast<std::size_t>(slots));
+}
+
 } // namespace terrainseg

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "terrainseg/terrain.hpp"
 
@@ -38,5 +39,8 @@ void learn(std::span<TerrainModel> learned, std::span<const TerrainModel> traini
 
 /// Index of the heaviest model, or -1 while all are null.
 int heaviest(std::span<const TerrainModel> learned);
+
+/// Gives the mixture `slots` slots: null ones are added, or the lightest models are dropped.
+void resize_mixture(std::vector<TerrainModel>& learned, int slots);
 
 } // namespace terrainseg

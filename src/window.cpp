@@ -132,6 +132,9 @@ void prefilter(const Grid& grid, std::span<const Cell> cells, const Moments& mom
                const PrefilterRule& rule, Prefiltered& kept) {
   kept.cells.clear();
   kept.distances.clear();
+  kept.cells.reserve(cells.size());
+  kept.distances.reserve(cells.size());
+  kept.ranks.reserve(cells.size());
   std::uint64_t limit = static_cast<std::uint64_t>(rule.sigma_q8) * rule.sigma_q8;
   std::size_t within = 0;
   for (const Cell& cell : cells) {

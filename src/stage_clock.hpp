@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Time by stage.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+
+#include "terrainseg/segmenter.hpp"
+
+namespace terrainseg {
+
+/// Adds up the nanoseconds between laps. The times start at zero.
+class StageClock {
+ public:
+  explicit StageClock(std::array<std::int64_t, stage_count>& times) : times_(times) { times_.fill(0); }
+  /// What passed since the last lap belongs to `stage`.
+  void lap(Stage stage) {
+    const auto now = std::chrono::steady_clock::now();
+    times_[static_cast<std::size_t>(stage)] +=
+        std::chrono::duration_cast<std::chrono::nanoseconds>(now - last_).count();
+    last_ = now;
+  }
+
+ private:
+  std::array<std::int64_t, stage_count>& times_;
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+} // namespace terrainseg
