@@ -2,6 +2,7 @@
 #include <gst/gst.h>
 
 #include "meta.hpp"
+#include "terrainextract.hpp"
 #include "terrainseg.hpp"
 #include "terrainseg_config.h"
 
@@ -12,6 +13,7 @@ gboolean plugin_init(GstPlugin* plugin) {
     return FALSE;
   gboolean registered = TRUE;
   registered &= GST_ELEMENT_REGISTER(terrainseg, plugin);
+  registered &= GST_ELEMENT_REGISTER(terrainextract, plugin);
   return registered;
 }
 
