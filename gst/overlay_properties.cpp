@@ -13,6 +13,9 @@ constexpr auto live = static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATI
 
 GType overlay_style_get_type() {
   static const GType type = [] {
+    // Two plugins hold this code; the type is one.
+    if (const GType known = g_type_from_name("GstTerrainSegOverlayStyle"))
+      return known;
     static const GEnumValue values[] = {
         {static_cast<int>(OverlayStyle::tint), "Traversable ground is blended with the colour", "tint"},
         {static_cast<int>(OverlayStyle::contour), "The edge of the traversable ground is drawn", "contour"},

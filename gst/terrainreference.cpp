@@ -3,10 +3,13 @@
 
 #include <gst/video/video.h>
 
+#include <algorithm>
 #include <exception>
 #include <memory>
+#include <stdexcept>
 #include <vector>
 
+#include "buffer_pool.hpp"
 #include "estimate_meta.hpp"
 #include "overlay_properties.hpp"
 #include "reference/reference_engine.hpp"
@@ -28,11 +31,6 @@ using reference::ReferenceSettings;
 struct ConverterFree {
   void operator()(GstVideoConverter* converter) const { gst_video_converter_free(converter); }
 };
-struct BufferUnrefReference {
-  void operator()(GstBuffer* buffer) const { gst_buffer_unref(buffer); }
-};
-using HeldBuffer = std::unique_ptr<GstBuffer, BufferUnrefReference>;
-
 struct ElementSettings {
   ReferenceSettings engine;
   bool near_clear = true;
@@ -42,23 +40,25 @@ struct ElementSettings {
 
 } // namespace
 
-/// Everything behind the instance. "object lock": the GstObject's, held for copies only. "streaming": touched by
-/// the streaming thread alone, or while there is none.
+/// Everything behind the instance. "object lock": the GstObject's, held for copies only. "streaming": touched
+/// by the streaming thread alone, or while there is none.
 struct ReferenceState {
-  ElementSettings settings;     // object lock
-  bool reset_wanted = false;    // object lock
+  ElementSettings settings;  // object lock
+  bool reset_wanted = false; // object lock
 
-  std::unique_ptr<ReferenceEngine> engine;                    // streaming
-  GstVideoInfo info;                                          // streaming
-  std::unique_ptr<GstVideoConverter, ConverterFree> to_bgr;   // streaming
-  GstVideoInfo bgr_info;                                      // streaming
-  HeldBuffer bgr;                                             // streaming; the frame as B G R
-  TrainingReader training;                                    // streaming
-  cv::Mat training_mask, training_scaled;                     // streaming
-  std::vector<std::uint16_t> boundary;                        // streaming
-  std::uint64_t frame = 0;                                    // streaming
-  std::uint32_t generation = 0;                               // streaming
-  bool warned_training = false;                               // streaming
+  std::unique_ptr<ReferenceEngine> engine;                  // streaming
+  GstVideoInfo info;                                        // streaming
+  std::unique_ptr<GstVideoConverter, ConverterFree> to_bgr; // streaming
+  GstVideoInfo bgr_info;                                    // streaming
+  OwnedBuffer bgr;                                          // streaming; the frame as B G R
+  TrainingReader training;                                  // streaming
+  cv::Mat training_mask, training_scaled;                   // streaming
+  std::vector<std::uint16_t> boundary;                      // streaming
+  MaskPool masks;                                           // streaming
+  SmallPool boundaries;                                     // streaming
+  std::uint64_t frame = 0;                                  // streaming
+  std::uint32_t generation = 0;                             // streaming
+  bool warned_training = false;                             // streaming
 };
 
 } // namespace terrainseg
@@ -269,8 +269,8 @@ void install_properties(GObjectClass* object_class) {
   constexpr auto live = static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS |
                                                  GST_PARAM_CONTROLLABLE | GST_PARAM_MUTABLE_PLAYING);
   const ReferenceSettings d;
-  const auto whole = [&](Property id, const char* name, const char* nick, const char* blurb, int low, int high,
-                         int value) {
+  const auto whole = [&](Property id, const char* name, const char* nick, const char* blurb, int low,
+                         int high, int value) {
     g_object_class_install_property(object_class, id,
                                     g_param_spec_int(name, nick, blurb, low, high, value, live));
   };
@@ -283,17 +283,18 @@ void install_properties(GObjectClass* object_class) {
     g_object_class_install_property(object_class, id, g_param_spec_boolean(name, nick, blurb, value, live));
   };
   constexpr int side = 32767;
-  whole(property_window_width, "window-width", "Window width",
-        "Width of the training window in pixels; 0 = the largest power of two not above a fifth of the frame's", 0,
-        side, d.window.width);
+  whole(
+      property_window_width, "window-width", "Window width",
+      "Width of the training window in pixels; 0 = the largest power of two not above a fifth of the frame's",
+      0, side, d.window.width);
   whole(property_window_height, "window-height", "Window height",
         "Height of the training window in pixels; 0 = half the width of the rule for window-width", 0, side,
         d.window.height);
   whole(property_window_bottom, "window-bottom", "Window bottom",
-        "Rows between the training window and the bottom edge, in pixels: lifts it off a bonnet in view", 0, side,
-        d.window.bottom);
-  whole(property_window_x, "window-x", "Window x",
-        "Left edge of the training window in pixels; -1 = centred", -1, side, d.window.x);
+        "Rows between the training window and the bottom edge, in pixels: lifts it off a bonnet in view", 0,
+        side, d.window.bottom);
+  whole(property_window_x, "window-x", "Window x", "Left edge of the training window in pixels; -1 = centred",
+        -1, side, d.window.x);
   real(property_window_sigma, "window-sigma", "Window sigma",
        "Keeps the window's pixels within this many standard deviations of its mean; 0 = all of them", 0, 4,
        d.window_sigma);
@@ -304,8 +305,8 @@ void install_properties(GObjectClass* object_class) {
         "Gaussians that remember the terrain (n); must be above training-models", 1, max_models,
         d.learned_models);
   real(property_match_threshold, "match-threshold", "Match threshold",
-       "Squared distance, in units of the summed covariances, up to which a cluster updates a learned model", 0,
-       16, d.match_threshold);
+       "Squared distance, in units of the summed covariances, up to which a cluster updates a learned model",
+       0, 16, d.match_threshold);
   whole(property_mass_cap, "mass-cap", "Mass cap",
         "Limit of a model's mass, in frames of training pixels: a smaller one forgets faster", 1, 1 << 20,
         static_cast<int>(d.mass_cap));
@@ -314,19 +315,20 @@ void install_properties(GObjectClass* object_class) {
   real(property_threshold, "threshold", "Threshold",
        "Mahalanobis distance in standard deviations up to which a pixel is terrain", 0, 16, d.threshold);
   real(property_variance_floor, "variance-floor", "Variance floor",
-       "Added to every model's variances, in squared 8-bit steps: keeps a model of one colour invertible", 1e-3,
-       1e4, d.variance_floor);
-  whole(property_dilations, "dilations", "Dilations", "Dilations of the mask by a square of 3x3 pixels", 0, 16,
-        d.dilations);
+       "Added to every model's variances, in squared 8-bit steps: keeps a model of one colour invertible",
+       1e-3, 1e4, d.variance_floor);
+  whole(property_dilations, "dilations", "Dilations", "Dilations of the mask by a square of 3x3 pixels", 0,
+        16, d.dilations);
   whole(property_erosions, "erosions", "Erosions",
         "Erosions of the mask by a square of 3x3 pixels, after the dilations", 0, 16, d.erosions);
   flag(property_connected, "connected", "Connected",
        "Keeps only terrain that is connected to the training pixels", d.connected);
-  g_object_class_install_property(object_class, property_seed,
-                                  g_param_spec_uint("seed", "Seed",
-                                                    "Seed of the random cluster centres: the same seed, the same masks",
-                                                    0, G_MAXUINT32, d.seed, live));
-  flag(property_learning, "learning", "Learning", "false: frames are labelled, nothing is learned", d.learning);
+  g_object_class_install_property(
+      object_class, property_seed,
+      g_param_spec_uint("seed", "Seed", "Seed of the random cluster centres: the same seed, the same masks",
+                        0, G_MAXUINT32, d.seed, live));
+  flag(property_learning, "learning", "Learning", "false: frames are labelled, nothing is learned",
+       d.learning);
   flag(property_near_clear, "near-clear", "Near clear",
        "The proximity sensor: false = the window may hold an obstacle, nothing is learned", true);
   flag(property_overlay, "overlay", "Overlay", "Draws what was found onto the frame", false);
@@ -360,6 +362,8 @@ gboolean stop(GstBaseTransform* transform) {
   s.engine.reset();
   s.to_bgr.reset();
   s.bgr.reset();
+  s.masks.drop();
+  s.boundaries.drop();
   return TRUE;
 }
 
@@ -368,22 +372,25 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
     ReferenceState& s = state_of(transform);
     if (!gst_video_info_from_caps(&s.info, caps)) {
       GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("The video format cannot be understood."),
-                        ("caps %" GST_PTR_FORMAT, caps));
+                        ("caps %" GST_PTR_FORMAT, static_cast<void*>(caps)));
       return FALSE;
     }
     if (GST_VIDEO_INFO_IS_INTERLACED(&s.info)) {
-      GST_ELEMENT_ERROR(transform, STREAM, WRONG_TYPE,
-                        ("terrainreference takes progressive video only: put \"deinterlace\" in front of it."),
-                        ("caps %" GST_PTR_FORMAT, caps));
+      GST_ELEMENT_ERROR(
+          transform, STREAM, WRONG_TYPE,
+          ("terrainreference takes progressive video only: put \"deinterlace\" in front of it."),
+          ("caps %" GST_PTR_FORMAT, static_cast<void*>(caps)));
       return FALSE;
     }
     gst_video_info_set_format(&s.bgr_info, GST_VIDEO_FORMAT_BGR, static_cast<guint>(s.info.width),
                               static_cast<guint>(s.info.height));
+    s.bgr_info.fps_n = s.info.fps_n; // the converter refuses to change the rate
+    s.bgr_info.fps_d = s.info.fps_d;
     s.to_bgr.reset(gst_video_converter_new(&s.info, &s.bgr_info, nullptr));
     s.bgr.reset(gst_buffer_new_allocate(nullptr, s.bgr_info.size, nullptr));
     if (!s.to_bgr || !s.bgr) {
       GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("The video cannot be converted to BGR."),
-                        ("caps %" GST_PTR_FORMAT, caps));
+                        ("caps %" GST_PTR_FORMAT, static_cast<void*>(caps)));
       return FALSE;
     }
     return TRUE;
@@ -432,58 +439,52 @@ const cv::Mat& training_pixels(gpointer object, GstBuffer* buffer) {
   return s.training_mask;
 }
 
-/// The engine's answer to a frame; nullptr, with an error posted, when the buffer cannot be read.
-const ReferenceResult* look(gpointer object, GstBuffer* buffer) {
+const ReferenceResult& look(gpointer object, GstBuffer* buffer, const GstVideoFrame& frame) {
   ReferenceState& s = state_of(object);
-  GstVideoFrame from, to;
-  if (!gst_video_frame_map(&from, &s.info, buffer,
-                           static_cast<GstMapFlags>(static_cast<int>(GST_MAP_READ) |
-                                                    GST_VIDEO_FRAME_MAP_FLAG_NO_REF))) {
-    GST_ELEMENT_ERROR(object, STREAM, FORMAT, ("A buffer is shorter than its caps say."),
-                      ("%" G_GSIZE_FORMAT " bytes, expected %" G_GSIZE_FORMAT, gst_buffer_get_size(buffer),
-                       s.info.size));
-    return nullptr;
-  }
-  gst_video_frame_map(&to, &s.bgr_info, s.bgr.get(), GST_MAP_READWRITE);
-  gst_video_converter_frame(s.to_bgr.get(), &from, &to);
-  gst_video_frame_unmap(&from);
-  const cv::Mat bgr(s.info.height, s.info.width, CV_8UC3, GST_VIDEO_FRAME_PLANE_DATA(&to, 0),
-                    static_cast<std::size_t>(GST_VIDEO_FRAME_PLANE_STRIDE(&to, 0)));
-  struct Unmap {
-    GstVideoFrame* frame;
-    ~Unmap() { gst_video_frame_unmap(frame); }
-  } unmap{&to};
-  return &s.engine->process(bgr, training_pixels(object, buffer));
+  const MappedFrame bgr(s.bgr_info, s.bgr.get(), GST_MAP_READWRITE);
+  GstVideoFrame target = *bgr; // the converter wants a frame of its own to note its state in
+  gst_video_converter_frame(s.to_bgr.get(), &frame, &target);
+  const cv::Mat picture(s.info.height, s.info.width, CV_8UC3, GST_VIDEO_FRAME_PLANE_DATA(&*bgr, 0),
+                        static_cast<std::size_t>(GST_VIDEO_FRAME_PLANE_STRIDE(&*bgr, 0)));
+  return s.engine->process(picture, training_pixels(object, buffer));
 }
 
-bool attach_estimate(gpointer object, GstBuffer* buffer, const Estimate& estimate) {
-  const HeldBuffer mask(new_mask_buffer(estimate.mask.width, estimate.mask.height));
-  const HeldBuffer boundary(new_boundary_buffer(estimate.boundary));
+struct Buffers {
+  OwnedBuffer mask, boundary;
+};
+
+/// Mask and boundary in buffers that can travel; empty when there is no memory.
+Buffers buffers_of(ReferenceState& s, const Estimate& estimate) {
+  const GrayView& mask = estimate.mask;
+  Buffers made{s.masks.acquire(mask.width, mask.height), s.boundaries.acquire(2 * estimate.boundary.size())};
   GstMapInfo map;
-  if (!mask || !boundary || !gst_buffer_map(mask.get(), &map, GST_MAP_WRITE)) {
-    GST_ELEMENT_ERROR(object, RESOURCE, NO_SPACE_LEFT, ("There is no memory for a mask."), (nullptr));
-    return false;
-  }
-  for (int y = 0; y < estimate.mask.height; ++y)
-    std::copy_n(estimate.mask.plane.row(y), estimate.mask.width,
-                map.data + static_cast<std::size_t>(y) * static_cast<std::size_t>(estimate.mask.width));
-  gst_buffer_unmap(mask.get(), &map);
-  return attach(buffer, estimate, mask.get(), boundary.get());
+  if (!made.mask || !made.boundary || !gst_buffer_map(made.mask.get(), &map, GST_MAP_WRITE))
+    return {};
+  for (int y = 0; y < mask.height; ++y)
+    std::copy_n(mask.plane.row(y), mask.width,
+                map.data + static_cast<std::size_t>(y) * static_cast<std::size_t>(mask.width));
+  gst_buffer_unmap(made.mask.get(), &map);
+  if (!gst_buffer_map(made.boundary.get(), &map, GST_MAP_WRITE))
+    return {};
+  for (std::size_t x = 0; x < estimate.boundary.size(); ++x)
+    GST_WRITE_UINT16_LE(map.data + 2 * x, estimate.boundary[x]);
+  gst_buffer_unmap(made.boundary.get(), &map);
+  return made;
 }
 
-/// Draws onto the frame; this alone needs writable memory.
-bool draw(gpointer object, GstBuffer* buffer, const Estimate& estimate, const PaintStyle& style) {
-  ReferenceState& s = state_of(object);
-  GstVideoFrame frame;
-  if (!gst_video_frame_map(&frame, &s.info, buffer,
-                           static_cast<GstMapFlags>(static_cast<int>(GST_MAP_READWRITE) |
-                                                    GST_VIDEO_FRAME_MAP_FLAG_NO_REF))) {
-    GST_ELEMENT_ERROR(object, STREAM, FORMAT, ("The frame cannot be drawn on."), ("it cannot be mapped writable"));
-    return false;
+/// Takes the settings and forgets what a new stream must not know.
+void prepare(gpointer object, ReferenceState& s, ElementSettings& settings) {
+  GST_OBJECT_LOCK(object);
+  settings = s.settings;
+  const bool reset = s.reset_wanted;
+  s.reset_wanted = false;
+  GST_OBJECT_UNLOCK(object);
+  if (reset) {
+    s.engine->reset();
+    s.generation = 0;
   }
-  paint(mutable_view_of(frame), estimate, style);
-  gst_video_frame_unmap(&frame);
-  return true;
+  settings.engine.learning &= settings.near_clear;
+  s.engine->configure(settings.engine);
 }
 
 void before_transform(GstBaseTransform* transform, GstBuffer* buffer) {
@@ -496,31 +497,39 @@ void before_transform(GstBaseTransform* transform, GstBuffer* buffer) {
 GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
   if (GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_GAP))
     return GST_FLOW_OK;
-  return guarded<GstFlowReturn>(transform, GST_FLOW_ERROR, [&] {
+  return guarded(transform, GST_FLOW_ERROR, [&] {
     ReferenceState& s = state_of(transform);
-    GST_OBJECT_LOCK(transform);
-    ElementSettings settings = s.settings;
-    const bool reset = s.reset_wanted;
-    s.reset_wanted = false;
-    GST_OBJECT_UNLOCK(transform);
-    if (reset) {
-      s.engine->reset();
-      s.generation = 0;
+    ElementSettings settings;
+    prepare(transform, s, settings);
+    if (const auto wrong = describe_unusable(s.info, buffer)) {
+      GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("A buffer does not hold a frame: %s.", wrong->c_str()),
+                        ("%s", wrong->c_str()));
+      return GST_FLOW_ERROR;
     }
-    settings.engine.learning &= settings.near_clear;
-    s.engine->configure(settings.engine);
-    const ReferenceResult* result = look(transform, buffer);
-    if (!result)
-      return GST_FLOW_ERROR;
-    s.generation += result->learned;
-    Estimate estimate =
-        reference::describe(*result, s.frame++, s.generation, Settings{}.blocked_below, s.boundary);
-    if (!settings.engine.learning)
-      estimate.flags |= flag_frozen;
-    if (!attach_estimate(transform, buffer, estimate))
-      return GST_FLOW_ERROR;
-    if (settings.overlay && !draw(transform, buffer, estimate, settings.overlay_settings.paint()))
-      return GST_FLOW_ERROR;
+    Estimate estimate;
+    Buffers buffers;
+    {
+      const MappedFrame frame(s.info, buffer, settings.overlay ? GST_MAP_READWRITE : GST_MAP_READ);
+      if (!frame) {
+        GST_ELEMENT_ERROR(transform, RESOURCE, READ, ("A frame's memory cannot be accessed."),
+                          ("it cannot be mapped as one piece a plane"));
+        return GST_FLOW_ERROR;
+      }
+      const ReferenceResult& result = look(transform, buffer, *frame);
+      s.generation += result.learned;
+      estimate = reference::describe(result, s.frame++, s.generation, Settings{}.blocked_below, s.boundary);
+      if (!settings.engine.learning)
+        estimate.flags |= flag_frozen;
+      buffers = buffers_of(s, estimate);
+      if (!buffers.mask) {
+        GST_ELEMENT_ERROR(transform, RESOURCE, NO_SPACE_LEFT, ("There is no memory for a mask."), (nullptr));
+        return GST_FLOW_ERROR;
+      }
+      if (settings.overlay)
+        paint(mutable_view_of(*frame), estimate, settings.overlay_settings.paint());
+    }
+    if (!attach(buffer, estimate, buffers.mask.get(), buffers.boundary.get()))
+      GST_WARNING_OBJECT(transform, "the metadata could not be attached");
     return GST_FLOW_OK;
   });
 }
@@ -555,10 +564,11 @@ static void gst_terrain_reference_class_init(GstTerrainReferenceClass* klass) {
       GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
   gst_element_class_add_static_pad_template(element_class, &sink);
   gst_element_class_add_static_pad_template(element_class, &source);
-  gst_element_class_set_static_metadata(
-      element_class, "Terrain learning, unmodified algorithm", "Filter/Analyzer/Video",
-      "Labels traversable ground as Dahlkamp et al. 2006 did: full resolution, full covariances, floating point",
-      "The terrainseg authors");
+  gst_element_class_set_static_metadata(element_class, "Terrain learning, unmodified algorithm",
+                                        "Filter/Analyzer/Video",
+                                        "Labels traversable ground as Dahlkamp et al. 2006 did: full "
+                                        "resolution, full covariances, floating point",
+                                        "The terrainseg authors");
   transform_class->start = start;
   transform_class->stop = stop;
   transform_class->set_caps = set_caps;

@@ -10,22 +10,31 @@ namespace {
 
 constexpr int one_q8 = 256;
 
-/// Per column, how far up the terrain reaches from `start_row` without a break; the height where it does not
-/// begin.
-void climb(const cv::Mat& mask, int start_row, std::vector<std::uint16_t>& boundary) {
+/// Per column the highest row that is reached from the window: sideways along its rows, then straight up,
+/// over terrain alone; the height where there is none.
+void climb(const cv::Mat& mask, const cv::Rect& window, std::vector<std::uint16_t>& boundary) {
   boundary.assign(static_cast<std::size_t>(mask.cols), static_cast<std::uint16_t>(mask.rows));
-  std::vector<std::uint8_t> open(static_cast<std::size_t>(mask.cols), 1);
-  for (int y = start_row; y >= 0; --y) {
-    const auto* row = mask.ptr<std::uint8_t>(y);
-    bool any = false;
-    for (std::size_t x = 0; x < open.size(); ++x) {
-      open[x] &= static_cast<std::uint8_t>(row[x] == mask_traversable);
-      if (open[x])
-        boundary[x] = static_cast<std::uint16_t>(y);
-      any |= open[x] != 0;
-    }
-    if (!any)
-      return;
+  const auto terrain = [&](int y, int x) { return mask.at<std::uint8_t>(y, x) == mask_traversable; };
+  const auto reached = [&](int y, int x) {
+    boundary[static_cast<std::size_t>(x)] = static_cast<std::uint16_t>(y);
+  };
+  for (int y = window.y + window.height - 1; y >= window.y; --y) {
+    const int left = window.x, right = window.x + window.width;
+    for (int x = left; x < right; ++x)
+      if (terrain(y, x))
+        reached(y, x);
+    for (int x = left; x > 0 && terrain(y, x) && terrain(y, x - 1); --x)
+      reached(y, x - 1);
+    for (int x = right - 1; x + 1 < mask.cols && terrain(y, x) && terrain(y, x + 1); ++x)
+      reached(y, x + 1);
+  }
+  for (int x = 0; x < mask.cols; ++x) {
+    int y = boundary[static_cast<std::size_t>(x)];
+    if (y == mask.rows)
+      continue;
+    while (y > 0 && terrain(y - 1, x))
+      --y;
+    reached(y, x);
   }
 }
 
@@ -62,21 +71,20 @@ Estimate describe(const ReferenceResult& result, std::uint64_t frame, std::uint3
   const bool known = std::any_of(result.models.begin(), result.models.end(),
                                  [](const Gaussian& model) { return !model.null(); });
   const cv::Mat terrain = mask == mask_traversable;
-  const double pixels = static_cast<double>(mask.total());
+  const auto pixels = static_cast<double>(mask.total());
   estimate.traversable_permille = static_cast<int>(std::lround(cv::countNonZero(terrain) / pixels * 1000));
   const int training = cv::countNonZero(result.training);
   if (known && training > 0)
     estimate.confidence =
         static_cast<std::uint8_t>(cv::countNonZero(terrain & result.training) * 255LL / training);
 
-  const int start_row = window.empty() ? mask.rows - 1 : window.y + window.height - 1;
-  climb(mask, start_row, boundary);
+  // Training pixels from elsewhere may lie anywhere: then the bottom row stands in for the window.
+  const cv::Rect from = window.empty() ? cv::Rect(0, mask.rows - 1, mask.cols, 1) : window;
+  climb(mask, from, boundary);
   estimate.boundary = boundary;
-  const int from = window.empty() ? 0 : window.x, to = window.empty() ? mask.cols : window.x + window.width;
-  const int ahead = window.empty() ? mask.rows - 1 : window.y;
   int open = 0;
-  for (int x = from; x < to; ++x)
-    open += boundary[static_cast<std::size_t>(x)] < ahead;
+  for (int x = from.x; x < from.x + from.width; ++x)
+    open += boundary[static_cast<std::size_t>(x)] < from.y;
 
   estimate.flags = 0;
   if (result.learned)
@@ -85,7 +93,7 @@ Estimate describe(const ReferenceResult& result, std::uint64_t frame, std::uint3
     estimate.flags |= flag_starved;
   if (!known)
     estimate.flags |= flag_unknown;
-  if (!known || open * 1000 < blocked_below * (to - from))
+  if (!known || open * 1000 < blocked_below * from.width)
     estimate.flags |= flag_blocked;
   for (const Gaussian& model : result.models)
     if (!model.null() && estimate.model_count < max_models)
