@@ -67,7 +67,7 @@ void edge_pixel(const std::uint8_t* odd, const std::uint8_t* even, int x, int wi
 
 // Products of neighbouring bytes with two weights, summed: 16-bit lanes. x86 has this as one instruction
 // that Highway 1.0 does not offer.
-#if HWY_ARCH_X86
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_SSSE3
 template <std::size_t n> HWY_INLINE auto weighted_pairs(hn::Vec128<std::uint8_t, n> v, std::int16_t weights) {
   return hn::Vec128<std::uint16_t, n / 2>{_mm_maddubs_epi16(v.raw, _mm_set1_epi16(weights))};
 }
@@ -105,60 +105,51 @@ alignas(16) constexpr std::uint8_t pairing_of_4[16] = {0, 4, 1, 5, 2, 6, 3, 7, 8
 alignas(16) constexpr std::uint8_t pairing_of_3[16] = {0, 3, 1, 4,  2, 5,  0x80, 0x80,
                                                        6, 9, 7, 10, 8, 11, 0x80, 0x80};
 
-// Reads two pixels for each 16-bit sum, paired. For three-byte pixels a vector is 3/4 used; the upper half of
-// a block is read a quarter early, so that no byte past the pixels is touched.
-template <int step, class D8> struct Reader {
-  using D32 = hn::Repartition<std::uint32_t, D8>;
-  D8 d8;
-  decltype(hn::LoadDup128(D8(), pairing_of_2)) order =
-      hn::LoadDup128(D8(), step == 2 ? pairing_of_2 : (step == 3 ? pairing_of_3 : pairing_of_4));
-  decltype(hn::IndicesFromVec(D32(), hn::Zero(D32()))) lower, upper;
-
-  explicit Reader(D8 d) : d8(d), lower(spread(0)), upper(spread(hn::Lanes(D8()) / 16)) {}
-
-  static auto spread(std::size_t from) {
-    HWY_ALIGN std::uint32_t index[hn::MaxLanes(D32())];
-    for (std::size_t i = 0; i < hn::Lanes(D32()); ++i)
-      index[i] = static_cast<std::uint32_t>(from + i / 4 * 3 + std::min<std::size_t>(i % 4, 2));
-    return hn::SetTableIndices(D32(), index);
-  }
-
-  HWY_INLINE hn::Vec<D8> read(const std::uint8_t* p, bool upper_half) const {
-    if constexpr (step == 1) {
-      return hn::LoadU(d8, p);
-    } else if constexpr (step == 3) {
-      const std::size_t early = upper_half ? hn::Lanes(d8) / 4 : 0;
-      const auto dwords = hn::BitCast(D32(), hn::LoadU(d8, p - early));
-      const auto spread_out = hn::BitCast(d8, hn::TableLookupLanes(dwords, upper_half ? upper : lower));
-      return hn::TableLookupBytesOr0(spread_out, order);
-    } else {
-      return hn::TableLookupBytes(hn::LoadU(d8, p), order);
-    }
-  }
-
-  // 1-4-6-4-1 around each even pixel from `p` on.
-  template <class D16> HWY_INLINE hn::Vec<D16> sums(D16 d16, const std::uint8_t* p, bool upper_half) const {
-    const auto before = read(p - 2 * step, upper_half);
-    const auto here = read(p, upper_half);
-    const auto after = hn::BitCast(d16, read(p + 2 * step, upper_half));
-    return hn::Add(hn::Add(pairs_1_4(d16, before), pairs_6_4(d16, here)), hn::And(after, hn::Set(d16, 255)));
-  }
-};
-
-template <class D16> struct Advanced { hn::Vec<D16> sum, partial, held; };
-
-template <class D16>
-HWY_INLINE Advanced<D16> advance(D16 d16, hn::Vec<D16> odd, hn::Vec<D16> even, const std::uint16_t* partial,
-                                 const std::uint16_t* held) {
-  const auto four_odd = hn::ShiftLeft<2>(odd);
-  const auto sum = hn::Add(hn::Add(hn::LoadU(d16, partial), four_odd), even);
-  const auto six_even = hn::Add(hn::ShiftLeft<2>(even), hn::Add(even, even));
-  return {sum, hn::Add(hn::Add(hn::LoadU(d16, held), four_odd), six_even), even};
+// Which 32-bit lanes bring four three-byte pixels into each 16-byte block, from lane `from` on.
+template <class D32> HWY_INLINE auto spreading(D32 d32, std::size_t from) {
+  HWY_ALIGN std::uint32_t index[hn::MaxLanes(D32())];
+  for (std::size_t i = 0; i < hn::Lanes(d32); ++i)
+    index[i] = static_cast<std::uint32_t>(from + i / 4 * 3 + std::min<std::size_t>(i % 4, 2));
+  return hn::SetTableIndices(d32, index);
 }
 
-template <class D16> HWY_INLINE void keep(D16 d16, const Advanced<D16>& a, const Waiting& w, std::size_t i) {
-  hn::StoreU(a.partial, d16, w.partial + i);
-  hn::StoreU(a.held, d16, w.held + i);
+// Reads two pixels for each 16-bit sum, paired. Of three-byte pixels a vector holds more than it needs: the
+// upper half of a block is read a quarter early, so that no byte past the pixels is touched. (Vectors of
+// unknown length cannot be members of a struct: they travel as arguments.)
+template <int step, class D8, class Spread>
+HWY_INLINE hn::Vec<D8> read_pairs(D8 d8, const std::uint8_t* p, bool upper_half, hn::Vec<D8> pairing,
+                                  const Spread& spread) {
+  if constexpr (step == 1) {
+    return hn::LoadU(d8, p);
+  } else if constexpr (step == 3) {
+    const hn::Repartition<std::uint32_t, D8> d32;
+    const auto dwords = hn::BitCast(d32, hn::LoadU(d8, p - (upper_half ? hn::Lanes(d8) / 4 : 0)));
+    return hn::TableLookupBytesOr0(hn::BitCast(d8, hn::TableLookupLanes(dwords, spread)), pairing);
+  } else {
+    return hn::TableLookupBytes(hn::LoadU(d8, p), pairing);
+  }
+}
+
+// 1-4-6-4-1 around each even pixel from `p` on.
+template <int step, class D8, class Spread>
+HWY_INLINE auto sums(D8 d8, const std::uint8_t* p, bool upper_half, hn::Vec<D8> pairing,
+                     const Spread& spread) {
+  const hn::Repartition<std::uint16_t, D8> d16;
+  const auto before = read_pairs<step>(d8, p - 2 * step, upper_half, pairing, spread);
+  const auto here = read_pairs<step>(d8, p, upper_half, pairing, spread);
+  const auto after = hn::BitCast(d16, read_pairs<step>(d8, p + 2 * step, upper_half, pairing, spread));
+  return hn::Add(hn::Add(pairs_1_4(d16, before), pairs_6_4(d16, here)), hn::And(after, hn::Set(d16, 255)));
+}
+
+// `partial` and `held` come in old and leave new; returns the finished sums.
+template <class D16>
+HWY_INLINE hn::Vec<D16> advance(D16, hn::Vec<D16> odd, hn::Vec<D16> even, hn::Vec<D16>& partial,
+                                hn::Vec<D16>& held) {
+  const auto four_odd = hn::ShiftLeft<2>(odd);
+  const auto sum = hn::Add(hn::Add(partial, four_odd), even);
+  partial = hn::Add(hn::Add(held, four_odd), hn::Add(hn::ShiftLeft<2>(even), hn::Add(even, even)));
+  held = even;
+  return sum;
 }
 
 // The pixels first..last-1, none of which touches an edge; false when they are fewer than a vector. The last
@@ -167,42 +158,59 @@ template <int step, int written, class D8>
 HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t* even, int first, int last,
                               const Waiting& waiting, std::uint8_t* out) {
   const hn::Repartition<std::uint16_t, D8> d16;
+  const hn::Repartition<std::uint32_t, D8> d32;
   const std::size_t block = hn::Lanes(d8), half = block / 2;
   const std::size_t count = static_cast<std::size_t>(std::max(0, last - first)) * written;
   if (count < block)
     return false;
-  const Reader<step, D8> reader(d8);
-  const Waiting w{waiting.partial + first * written, waiting.held + first * written};
+  const auto pairing =
+      hn::LoadDup128(d8, step == 2 ? pairing_of_2 : (step == 3 ? pairing_of_3 : pairing_of_4));
+  const auto lower_spread = spreading(d32, 0), upper_spread = spreading(d32, block / 16);
+  const auto rounding = hn::Set(d16, 128);
+  std::uint16_t* partial = waiting.partial + first * written;
+  std::uint16_t* held = waiting.held + first * written;
   odd += 2 * first * step;
   even += 2 * first * step;
   out += first * written;
   const auto source = [](std::size_t i) { return i * 2 / written * step; };
 
-  const auto lower = [&](std::size_t i) HWY_ATTR {
-    return advance(d16, reader.sums(d16, odd + source(i), false), reader.sums(d16, even + source(i), false),
-                   w.partial + i, w.held + i);
+  const auto lower = [&](std::size_t i, hn::Vec<decltype(d16)>& p, hn::Vec<decltype(d16)>& h) HWY_ATTR {
+    p = hn::LoadU(d16, partial + i);
+    h = hn::LoadU(d16, held + i);
+    const std::size_t at = source(i);
+    return advance(d16, sums<step>(d8, odd + at, false, pairing, lower_spread),
+                   sums<step>(d8, even + at, false, pairing, lower_spread), p, h);
   };
-  const auto upper = [&](std::size_t i) HWY_ATTR {
-    const std::size_t j = i + half;
-    return advance(d16, reader.sums(d16, odd + source(j), true), reader.sums(d16, even + source(j), true),
-                   w.partial + j, w.held + j);
+  const auto upper = [&](std::size_t i, hn::Vec<decltype(d16)>& p, hn::Vec<decltype(d16)>& h) HWY_ATTR {
+    p = hn::LoadU(d16, partial + i + half);
+    h = hn::LoadU(d16, held + i + half);
+    const std::size_t at = source(i + half);
+    return advance(d16, sums<step>(d8, odd + at, true, pairing, upper_spread),
+                   sums<step>(d8, even + at, true, pairing, upper_spread), p, h);
   };
-  const auto finish = [&](const Advanced<hn::Repartition<std::uint16_t, D8>>& lo,
-                          const Advanced<hn::Repartition<std::uint16_t, D8>>& hi, std::size_t i) HWY_ATTR {
-    const auto rounding = hn::Set(d16, 128);
-    const auto a = hn::BitCast(d8, hn::Add(lo.sum, rounding)), b = hn::BitCast(d8, hn::Add(hi.sum, rounding));
-    hn::StoreU(hn::ConcatOdd(d8, b, a), d8, out + i);
-    keep(d16, lo, w, i);
-    keep(d16, hi, w, i + half);
+  const auto rounded = [&](hn::Vec<decltype(d16)> low, hn::Vec<decltype(d16)> high) HWY_ATTR {
+    return hn::ConcatOdd(d8, hn::BitCast(d8, hn::Add(high, rounding)),
+                         hn::BitCast(d8, hn::Add(low, rounding)));
+  };
+  const auto keep = [&](std::size_t i, hn::Vec<decltype(d16)> p, hn::Vec<decltype(d16)> h) HWY_ATTR {
+    hn::StoreU(p, d16, partial + i);
+    hn::StoreU(h, d16, held + i);
   };
 
   const std::size_t tail = count - block;
-  const auto tail_lower = lower(tail), tail_upper = upper(tail);
+  hn::Vec<decltype(d16)> tail_p0, tail_h0, tail_p1, tail_h1;
+  const auto tail_low = lower(tail, tail_p0, tail_h0);
+  const auto tail_out = rounded(tail_low, upper(tail, tail_p1, tail_h1));
   for (std::size_t i = 0; i < tail; i += block) {
-    const auto lo = lower(i), hi = upper(i);
-    finish(lo, hi, i);
+    hn::Vec<decltype(d16)> p0, h0, p1, h1;
+    const auto low = lower(i, p0, h0);
+    hn::StoreU(rounded(low, upper(i, p1, h1)), d8, out + i);
+    keep(i, p0, h0);
+    keep(i + half, p1, h1);
   }
-  finish(tail_lower, tail_upper, tail);
+  hn::StoreU(tail_out, d8, out + tail);
+  keep(tail, tail_p0, tail_h0);
+  keep(tail + half, tail_p1, tail_h1);
   return true;
 }
 
@@ -261,11 +269,13 @@ void reduce_vertically(const std::uint8_t* odd, const std::uint8_t* even, int by
   const hn::Repartition<std::int16_t, decltype(d8)> di16;
   const std::size_t n = hn::Lanes(d16);
   for (; i + n <= count; i += n) {
-    const auto a = advance(d16, hn::PromoteTo(d16, hn::LoadU(dh, odd + i)),
-                           hn::PromoteTo(d16, hn::LoadU(dh, even + i)), w.partial + i, w.held + i);
-    const auto rounded = hn::ShiftRight<4>(hn::Add(a.sum, hn::Set(d16, 8)));
+    auto partial = hn::LoadU(d16, w.partial + i), held = hn::LoadU(d16, w.held + i);
+    const auto sum = advance(d16, hn::PromoteTo(d16, hn::LoadU(dh, odd + i)),
+                             hn::PromoteTo(d16, hn::LoadU(dh, even + i)), partial, held);
+    const auto rounded = hn::ShiftRight<4>(hn::Add(sum, hn::Set(d16, 8)));
     hn::StoreU(hn::DemoteTo(dh, hn::BitCast(di16, rounded)), dh, out + i);
-    keep(d16, a, w, i);
+    hn::StoreU(partial, d16, w.partial + i);
+    hn::StoreU(held, d16, w.held + i);
   }
 #endif
   for (; i < count; ++i) {
