@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The arithmetic of the renderer: only operations that IEEE 754 rounds in one way, so that every machine
+// draws the same picture. This folder is built without contraction to fused multiply-add.
+#pragma once
+
+#include <algorithm>
+#include <cfloat>
+#include <cmath>
+#include <cstdint>
+
+namespace terrainseg::scene {
+
+static_assert(FLT_EVAL_METHOD == 0, "the pictures would differ where floats are kept in wider registers");
+
+struct Vec3 {
+  float x = 0, y = 0, z = 0; ///< metres: right, up, forward
+};
+constexpr Vec3 operator+(const Vec3& a, const Vec3& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+constexpr Vec3 operator-(const Vec3& a, const Vec3& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+constexpr Vec3 operator*(const Vec3& a, float k) {
+  return {a.x * k, a.y * k, a.z * k};
+}
+constexpr float dot(const Vec3& a, const Vec3& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+/// Linear light.
+struct Color {
+  float r = 0, g = 0, b = 0;
+};
+constexpr Color operator+(const Color& a, const Color& b) {
+  return {a.r + b.r, a.g + b.g, a.b + b.b};
+}
+constexpr Color operator*(const Color& a, float k) {
+  return {a.r * k, a.g * k, a.b * k};
+}
+constexpr Color operator*(const Color& a, const Color& b) {
+  return {a.r * b.r, a.g * b.g, a.b * b.b};
+}
+constexpr Color mix(const Color& a, const Color& b, float k) {
+  return {a.r + (b.r - a.r) * k, a.g + (b.g - a.g) * k, a.b + (b.b - a.b) * k};
+}
+
+constexpr float mix(float a, float b, float k) {
+  return a + (b - a) * k;
+}
+constexpr float clamp01(float v) {
+  return v < 0 ? 0 : v > 1 ? 1 : v;
+}
+/// 0 below a, 1 above b, smooth between.
+constexpr float smooth(float a, float b, float v) {
+  const float k = clamp01((v - a) / (b - a));
+  return k * k * (3 - 2 * k);
+}
+constexpr int floor_of(float v) {
+  const int i = static_cast<int>(v);
+  return i - (v < static_cast<float>(i));
+}
+constexpr float fraction(float v) {
+  return v - static_cast<float>(floor_of(v));
+}
+
+/// Mixes bits so that neighbouring keys give unrelated numbers.
+constexpr std::uint32_t hash(std::uint32_t a) {
+  a ^= a >> 16;
+  a *= 0x7feb352dU;
+  a ^= a >> 15;
+  a *= 0x846ca68bU;
+  return a ^ (a >> 16);
+}
+constexpr std::uint32_t hash(std::uint32_t a, std::uint32_t b, std::uint32_t c = 0) {
+  return hash(hash(hash(a) + b * 0x9e3779b9U) + c * 0x85ebca6bU);
+}
+/// 0 <= v < 1.
+constexpr float unit(std::uint32_t h) {
+  return static_cast<float>(h >> 8) * (1.0F / 16777216.0F);
+}
+
+/// A stream of numbers from one key.
+class Dice {
+ public:
+  explicit constexpr Dice(std::uint32_t key) : key_(key) {}
+  constexpr std::uint32_t next() { return hash(key_, ++count_); }
+  constexpr float roll() { return unit(next()); }
+  constexpr float roll(float low, float high) { return low + (high - low) * roll(); }
+  constexpr bool chance(float probability) { return roll() < probability; }
+
+ private:
+  std::uint32_t key_, count_ = 0;
+};
+
+/// Sine of an angle in turns (1 = 360 degrees), to about 1e-7.
+constexpr double sine(double turns) {
+  double whole = static_cast<double>(static_cast<std::int64_t>(turns));
+  if (whole > turns)
+    whole -= 1;
+  double t = turns - whole; // 0..1
+  t = t > 0.75 ? t - 1 : t > 0.25 ? 0.5 - t : t;
+  const double x = t * 6.283185307179586, q = x * x;
+  return x * (1 + q * (-1.0 / 6 + q * (1.0 / 120 + q * (-1.0 / 5040 + q * (1.0 / 362880 - q / 39916800)))));
+}
+constexpr double cosine(double turns) {
+  return sine(turns + 0.25);
+}
+
+} // namespace terrainseg::scene

@@ -1,0 +1,524 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "scene/backdrop.hpp"
+
+namespace terrainseg::scene {
+namespace {
+
+constexpr int octave_count = 6;
+constexpr std::array<float, octave_count> frequencies = {64, 16, 4, 1, 0.25F, 0.0625F}; // cells per metre
+constexpr int run_length = 16; // pixels that share one footprint
+
+constexpr float corridor_height = 2.7F;
+
+/// A point of the ground under a pixel, and how large the pixel is there.
+struct Spot {
+  float x, z;     ///< world
+  float distance; ///< along the view, metres
+};
+
+/// What is left of each octave when a pixel averages over its footprint: the mean of k independent cells
+/// varies by 1/sqrt(k) as much. It is not aliasing that makes far ground grainy but this remainder.
+struct Footprint {
+  float x = 0, z = 0; ///< metres that one pixel covers
+  std::array<float, octave_count> amplitude{};
+
+  void set(float across, float along) {
+    x = across;
+    z = along;
+    for (int k = 0; k < octave_count; ++k) {
+      const float cx = frequencies[k] * across, cz = frequencies[k] * along;
+      const float a = 1 / std::sqrt((1 + cx * cx) * (1 + cz * cz));
+      amplitude[k] = a < 0.03F ? 0 : a;
+    }
+  }
+  /// Share of a pixel at `offset` from the middle of a stripe that the stripe covers.
+  static float stripe(float offset, float half_width, float size) {
+    const float inside = clamp01((half_width - std::abs(offset)) / size + 0.5F);
+    return inside * std::min(1.0F, 2 * half_width / size);
+  }
+  /// 0..1 across an edge at 0.
+  static float edge(float offset, float size) { return clamp01(offset / size + 0.5F); }
+};
+
+class Ground {
+ public:
+  explicit Ground(const Stage& stage) : s_(stage) {}
+
+  /// Reflectance of the ground and its label.
+  Color at(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
+    switch (s_.settings.kind) {
+    case Kind::road:
+      return road(spot, foot, label);
+    case Kind::trail:
+      return trail(spot, foot, label);
+    case Kind::plain:
+      return plain(spot, foot, label);
+    default:
+      return floor(spot, foot, label);
+    }
+  }
+
+ private:
+  // Octave k of the ground's texture, sheared where the world's period allows it, so that no grid shows.
+  float octave(int k, const Spot& spot, const Footprint& foot) const {
+    const float a = foot.amplitude[k];
+    if (a == 0)
+      return 0;
+    const float f = frequencies[k];
+    if (k <= 3)
+      return a * s_.noise.at((spot.x + 0.5F * spot.z) * f + 31.7F * static_cast<float>(k),
+                             (spot.z - 0.5F * spot.x) * f);
+    return a * s_.noise.at(spot.x * f + 31.7F * static_cast<float>(k), spot.z * f);
+  }
+
+  Color grass(const Spot& spot, const Footprint& foot, const Color& base) const {
+    const float blades = octave(0, spot, foot), tufts = octave(1, spot, foot), clumps = octave(2, spot, foot);
+    const float patches = octave(3, spot, foot), meadow = octave(4, spot, foot);
+    const float v = 1 + 0.75F * blades + 0.4F * tufts + 0.3F * clumps + 0.2F * patches + 0.2F * meadow;
+    const Color dry = mix(base, Color{0.22F, 0.18F, 0.08F}, clamp01(0.25F + 0.5F * patches + 0.5F * meadow));
+    return dry * std::max(v, 0.15F);
+  }
+
+  Color road(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
+    const Place& p = s_.place;
+    const float s = spot.x - s_.path.at(spot.z), side = std::abs(s);
+    const float rim = p.half_width;
+    const float wobble = p.urban ? 0 : 0.12F * octave(3, spot, foot) + 0.06F * octave(2, spot, foot);
+    Color color;
+    const float on_road = Footprint::edge(rim + wobble - side, foot.x);
+    if (on_road > 0) {
+      const float grain = octave(0, spot, foot), stone = octave(1, spot, foot), worn = octave(2, spot, foot);
+      const float patch = octave(3, spot, foot), wide = octave(4, spot, foot), far = octave(5, spot, foot);
+      float v = 1 + 0.34F * grain + 0.15F * stone +
+                p.clumps * (0.06F * worn + 0.08F * patch + 0.13F * wide + 0.08F * far);
+      // Tyres darken two tracks in each lane, 0.75 m from its middle.
+      const float lane = std::abs(side - 1.8F), track = smooth(0.6F, 0.1F, std::abs(lane - 0.78F));
+      v *= 1 - 0.1F * track;
+      // A resurfaced strip now and then, and joints.
+      const float repair = s_.noise.at(spot.z * 0.03125F, 9.5F + (s > 0 ? 3.0F : 0.0F));
+      v *= repair > 0.35F ? 0.82F : 1;
+      v *= 1 -
+           0.4F * Footprint::stripe(s - 0.35F - 0.05F * worn, 0.02F, foot.x) * (repair > -0.1F ? 1.0F : 0.0F);
+      color = p.surface * v;
+      float paint = Footprint::stripe(side - 3.45F, 0.06F, foot.x);
+      const float dash = fraction(spot.z * 0.125F) * 8;
+      const float dashed = Footprint::stripe(dash - 4, 1.5F, std::min(foot.z, 8.0F));
+      paint = std::max(paint, Footprint::stripe(s, 0.06F, foot.x) * dashed);
+      const float worn_paint = 0.72F + 0.35F * stone + 0.3F * patch;
+      color = mix(color, Color{0.62F, 0.61F, 0.57F}, paint * clamp01(worn_paint));
+      label = driven_terrain;
+    }
+    if (on_road < 1) {
+      Color beyond;
+      std::uint8_t what = other_traversable;
+      if (p.urban && side < p.pavement) {
+        const float v =
+            1 + 0.2F * octave(0, spot, foot) + 0.1F * octave(1, spot, foot) + 0.1F * octave(3, spot, foot);
+        const float joint =
+            std::max(Footprint::stripe(fraction(spot.z * 1.25F) - 0.5F, 0.012F, foot.z * 1.25F),
+                     Footprint::stripe(fraction(s * 1.25F) - 0.5F, 0.012F, foot.x * 1.25F));
+        const float tile = s_.noise.at(static_cast<float>(floor_of(spot.z * 1.25F)) * 0.5F,
+                                       static_cast<float>(floor_of(s * 1.25F)) * 0.5F + 91);
+        beyond =
+            Color{0.25F, 0.235F, 0.21F} * (v * (1 - 0.35F * joint) * (1 + 0.1F * tile * foot.amplitude[3]));
+        if (side < rim + 0.18F) { // the kerb stone
+          beyond = Color{0.36F, 0.35F, 0.32F} * v;
+          what = not_labelled;
+        }
+      } else {
+        beyond = grass(spot, foot, p.beside);
+        if (!p.urban && side < rim + 0.5F) // gravel shoulder
+          beyond = mix(Color{0.2F, 0.185F, 0.16F} * (1 + 0.4F * octave(1, spot, foot)), beyond,
+                       smooth(rim, rim + 0.5F, side + 0.3F * octave(2, spot, foot)));
+      }
+      color = on_road > 0 ? mix(beyond, color, on_road) : beyond;
+      if (on_road < 0.5F)
+        label = what;
+    }
+    return color;
+  }
+
+  Color trail(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
+    const Place& p = s_.place;
+    const float s = spot.x - s_.path.at(spot.z);
+    const float ragged =
+        0.3F * octave(3, spot, foot) + 0.16F * octave(2, spot, foot) + 0.1F * octave(1, spot, foot);
+    const float inward = p.half_width + ragged - std::abs(s);
+    const float on_path = clamp01(inward / (foot.x + 0.16F) + 0.5F);
+    Color color;
+    if (on_path > 0) {
+      const float grit = octave(0, spot, foot), pebble = octave(1, spot, foot), lumps = octave(2, spot, foot);
+      const float patch = octave(3, spot, foot), wide = octave(4, spot, foot);
+      float v = 1 + 0.3F * grit + 0.25F * pebble + p.clumps * (0.12F * lumps + 0.14F * patch + 0.14F * wide);
+      const float rut = smooth(0.26F, 0.06F, std::abs(std::abs(s) - 0.55F));
+      v *= 1 - 0.13F * rut;
+      color = p.surface * v;
+      // Leaves and a strip of grass between the ruts.
+      const float litter = smooth(0.25F, 0.55F, pebble + 0.6F * lumps + 0.3F * patch + 0.15F);
+      color = mix(color, Color{0.24F, 0.13F, 0.045F} * (1 + 0.5F * grit), 0.45F * litter * p.clumps);
+      const float middle =
+          smooth(0.3F, 0.05F, std::abs(s)) * smooth(0.0F, 0.5F, wide + 0.5F * patch + 0.4F * lumps);
+      if (middle > 0)
+        color = mix(color, grass(spot, foot, p.beside), 0.7F * middle);
+      label = driven_terrain;
+    }
+    if (on_path < 1) {
+      color = mix(grass(spot, foot, p.beside), color, on_path);
+      if (on_path < 0.5F)
+        label = other_traversable;
+    }
+    return color;
+  }
+
+  Color plain(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
+    const Place& p = s_.place;
+    const float grit = octave(0, spot, foot), stone = octave(1, spot, foot), lumps = octave(2, spot, foot);
+    const float patch = octave(3, spot, foot), wide = octave(4, spot, foot), far = octave(5, spot, foot);
+    float v = 1 + 0.22F * grit + 0.2F * stone +
+              p.clumps * (0.16F * lumps + 0.12F * patch + 0.12F * wide + 0.1F * far);
+    // Wind ripples, where the sand lies deep.
+    const float deep = smooth(-0.1F, 0.4F, wide + 0.4F * far);
+    const float phase = fraction((spot.z + 0.35F * spot.x + 0.25F * lumps + 0.6F * patch) * 4);
+    const float crest = std::abs(phase - 0.5F) * 4 - 1;
+    v += 0.14F * deep * crest * clamp01(1.2F - 6 * foot.z);
+    // Pebbles, too small to mind.
+    const float pebble = smooth(0.42F, 0.6F, stone + 0.35F * lumps) * foot.amplitude[1];
+    const Color dust = mix(p.surface, p.surface * Color{0.8F, 0.9F, 1.05F}, clamp01(0.5F + 0.8F * wide));
+    label = driven_terrain;
+    return mix(dust * v, p.surface * (0.45F * (1 + 0.5F * grit)), 0.8F * pebble);
+  }
+
+  Color floor(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
+    const Place& p = s_.place;
+    label = driven_terrain;
+    const float grain = octave(0, spot, foot), speck = octave(1, spot, foot), wear = octave(2, spot, foot);
+    const float wide = octave(3, spot, foot);
+    switch (p.flooring) {
+    case 0: // linoleum, speckled
+      return p.surface * (1 + 0.14F * grain + 0.07F * speck + 0.05F * wear + 0.06F * wide);
+    case 1: { // tiles of 0.5 m
+      const float u = spot.x * 2, v = spot.z * 2;
+      const float joint = std::max(Footprint::stripe(fraction(u) - 0.5F, 0.012F, foot.x * 2),
+                                   Footprint::stripe(fraction(v) - 0.5F, 0.012F, foot.z * 2));
+      const float tile = unit(hash(s_.settings.seed, static_cast<std::uint32_t>(floor_of(u + 0.5F)),
+                                   static_cast<std::uint32_t>(floor_of(v + 0.5F)))) -
+                         0.5F;
+      return p.surface *
+             ((1 + 0.12F * tile * foot.amplitude[2] + 0.07F * grain + 0.05F * speck + 0.05F * wide) *
+              (1 - 0.45F * joint));
+    }
+    case 2: { // boards of 12 cm along the corridor
+      const float u = spot.x * 8;
+      const int board = floor_of(u);
+      const auto key = static_cast<std::uint32_t>(board);
+      const float end = fraction(spot.z * 0.5F + unit(hash(key, 3)));
+      const float tone =
+          unit(hash(key, static_cast<std::uint32_t>(floor_of(spot.z * 0.5F + unit(hash(key, 3)))))) - 0.5F;
+      const float fibre =
+          s_.noise.at(spot.x * 96, spot.z * 4 + static_cast<float>(board)) * foot.amplitude[0];
+      const float gap = std::max(Footprint::stripe(fraction(u) - 0.5F, 0.02F, foot.x * 8),
+                                 Footprint::stripe(end - 0.5F, 0.002F, foot.z * 0.5F));
+      const float seen = foot.amplitude[1];
+      return p.surface *
+             ((1 + 0.36F * tone * std::sqrt(seen) + 0.3F * fibre + 0.08F * wide) * (1 - 0.5F * gap));
+    }
+    default: // carpet
+      return p.surface * (1 + 0.5F * grain + 0.2F * speck + 0.07F * wear + 0.07F * wide);
+    }
+  }
+
+  const Stage& s_;
+};
+
+/// A direction around the rover in -2..2 that grows like an angle; 0 = forward. Cheaper than an angle.
+float bearing(const Vec3& ray) {
+  const float a = ray.x / (std::abs(ray.x) + std::abs(ray.z) + 1e-9F);
+  return ray.z >= 0 ? a : (a >= 0 ? 2 - a : -2 - a);
+}
+
+class Outdoors {
+ public:
+  Outdoors(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), ground_(stage) {
+    horizontal_light_ = stage.light.on({0, 1, 0});
+  }
+
+  void draw() {
+    const Camera& c = s_.moment.camera;
+    for (int y = 0; y < canvas_.height; ++y) {
+      for (int x0 = 0; x0 < canvas_.width; x0 += run_length) {
+        const int x1 = std::min(x0 + run_length, canvas_.width);
+        Footprint foot;
+        measure(c.ray(static_cast<float>(x0 + x1 - 1) * 0.5F, static_cast<float>(y)), foot);
+        for (int x = x0; x < x1; ++x) {
+          const std::size_t at = canvas_.at(x, y);
+          if (canvas_.open[at] < Canvas::hidden)
+            continue;
+          Color light;
+          std::uint8_t label = not_traversable;
+          pixel(c.ray(static_cast<float>(x), static_cast<float>(y)), foot, canvas_.shade[at], light, label);
+          canvas_.under(at, light, 1, label);
+        }
+      }
+    }
+  }
+
+ private:
+  // The footprint of a pixel on the ground, from the derivatives of the hit point.
+  void measure(const Vec3& ray, Footprint& foot) const {
+    const Camera& c = s_.moment.camera;
+    const float drop = std::max(-ray.y, 1e-3F), t = c.position.y / drop, k = t / drop;
+    const float ax = (c.right.x * t + ray.x * c.right.y * k) / c.focal,
+                bx = (c.down.x * t + ray.x * c.down.y * k) / c.focal;
+    const float az = (c.right.z * t + ray.z * c.right.y * k) / c.focal,
+                bz = (c.down.z * t + ray.z * c.down.y * k) / c.focal;
+    foot.set(std::sqrt(ax * ax + bx * bx), std::sqrt(az * az + bz * bz));
+  }
+
+  void pixel(const Vec3& ray, const Footprint& foot, const Color& shadow, Color& light,
+             std::uint8_t& label) const {
+    const Camera& c = s_.moment.camera;
+    const float level = std::sqrt(ray.x * ray.x + ray.z * ray.z);
+    const float elevation = ray.y / level;
+    if (elevation < -c.position.y / 600) {
+      const float t = c.position.y / -ray.y, distance = t * level;
+      const float closed = clearing(ray);
+      if (distance < closed) {
+        const Spot spot = {c.position.x + t * ray.x, c.position.z + t * ray.z, distance};
+        Color surface = ground_.at(spot, foot, label);
+        const float shade =
+            1 -
+            0.14F * smooth(0.1F, 0.5F, s_.noise.at(spot.x * 0.03125F + 7, spot.z * 0.03125F)); // thin clouds
+        light = hazed(surface * horizontal_light_ * shadow * shade, distance);
+        return;
+      }
+    }
+    far_away(ray, elevation, light, label);
+  }
+
+  // How far open ground reaches: the view closes sideways and stays open along the way.
+  float clearing(const Vec3& ray) const {
+    if (s_.settings.kind == Kind::plain)
+      return 1e9F;
+    const float b = bearing(ray);
+    const float open = smooth(0.13F, 0.02F, std::abs(b));
+    return s_.place.clearing * (1 + 0.4F * s_.noise.at(b * 40, 3.5F)) * (1 + 5 * open);
+  }
+
+  void far_away(const Vec3& ray, float elevation, Color& light, std::uint8_t& label) const {
+    const Place& p = s_.place;
+    const float b = bearing(ray), pixel = 1 / s_.moment.camera.focal;
+    const float swell = s_.noise.cloudy(b * 9 + 40, 11.5F);
+    float top = p.skyline * (1 + 0.75F * swell);
+    if (s_.settings.kind != Kind::plain) {
+      top += p.skyline * (0.3F * s_.noise.at(b * 90, 1.5F) + 0.16F * s_.noise.at(b * 260, 2.5F));
+      const float open = smooth(0.16F, 0.01F, std::abs(b));
+      top *= 1 - (s_.settings.kind == Kind::trail ? 0.55F : 0.8F) * open;
+    } else {
+      top = std::max(top, 0.012F) + 0.006F * s_.noise.at(b * 60, 4.5F);
+    }
+    const float cover = clamp01((top - elevation) / pixel + 0.5F);
+    if (cover < 1)
+      light = sky_at(ray, elevation);
+    if (cover > 0) {
+      Color body = p.skyline_color;
+      if (s_.settings.kind == Kind::plain) {
+        const float ridge = s_.noise.cloudy(b * 70, elevation * 160);
+        body = body * (1 + 0.35F * ridge);
+        body = mix(body * s_.light.on({0, 0.7F, 0}), s_.light.haze, 0.45F);
+      } else {
+        const float leaves =
+            s_.noise.at(b * 420, elevation * 210) * 0.6F + s_.noise.at(b * 110, elevation * 60) * 0.5F;
+        const float trunk =
+            0.35F * smooth(0.35F, 0.55F, s_.noise.at(b * 330, 8.5F)) * smooth(0.6F, 0.1F, elevation / top);
+        const float lit = 0.55F + 0.45F * clamp01(elevation / (top + 1e-4F));
+        body = mix(body * std::max(1 + 0.9F * leaves, 0.2F) * lit, Color{0.06F, 0.045F, 0.035F}, trunk);
+        body = hazed(body * s_.light.on({0, 0.6F, 0}, 0.8F), p.clearing * 1.4F);
+      }
+      light = cover < 1 ? mix(light, body, cover) : body;
+    }
+    label = static_cast<std::uint8_t>(cover >= 0.5F ? not_traversable : sky);
+  }
+
+  Color sky_at(const Vec3& ray, float elevation) const {
+    const Lighting& l = s_.light;
+    const float up = std::max(elevation, 0.0F);
+    Color color = mix(l.haze, l.zenith, 1 - 1 / (1 + 2.6F * up));
+    const float length = std::sqrt(dot(ray, ray));
+    const float toward = std::max(dot(ray, l.sun) / length, 0.0F);
+    const float t2 = toward * toward, t8 = t2 * t2 * t2 * t2, t64 = t8 * t8 * t8 * t8 * t8 * t8 * t8 * t8;
+    color = color + l.sun_light * (0.22F * t8 + 0.5F * t64);
+    const float k = 1 / (up + 0.12F);
+    const auto drift = static_cast<float>(std::min(s_.moment.seconds, 1e5)) * 0.012F;
+    const float u = ray.x / (length + 1e-6F) * k * 1.7F, v = ray.z / (length + 1e-6F) * k * 1.7F;
+    const float body = s_.noise.cloudy(u + drift, v + 50) * 0.9F + 0.12F * s_.noise.at(u * 9 + drift, v * 9);
+    const float cover = smooth(0.45F - l.clouds, 0.95F - l.clouds, body) * smooth(0.0F, 0.1F, up);
+    const Color bright = l.haze * 0.45F + l.sun_light * 0.42F + l.ambient * 0.2F;
+    const Color cloud = bright * (1 - 0.35F * smooth(0.6F - l.clouds, 1.3F - l.clouds, body));
+    return mix(color, cloud, 0.85F * cover);
+  }
+
+  Color hazed(const Color& color, float distance) const {
+    const float d = distance / s_.light.haze_distance;
+    return mix(color, s_.light.haze, d / (1 + d));
+  }
+
+  const Stage& s_;
+  Canvas& canvas_;
+  Ground ground_;
+  Color horizontal_light_;
+};
+
+/// Straight and endless: floor, two walls with doors, a ceiling with lamps.
+class Indoors {
+ public:
+  Indoors(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), ground_(stage) {}
+
+  void draw() {
+    const Camera& c = s_.moment.camera;
+    for (int y = 0; y < canvas_.height; ++y) {
+      for (int x0 = 0; x0 < canvas_.width; x0 += run_length) {
+        const int x1 = std::min(x0 + run_length, canvas_.width);
+        Footprint foot;
+        measure(c.ray(static_cast<float>(x0 + x1 - 1) * 0.5F, static_cast<float>(y)), foot);
+        for (int x = x0; x < x1; ++x) {
+          const std::size_t at = canvas_.at(x, y);
+          if (canvas_.open[at] < Canvas::hidden)
+            continue;
+          Color light;
+          std::uint8_t label = not_traversable;
+          pixel(c.ray(static_cast<float>(x), static_cast<float>(y)), foot, canvas_.shade[at], light, label);
+          canvas_.under(at, light, 1, label);
+        }
+      }
+    }
+  }
+
+ private:
+  void measure(const Vec3& ray, Footprint& foot) const {
+    const Camera& c = s_.moment.camera;
+    const float drop = std::max(-ray.y, 4e-3F), t = c.position.y / drop, k = t / drop;
+    const float ax = (c.right.x * t + ray.x * c.right.y * k) / c.focal,
+                bx = (c.down.x * t + ray.x * c.down.y * k) / c.focal;
+    const float az = (c.right.z * t + ray.z * c.right.y * k) / c.focal,
+                bz = (c.down.z * t + ray.z * c.down.y * k) / c.focal;
+    foot.set(std::sqrt(ax * ax + bx * bx), std::sqrt(az * az + bz * bz));
+  }
+
+  void pixel(const Vec3& ray, const Footprint& foot, const Color& shadow, Color& light,
+             std::uint8_t& label) const {
+    const Camera& c = s_.moment.camera;
+    const float half = s_.place.half_width;
+    const float to_floor = ray.y < -1e-5F ? c.position.y / -ray.y : 1e9F;
+    const float to_ceiling = ray.y > 1e-5F ? (corridor_height - c.position.y) / ray.y : 1e9F;
+    const float to_wall =
+        std::abs(ray.x) > 1e-5F ? ((ray.x > 0 ? half : -half) - c.position.x) / ray.x : 1e9F;
+    // How far inside the walls the pixel's floor lies, in pixels: both are drawn where they meet.
+    float on_floor = 0;
+    if (to_floor < 1e8F && to_floor <= to_ceiling) {
+      const float inside = half - std::abs(c.position.x + to_floor * ray.x);
+      on_floor = clamp01(inside / foot.x + 0.5F);
+    }
+    Color wall_light, floor_light;
+    if (on_floor < 1)
+      wall_light = to_wall < to_ceiling ? wall(ray, to_wall) : ceiling(ray, to_ceiling);
+    if (on_floor > 0)
+      floor_light = floor(ray, to_floor, to_wall, foot, shadow);
+    light = on_floor >= 1 ? floor_light : on_floor <= 0 ? wall_light : mix(wall_light, floor_light, on_floor);
+    label = on_floor >= 0.5F ? driven_terrain : not_traversable;
+  }
+
+  // Lamps hang every 4 m; the light pools under them.
+  float pool(float z) const {
+    const float phase = std::abs(fraction(z * 0.25F) - 0.5F) * 2; // 0 under a lamp
+    return 1 - 0.42F * phase * phase * (3 - 2 * phase);
+  }
+
+  Color hazed(const Color& color, float distance) const {
+    const float d = distance / s_.light.haze_distance;
+    return mix(color, s_.light.haze, d * d / (1 + d * d));
+  }
+
+  Color floor(const Vec3& ray, float t, float to_wall, const Footprint& foot, const Color& shadow) const {
+    const Camera& c = s_.moment.camera;
+    const Spot spot = {c.position.x + t * ray.x, c.position.z + t * ray.z, t};
+    std::uint8_t label = 0;
+    const float inside = std::max(s_.place.half_width - std::abs(spot.x), 0.0F);
+    const float corner = 1 - 0.35F / (1 + 12 * inside); // light that the wall takes away
+    Color color = ground_.at(spot, foot, label) * s_.light.on({0, 1, 0}) * shadow * (pool(spot.z) * corner);
+    if (s_.place.gloss > 0) {
+      // What the mirrored ray meets, the stronger the flatter it comes in.
+      const Vec3 mirrored = {ray.x, -ray.y, ray.z};
+      const float slope = -ray.y / std::sqrt(dot(ray, ray)), graze = 1 - slope;
+      const float strength = s_.place.gloss * (0.06F + 0.94F * graze * graze * graze);
+      const float rough = 1 + 0.25F * s_.noise.at(spot.x * 16, spot.z * 4) * foot.amplitude[1];
+      const float to_ceiling = (c.position.y + corridor_height) / -ray.y; // from below the floor
+      const Color seen = to_wall < to_ceiling ? wall_from(mirrored, to_wall, -c.position.y)
+                                              : ceiling_from(mirrored, to_ceiling);
+      color = color + seen * (strength * rough);
+    }
+    return hazed(color, t);
+  }
+
+  Color wall(const Vec3& ray, float t) const {
+    return hazed(wall_from(ray, t, s_.moment.camera.position.y), t);
+  }
+
+  Color wall_from(const Vec3& ray, float t, float eye) const {
+    const Place& p = s_.place;
+    const Camera& c = s_.moment.camera;
+    const float z = c.position.z + t * ray.z, height = eye + t * ray.y;
+    const float size = t / c.focal, along = size * (1 + std::abs(ray.z) / (std::abs(ray.x) + 1e-3F));
+    const std::uint32_t side = ray.x > 0 ? 1 : 0;
+    const float detail = 1 / (1 + 30 * along);
+    Color color = p.wall * (1 + 0.05F * s_.noise.at(z * 2 + 100.0F * static_cast<float>(side), height * 2) +
+                            0.06F * detail * s_.noise.at(z * 32, height * 32));
+    // A door in most stretches of 4 m, 0.95 m wide, framed; its place differs from stretch to stretch.
+    const int stretch = floor_of(z * 0.25F);
+    const std::uint32_t key = hash(s_.settings.seed, side + 61, static_cast<std::uint32_t>(stretch & 511));
+    if (unit(key) < 0.6F) {
+      const float middle = 1.2F + 1.6F * unit(hash(key, 1));
+      const float u = std::abs(z - 4 * static_cast<float>(stretch) - middle);
+      const float frame = clamp01((0.55F - u) / along + 0.5F) * clamp01((2.12F - height) / size + 0.5F);
+      const float leaf = clamp01((0.475F - u) / along + 0.5F) * clamp01((2.05F - height) / size + 0.5F);
+      color = mix(color, p.wall * 0.6F, frame);
+      const float fibre = 1 + 0.18F * detail * s_.noise.at(z * 48, height * 3);
+      Color panel = p.door * fibre;
+      const float handle = clamp01((0.07F - std::abs(u - 0.36F)) / along + 0.5F) *
+                           clamp01((0.02F - std::abs(height - 1.02F)) / size + 0.5F);
+      panel = mix(panel, Color{0.6F, 0.6F, 0.6F}, handle);
+      color = mix(color, panel, leaf);
+    }
+    const float skirting = clamp01((0.09F - height) / size + 0.5F);
+    color = mix(color, p.wall * 0.33F, skirting);
+    const float corner = 1 - 0.3F / (1 + 8 * std::max(std::min(height, corridor_height - height), 0.0F));
+    return color * s_.light.on({0, 0.35F, 0}, 0.0F) * (pool(z) * corner * 1.25F);
+  }
+
+  Color ceiling(const Vec3& ray, float t) const { return hazed(ceiling_from(ray, t), t); }
+
+  Color ceiling_from(const Vec3& ray, float t) const {
+    const Camera& c = s_.moment.camera;
+    const float x = c.position.x + t * ray.x, z = c.position.z + t * ray.z;
+    const float size = t / c.focal;
+    const float u = std::abs(fraction(z * 0.25F) - 0.5F) * 4; // metres from the lamp's middle
+    const float lamp = clamp01((0.6F - u) / (size * 3) + 0.5F) * clamp01((0.15F - std::abs(x)) / size + 0.5F);
+    const Color panel =
+        Color{0.7F, 0.7F, 0.68F} * s_.light.ambient * (0.85F + 0.1F * s_.noise.at(x * 1.5F, z * 1.5F));
+    return mix(panel, s_.light.sun_light * 3.2F + s_.light.ambient, lamp);
+  }
+
+  const Stage& s_;
+  Canvas& canvas_;
+  Ground ground_;
+};
+
+} // namespace
+
+void draw_backdrop(const Stage& stage, Canvas& canvas) {
+  if (stage.settings.kind == Kind::corridor)
+    Indoors(stage, canvas).draw();
+  else
+    Outdoors(stage, canvas).draw();
+}
+
+} // namespace terrainseg::scene

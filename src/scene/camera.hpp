@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Where the rover is and what its camera sees: the pose over time and the pinhole projection.
+#pragma once
+
+#include <vector>
+
+#include "scene/arithmetic.hpp"
+#include "scene/scene.hpp"
+
+namespace terrainseg::scene {
+
+/// The world repeats after this many metres forward; textures and places do so without a seam.
+inline constexpr float world_length = 2048;
+
+/// The line that the rover follows, x = at(z).
+class Path {
+ public:
+  Path(const Settings& settings);
+  float at(float z) const {
+    const float position = (z + margin) * samples_per_metre;
+    const int i = std::clamp(floor_of(position), 0, static_cast<int>(table_.size()) - 2);
+    return mix(table_[i], table_[i + 1], clamp01(position - static_cast<float>(i)));
+  }
+
+ private:
+  static constexpr float margin = 64, samples_per_metre = 1;
+  std::vector<float> table_;
+};
+
+struct Camera {
+  Vec3 position;
+  Vec3 right, down, forward; ///< unit vectors of the picture
+  float focal = 1;           ///< pixels
+  float center_x = 0, center_y = 0;
+
+  Vec3 ray(float x, float y) const { ///< through a pixel, with a forward part of 1
+    return forward + right * ((x - center_x) / focal) + down * ((y - center_y) / focal);
+  }
+  float depth(const Vec3& point) const { return dot(point - position, forward); }
+  /// Row of level rays at the middle of the width, rounded; -1 outside the picture.
+  int horizon_row(int height) const;
+};
+
+/// Seconds into the world and the pose then.
+struct Moment {
+  double seconds = 0;
+  Camera camera;
+};
+
+Moment moment_of(const Settings& settings, const Path& path, std::uint64_t number, int width, int height);
+
+} // namespace terrainseg::scene

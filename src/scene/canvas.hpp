@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The picture while it is drawn: linear light and labels; convex polygons with soft edges.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "scene/camera.hpp"
+
+namespace terrainseg::scene {
+
+/// Filled from the front to the back, so that nothing hidden is ever computed: first things, then their
+/// shadows, then the backdrop.
+struct Canvas {
+  static constexpr std::uint8_t unset = 254;  ///< no label yet
+  static constexpr float hidden = 1.0F / 256; ///< less than this share of a pixel is not worth drawing
+
+  int width = 0, height = 0;
+  std::vector<Color> light;
+  std::vector<float> open;  ///< share of each pixel that is not covered yet
+  std::vector<Color> shade; ///< what shadows leave of the ground's light
+  std::vector<std::uint8_t> labels;
+
+  Canvas(int w, int h)
+      : width(w), height(h), light(static_cast<std::size_t>(w) * h), open(light.size()), shade(light.size()),
+        labels(light.size()) {}
+
+  void clear() {
+    std::fill(light.begin(), light.end(), Color{});
+    std::fill(open.begin(), open.end(), 1.0F);
+    std::fill(shade.begin(), shade.end(), Color{1, 1, 1});
+    std::fill(labels.begin(), labels.end(), unset);
+  }
+  /// Lays `color` under what is there already.
+  void under(std::size_t pixel, const Color& color, float alpha, std::uint8_t label) {
+    light[pixel] = light[pixel] + color * (alpha * open[pixel]);
+    open[pixel] *= 1 - alpha;
+    if (labels[pixel] == unset && open[pixel] <= 0.5F)
+      labels[pixel] = label;
+  }
+
+  std::size_t at(int x, int y) const { return static_cast<std::size_t>(y) * width + x; }
+};
+
+/// A convex polygon of the world on the picture: clipped to what lies ahead, as edges in pixels.
+class Outline {
+ public:
+  static constexpr int max_corners = 20;
+
+  Outline(const Camera& camera, std::span<const Vec3> corners) {
+    constexpr float nearest = 0.08F; // metres
+    std::array<Vec3, max_corners + 1> ahead;
+    int count = 0;
+    for (std::size_t i = 0; i < corners.size() && count < max_corners; ++i) {
+      const Vec3& a = corners[i];
+      const Vec3& b = corners[(i + 1) % corners.size()];
+      const float da = camera.depth(a) - nearest, db = camera.depth(b) - nearest;
+      if (da >= 0)
+        ahead[count++] = a;
+      if ((da >= 0) != (db >= 0) && count < max_corners)
+        ahead[count++] = a + (b - a) * (da / (da - db));
+    }
+    if (count < 3)
+      return;
+    std::array<float, max_corners> xs, ys;
+    float area = 0;
+    for (int i = 0; i < count; ++i) {
+      const Vec3 relative = ahead[i] - camera.position;
+      const float depth = dot(relative, camera.forward);
+      xs[i] = camera.center_x + camera.focal * dot(relative, camera.right) / depth;
+      ys[i] = camera.center_y + camera.focal * dot(relative, camera.down) / depth;
+    }
+    for (int i = 0; i < count; ++i) {
+      const int next = i + 1 < count ? i + 1 : 0;
+      area += xs[i] * ys[next] - xs[next] * ys[i];
+    }
+    if (std::abs(area) < 1e-6F)
+      return;
+    const float turn = area > 0 ? 1.0F : -1.0F;
+    top_ = bottom_ = ys[0];
+    left_ = right_ = xs[0];
+    for (int i = 0; i < count; ++i) {
+      const int next = i + 1 < count ? i + 1 : 0;
+      top_ = std::min(top_, ys[i]);
+      bottom_ = std::max(bottom_, ys[i]);
+      left_ = std::min(left_, xs[i]);
+      right_ = std::max(right_, xs[i]);
+      const float dx = xs[next] - xs[i], dy = ys[next] - ys[i];
+      const float length = std::sqrt(dx * dx + dy * dy);
+      if (length < 1e-4F)
+        continue;
+      const float a = -dy / length * turn, b = dx / length * turn;
+      edges_[edge_count_++] = {a, b, -(a * xs[i] + b * ys[i])};
+    }
+  }
+
+  /// Calls `visit(x, y, distance)` for the pixels whose distance inward from the nearest edge exceeds
+  /// -margin.
+  template <class Visit> void each_pixel(int width, int height, float margin, Visit&& visit) const {
+    if (edge_count_ == 0)
+      return;
+    const auto bound = [](float v, int limit) {
+      return static_cast<int>(std::clamp(v, -1.0F, static_cast<float>(limit)));
+    };
+    const int first_row = std::max(bound(top_ - margin, height), 0);
+    const int last_row = std::min(bound(bottom_ + margin + 1, height), height - 1);
+    for (int y = first_row; y <= last_row; ++y) {
+      float low = left_ - margin, high = right_ + margin;
+      for (int e = 0; e < edge_count_; ++e) {
+        const Edge& edge = edges_[e];
+        const float rest = edge.b * static_cast<float>(y) + edge.c + margin; // a x + rest > 0
+        if (edge.a > 1e-6F)
+          low = std::max(low, -rest / edge.a);
+        else if (edge.a < -1e-6F)
+          high = std::min(high, -rest / edge.a);
+        else if (rest <= 0)
+          high = low - 1;
+      }
+      const int first = std::max(bound(low, width), 0), last = std::min(bound(high + 1, width), width - 1);
+      for (int x = first; x <= last; ++x) {
+        float distance = 1e9F;
+        for (int e = 0; e < edge_count_; ++e)
+          distance = std::min(distance, edges_[e].a * static_cast<float>(x) +
+                                            edges_[e].b * static_cast<float>(y) + edges_[e].c);
+        if (distance > -margin)
+          visit(x, y, distance);
+      }
+    }
+  }
+
+ private:
+  struct Edge {
+    float a, b, c;
+  };
+  std::array<Edge, max_corners> edges_;
+  int edge_count_ = 0;
+  float top_ = 0, bottom_ = 0, left_ = 0, right_ = 0;
+};
+
+} // namespace terrainseg::scene

@@ -1,0 +1,549 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "scene/things.hpp"
+
+namespace terrainseg::scene {
+namespace {
+
+/// What a point of a surface looks like; alpha 0 = nothing there.
+struct Sample {
+  Color light;
+  float alpha = 1;
+};
+
+// A box that stands upright, turned about its middle.
+struct Box {
+  Vec3 base;
+  float half_x, half_z, low, high;
+  float cos_yaw, sin_yaw;
+
+  Vec3 side() const { return {cos_yaw, 0, -sin_yaw}; }
+  Vec3 ahead() const { return {sin_yaw, 0, cos_yaw}; }
+  Vec3 corner(float x, float y, float z) const { return base + side() * x + ahead() * z + Vec3{0, y, 0}; }
+};
+
+enum class Face : std::uint8_t { side, end, top };
+
+struct Plane3 {
+  Vec3 origin, u, v, normal;
+};
+
+class Painter {
+ public:
+  Painter(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), camera_(stage.moment.camera) {}
+
+  void shadow(const Thing& thing) {
+    const float depth = camera_.depth(thing.base);
+    if (depth > 90)
+      return;
+    std::array<Vec3, 16> corners;
+    if (s_.settings.kind != Kind::corridor && s_.light.sun.y > 0.01F) {
+      const float reach = std::min(1 / s_.light.sun.y, 14.0F);
+      const Vec3 along = {-s_.light.sun.x * reach, 0, -s_.light.sun.z * reach};
+      const Color kept = shadow_color();
+      if (thing.kind == Thing::Kind::tree) {
+        const Vec3 middle = thing.base + along * (thing.height * 0.62F);
+        const float stretch =
+            std::sqrt(along.x * along.x + along.z * along.z) * 0.36F * thing.height + thing.half_x;
+        const int count = ellipse(middle, along, stretch, thing.half_x, corners);
+        darken(corners, count, kept, 0.35F, true);
+        const Vec3 trunk = {0.012F * thing.height, 0, 0};
+        corners[0] = thing.base - trunk;
+        corners[1] = thing.base + trunk;
+        corners[2] = thing.base + along * (thing.height * 0.4F) + trunk;
+        corners[3] = thing.base + along * (thing.height * 0.4F) - trunk;
+        darken(corners, 4, kept, 0.03F, false);
+      } else if (thing.kind == Thing::Kind::bush || thing.kind == Thing::Kind::rock) {
+        const float length = std::sqrt(along.x * along.x + along.z * along.z) * 0.5F * thing.height;
+        const Vec3 middle = thing.base + along * (0.5F * thing.height);
+        const int count = ellipse(middle, along, length + 0.6F * thing.half_x, thing.half_x, corners);
+        darken(corners, count, kept, 0.04F * thing.half_x + 0.01F, false);
+      } else {
+        const int count = cast_hull(thing, along * thing.height, corners);
+        darken(corners, count, kept, 0.05F, false);
+      }
+    }
+    // Where a thing stands little light gets under it.
+    const float rim = thing.kind == Thing::Kind::car ? 0.12F : 0.06F;
+    if (thing.kind == Thing::Kind::tree || thing.kind == Thing::Kind::bush ||
+        thing.kind == Thing::Kind::rock) {
+      const float radius = thing.kind == Thing::Kind::tree ? 0.03F * thing.height : thing.half_x;
+      const int count = ellipse(thing.base, {0, 0, 1}, 0.7F * radius + rim, radius + rim, corners);
+      darken(corners, count, {0.5F, 0.5F, 0.5F}, 2 * rim, false);
+      return;
+    }
+    const Box box = box_of(thing, 0, 0);
+    for (int i = 0; i < 4; ++i) {
+      const float x = (i == 1 || i == 2 ? 1.0F : -1.0F) * (thing.half_x + rim);
+      const float z = (i >= 2 ? 1.0F : -1.0F) * (thing.half_z + rim);
+      corners[i] = box.corner(x, 0, z);
+    }
+    darken(corners, 4, {0.42F, 0.42F, 0.42F}, 2 * rim, false);
+  }
+
+  void thing(const Thing& thing) {
+    switch (thing.kind) {
+    case Thing::Kind::car:
+      return car(thing);
+    case Thing::Kind::house:
+      return house(thing);
+    case Thing::Kind::tree:
+      return tree(thing);
+    case Thing::Kind::bush:
+      return bush(thing);
+    case Thing::Kind::rock:
+      return rock(thing);
+    case Thing::Kind::cabinet:
+      return cabinet(thing);
+    case Thing::Kind::bin:
+    case Thing::Kind::pole:
+    case Thing::Kind::crate:
+      return crate(thing);
+    }
+  }
+
+ private:
+  static Box box_of(const Thing& thing, float low, float high) {
+    return {thing.base, thing.half_x, thing.half_z, low, high, thing.cos_yaw, thing.sin_yaw};
+  }
+
+  Color shadow_color() const {
+    const Color lit = s_.light.on({0, 1, 0}), dark = s_.light.on({0, 1, 0}, 0.06F);
+    return {dark.r / lit.r, dark.g / lit.g, dark.b / lit.b};
+  }
+
+  static int ellipse(const Vec3& middle, const Vec3& along, float length, float width,
+                     std::array<Vec3, 16>& corners) {
+    const float norm = std::sqrt(along.x * along.x + along.z * along.z) + 1e-6F;
+    const Vec3 a = {along.x / norm, 0, along.z / norm}, b = {a.z, 0, -a.x};
+    constexpr int count = 14;
+    for (int i = 0; i < count; ++i) {
+      const double turns = static_cast<double>(i) / count;
+      corners[i] = middle + a * (length * static_cast<float>(cosine(turns))) +
+                   b * (width * static_cast<float>(sine(turns)));
+    }
+    return count;
+  }
+
+  // The hull of a box's footprint and the same moved along the light.
+  static int cast_hull(const Thing& thing, const Vec3& cast, std::array<Vec3, 16>& corners) {
+    const Box box = box_of(thing, 0, 0);
+    std::array<Vec3, 8> points;
+    for (int i = 0; i < 8; ++i) {
+      points[i] = box.corner(i & 1 ? thing.half_x : -thing.half_x, 0, i & 2 ? thing.half_z : -thing.half_z);
+      if (i & 4)
+        points[i] = points[i] + cast;
+    }
+    std::sort(points.begin(), points.end(),
+              [](const Vec3& a, const Vec3& b) { return a.x < b.x || (a.x == b.x && a.z < b.z); });
+    const auto turn = [](const Vec3& o, const Vec3& a, const Vec3& b) {
+      return (a.x - o.x) * (b.z - o.z) - (a.z - o.z) * (b.x - o.x);
+    };
+    int count = 0;
+    for (int pass = 0; pass < 2; ++pass) {
+      const int start = count;
+      for (int i = 0; i < 8; ++i) {
+        const Vec3& point = points[pass ? 7 - i : i];
+        while (count >= start + 2 && turn(corners[count - 2], corners[count - 1], point) <= 0)
+          --count;
+        corners[count++] = point;
+      }
+      --count; // the last point begins the next pass
+    }
+    return count;
+  }
+
+  void darken(const std::array<Vec3, 16>& corners, int count, const Color& kept, float softness,
+              bool dappled) {
+    Vec3 middle;
+    for (int i = 0; i < count; ++i)
+      middle = middle + corners[i] * (1.0F / static_cast<float>(count));
+    const float depth = std::max(camera_.depth(middle), 1.0F);
+    const float soft = std::max(softness * camera_.focal / depth, 1.0F);
+    const Outline outline(camera_, {corners.data(), static_cast<std::size_t>(count)});
+    outline.each_pixel(canvas_.width, canvas_.height, soft * 0.5F, [&](int x, int y, float distance) {
+      const std::size_t pixel = canvas_.at(x, y);
+      if (canvas_.open[pixel] < Canvas::hidden)
+        return;
+      float k = clamp01(distance / soft + 0.5F);
+      if (dappled) {
+        const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
+        if (ray.y >= -1e-4F)
+          return;
+        const float t = camera_.position.y / -ray.y;
+        const float u = camera_.position.x + t * ray.x, v = camera_.position.z + t * ray.z;
+        const float gaps = s_.noise.cloudy(u * 2.3F, v * 2.3F);
+        k *= 1 - 0.85F * smooth(0.05F, 0.3F, gaps);
+        // The rim of a crown is ragged.
+        k *=
+            smooth(-0.1F, 0.35F, distance / soft * 0.25F + 0.4F * s_.noise.at(u * 1.7F + 9, v * 1.7F) + 0.1F);
+      }
+      canvas_.shade[pixel] = canvas_.shade[pixel] * mix(Color{1, 1, 1}, kept, k);
+    });
+  }
+
+  Color hazed(const Color& color, float distance) const {
+    const float d = distance / s_.light.haze_distance;
+    return mix(color, s_.light.haze, s_.settings.kind == Kind::corridor ? d * d / (1 + d * d) : d / (1 + d));
+  }
+
+  // In a corridor light comes from above and a little from the rover's side.
+  Color lit(const Vec3& normal) const {
+    if (s_.settings.kind == Kind::corridor)
+      return s_.light.on(normal) +
+             s_.light.ambient * (0.12F * std::abs(normal.z) - 0.1F * std::abs(normal.x));
+    return s_.light.on(normal);
+  }
+
+  /// Draws a flat convex face; `shade(u, v, size)` in metres along the plane's axes, size = metres per pixel.
+  template <class Shade>
+  void face(std::span<const Vec3> corners, const Plane3& plane, std::uint8_t label, Shade&& shade) {
+    const float offset = dot(plane.normal, plane.origin - camera_.position);
+    const Outline outline(camera_, corners);
+    // Half a pixel over the rim: adjoining faces leave no gap.
+    outline.each_pixel(canvas_.width, canvas_.height, 1, [&](int x, int y, float distance) {
+      const std::size_t pixel = canvas_.at(x, y);
+      if (canvas_.open[pixel] < Canvas::hidden)
+        return;
+      const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
+      const float toward = dot(plane.normal, ray);
+      if (std::abs(toward) < 1e-6F)
+        return;
+      const float t = offset / toward;
+      if (t <= 0)
+        return;
+      const Vec3 hit = camera_.position + ray * t - plane.origin;
+      const Sample sample = shade(dot(hit, plane.u), dot(hit, plane.v), t / camera_.focal);
+      const float alpha = sample.alpha * clamp01(distance + 1);
+      if (alpha <= 0)
+        return;
+      canvas_.under(pixel, hazed(sample.light, t), alpha, label);
+    });
+  }
+
+  /// The faces of a box that the camera sees. `shade(face, normal, u, v, size)`: u from the middle of the
+  /// face, v up from the ground (on the top: u across, v along).
+  template <class Shade> void box(const Box& b, std::uint8_t label, Shade&& shade) {
+    const Vec3 to_eye = camera_.position - b.base;
+    for (const float sign : {-1.0F, 1.0F}) {
+      if (sign * dot(to_eye, b.side()) > b.half_x) {
+        const std::array<Vec3, 4> corners = {
+            b.corner(sign * b.half_x, b.low, -b.half_z), b.corner(sign * b.half_x, b.low, b.half_z),
+            b.corner(sign * b.half_x, b.high, b.half_z), b.corner(sign * b.half_x, b.high, -b.half_z)};
+        const Vec3 normal = b.side() * sign;
+        face(corners, {b.corner(sign * b.half_x, 0, 0), b.ahead(), {0, 1, 0}, normal}, label,
+             [&](float u, float v, float size) { return shade(Face::side, normal, u, v, size); });
+      }
+      if (sign * dot(to_eye, b.ahead()) > b.half_z) {
+        const std::array<Vec3, 4> corners = {
+            b.corner(-b.half_x, b.low, sign * b.half_z), b.corner(b.half_x, b.low, sign * b.half_z),
+            b.corner(b.half_x, b.high, sign * b.half_z), b.corner(-b.half_x, b.high, sign * b.half_z)};
+        const Vec3 normal = b.ahead() * sign;
+        face(corners, {b.corner(0, 0, sign * b.half_z), b.side(), {0, 1, 0}, normal}, label,
+             [&](float u, float v, float size) { return shade(Face::end, normal, u * sign, v, size); });
+      }
+    }
+    if (camera_.position.y > b.high) {
+      const std::array<Vec3, 4> corners = {
+          b.corner(-b.half_x, b.high, -b.half_z), b.corner(b.half_x, b.high, -b.half_z),
+          b.corner(b.half_x, b.high, b.half_z), b.corner(-b.half_x, b.high, b.half_z)};
+      face(corners, {b.corner(0, b.high, 0), b.side(), b.ahead(), {0, 1, 0}}, label,
+           [&](float u, float v, float size) {
+             return shade(Face::top, Vec3{0, 1, 0}, u, v, size);
+           });
+    }
+  }
+
+  void car(const Thing& thing) {
+    const Color paint = thing.color, tyre = {0.012F, 0.012F, 0.013F};
+    const float waist = 0.58F * thing.height, length = thing.half_z;
+    const Color glint = s_.light.haze * 0.3F + s_.light.zenith * 0.1F;
+    const bool dusk = s_.settings.light == Light::dusk;
+    Box body = box_of(thing, 0.03F, waist);
+    box(body, not_traversable, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+      Color color = paint;
+      if (f == Face::side) {
+        // Wheels, and daylight between them.
+        const float wheel = std::abs(u) - 0.62F * length,
+                    r = std::sqrt(wheel * wheel + (v - 0.31F) * (v - 0.31F));
+        const float on_wheel = clamp01((0.31F - r) / size + 0.5F), hub = clamp01((0.17F - r) / size + 0.5F);
+        const float on_body =
+            clamp01((v - 0.22F) / size + 0.5F) * clamp01((length - 0.02F - std::abs(u)) / size + 0.5F);
+        const float arch = clamp01((0.37F - r) / size + 0.5F);
+        color = mix(color * (v > waist * 0.7F ? 1.0F : 0.85F), tyre, arch);
+        color = mix(color, mix(tyre, Color{0.2F, 0.2F, 0.21F}, hub), on_wheel);
+        const float seam = 0.5F * clamp01((0.012F - std::abs(u - 0.1F)) / size + 0.5F);
+        color = color * (1 - seam);
+        return {color * lit(normal) + glint * (0.25F * (v / waist)), std::max(on_body, on_wheel)};
+      }
+      if (f == Face::end) {
+        const float across = std::abs(u) / thing.half_x;
+        const float bumper = clamp01((0.14F - std::abs(v - 0.42F)) / size + 0.5F);
+        color = mix(color, mix(color, Color{0.03F, 0.03F, 0.03F}, 0.6F), bumper);
+        const float lamp = clamp01((across - 0.66F) / (size / thing.half_x) + 0.5F) *
+                           clamp01((0.075F - std::abs(v - waist + 0.14F)) / size + 0.5F);
+        const bool rear = dot(normal, Vec3{thing.sin_yaw, 0, thing.cos_yaw}) < 0;
+        const float plate = clamp01((0.26F - std::abs(u)) / size + 0.5F) *
+                            clamp01((0.055F - std::abs(v - 0.5F)) / size + 0.5F);
+        color = mix(color, Color{0.6F, 0.58F, 0.45F}, plate);
+        const float low = clamp01((v - 0.2F) / size + 0.5F);
+        const float tyres = clamp01((across - 0.72F) / (size / thing.half_x) + 0.5F) *
+                            clamp01((0.95F - across) / (size / thing.half_x) + 0.5F);
+        Color light =
+            mix(color * lit(normal) + glint * (0.25F * (v / waist)), Color{}, 0.25F * (1 - v / waist));
+        const Color lamp_light = rear ? Color{0.35F, 0.01F, 0.01F} * (dusk ? 2.2F : 1.0F)
+                                      : Color{0.6F, 0.6F, 0.55F} * (dusk ? 2.5F : 1.0F);
+        light = mix(light, lamp_light, lamp);
+        return {mix(mix(Color{0.006F, 0.006F, 0.006F}, tyre * lit(normal), tyres), light, low),
+                low > tyres ? std::max(low, 0.85F) : std::max(tyres, 0.85F)};
+      }
+      return {color * lit(normal) + glint * 0.8F, 1};
+    });
+    Box cabin = box_of(thing, waist, thing.height);
+    cabin.half_x *= 0.86F;
+    cabin.half_z *= 0.55F;
+    cabin.base = body.corner(0, 0, -0.12F * length);
+    cabin.base.y = 0;
+    box(cabin, not_traversable, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+      const float rise = (v - waist) / (thing.height - waist);
+      const Color light = paint * lit(normal);
+      if (f == Face::top)
+        return {light + glint * 0.8F, 1};
+      const float half = f == Face::side ? cabin.half_z : cabin.half_x;
+      // The cabin narrows towards the roof.
+      const float edge = half * (1 - (f == Face::side ? 0.34F : 0.12F) * rise) - std::abs(u);
+      const float alpha = clamp01(edge / size + 0.5F);
+      float glass = clamp01((edge - 0.07F) / size + 0.5F) * clamp01((0.86F - rise) / (size / 0.6F) + 0.5F);
+      if (f == Face::side)
+        glass *= clamp01((std::abs(u) - 0.04F) / size + 0.5F);
+      const Color pane = Color{0.012F, 0.014F, 0.016F} + glint * (0.15F + 0.6F * rise);
+      return {mix(light, pane, glass), alpha};
+    });
+  }
+
+  void house(const Thing& thing) {
+    const float storey = 2.9F;
+    Box walls = box_of(thing, 0, thing.height);
+    // A saddle roof, ridge along the road; its eaves hide part of the walls.
+    const float eave = 0.4F, rise = 0.7F * thing.half_x;
+    const auto at = [&](float x, float y, float z) { return walls.corner(x, y, z); };
+    const Color tile = mix(Color{0.22F, 0.09F, 0.06F}, Color{0.1F, 0.1F, 0.11F}, unit(hash(thing.key, 5)));
+    const float hx = thing.half_x + eave, hz = thing.half_z + eave, low = thing.height - 0.2F,
+                high = thing.height + rise;
+    const float slope = std::sqrt(hx * hx + (high - low) * (high - low));
+    for (const float sign : {-1.0F, 1.0F}) {
+      const std::array<Vec3, 3> gable = {at(-hx + eave, thing.height, sign * thing.half_z),
+                                         at(hx - eave, thing.height, sign * thing.half_z),
+                                         at(0, high, sign * thing.half_z)};
+      const Vec3 end = walls.ahead() * sign;
+      if (dot(camera_.position - gable[0], end) > 0)
+        face(gable, {gable[0], walls.side(), {0, 1, 0}, end}, not_traversable,
+             [&](float, float, float) -> Sample {
+               return {thing.color * lit(end), 1};
+             });
+    }
+    for (const float sign : {-1.0F, 1.0F}) {
+      const std::array<Vec3, 4> roof = {at(sign * hx, low, -hz), at(sign * hx, low, hz), at(0, high, hz),
+                                        at(0, high, -hz)};
+      const Vec3 normal = walls.side() * (sign * (high - low) / slope) + Vec3{0, hx / slope, 0};
+      const Vec3 up = walls.side() * (-sign * hx / slope) + Vec3{0, (high - low) / slope, 0};
+      if (dot(camera_.position - roof[0], normal) > 0)
+        face(roof, {roof[0], walls.ahead(), up, normal}, not_traversable,
+             [&](float u, float v, float size) -> Sample {
+               const float row = fraction(v * 3) < 0.2F ? 0.75F : 1.0F;
+               return {tile * (mix(1.0F, row, 1 / (1 + 20 * size)) * (1 + 0.2F * s_.noise.at(u * 2, v * 2))) *
+                           lit(normal),
+                       1};
+             });
+    }
+    const float phase = unit(thing.key) * 20;
+    box(walls, not_traversable, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+      const float fine = 1 / (1 + 12 * size);
+      Color color = thing.color * (1 + 0.12F * s_.noise.at(u * 0.7F + phase, v * 0.7F) +
+                                   0.25F * fine * s_.noise.at(u * 9 + phase, v * 22));
+      if (f != Face::top) {
+        const float wu = std::abs(fraction((u + phase) * 0.4F) - 0.5F) * 2.5F,
+                    wv = fraction(v / storey) * storey;
+        const float frame =
+            clamp01((0.6F - wu) / size + 0.5F) * clamp01((0.8F - std::abs(wv - 1.7F)) / size + 0.5F);
+        const float glass = clamp01((0.52F - wu) / size + 0.5F) *
+                            clamp01((0.72F - std::abs(wv - 1.7F)) / size + 0.5F) *
+                            clamp01((std::abs(wu) - 0.025F) / size + 0.5F);
+        color = mix(color, Color{0.5F, 0.49F, 0.46F}, frame);
+        const std::uint32_t pane_key =
+            hash(thing.key, static_cast<std::uint32_t>(floor_of((u + phase) * 0.4F)),
+                 static_cast<std::uint32_t>(floor_of(v / storey)));
+        const bool lamp = s_.settings.light == Light::dusk && unit(pane_key) < 0.3F;
+        const Color pane =
+            lamp ? Color{0.6F, 0.42F, 0.2F}
+                 : Color{0.02F, 0.025F, 0.03F} + s_.light.haze * (0.12F + 0.15F * unit(pane_key));
+        const float plinth = clamp01((0.5F - v) / size + 0.5F);
+        return {mix(mix(color, color * 0.6F, plinth) * lit(normal), pane, glass), 1};
+      }
+      return {color * lit(normal), 1};
+    });
+  }
+
+  /// An upright picture that faces the camera: `shade(u, v, size)` with u across and v up, metres.
+  template <class Shade> void cutout(const Vec3& base, float half_width, float height, Shade&& shade) {
+    Vec3 toward = {camera_.position.x - base.x, 0, camera_.position.z - base.z};
+    const float length = std::sqrt(toward.x * toward.x + toward.z * toward.z);
+    if (length < 0.05F)
+      return;
+    toward = toward * (1 / length);
+    const Vec3 across = {-toward.z, 0, toward.x};
+    const Vec3 rise = {0, height, 0};
+    const std::array<Vec3, 4> corners = {base - across * half_width, base + across * half_width,
+                                         base + across * half_width + rise,
+                                         base - across * half_width + rise};
+    across_ = across;
+    toward_ = toward;
+    face(corners, {base, across, {0, 1, 0}, toward}, not_traversable, shade);
+  }
+
+  // Crowns are lit from the sun's side and dark inside.
+  Color foliage(const Color& leaf, float u, float v, float radius, float size, std::uint32_t key) const {
+    const auto shift = static_cast<float>(key & 255);
+    const float fine = 1 / (1 + 10 * size), finer = 1 / (1 + 36 * size);
+    const float clump = s_.noise.at(u * 2.2F / radius + shift, v * 2.2F / radius);
+    const float leaves = s_.noise.at(u * 6 + shift, v * 6), twigs = s_.noise.at(u * 24 + shift, v * 24);
+    const float bright = 1 + 0.55F * clump + 0.6F * fine * leaves + 0.7F * finer * twigs;
+    const float sunny = 0.5F + 0.5F * (dot(s_.light.sun, Vec3{0, v / radius, 0}) +
+                                       0.6F * u / radius * dot(s_.light.sun, across_));
+    const Color light =
+        s_.light.ambient * 0.6F + s_.light.sun_light * (0.55F * clamp01(sunny) * clamp01(bright - 0.45F));
+    return leaf * light * std::max(bright, 0.12F);
+  }
+
+  void tree(const Thing& thing) {
+    const float trunk = 0.014F * thing.height, crown_low = 0.2F * thing.height;
+    const float ry = 0.5F * (thing.height - crown_low), cy = crown_low + ry, rx = thing.half_x;
+    const auto shift = static_cast<float>(thing.key & 255);
+    const bool conifer = (thing.key >> 9 & 3) == 0;
+    cutout(thing.base, rx * 1.25F, thing.height * 1.05F, [&](float u, float v, float size) -> Sample {
+      const float y = (v - cy) / ry;
+      const float width = conifer ? rx * 0.8F * clamp01(0.5F - 0.5F * y) + 0.02F : rx;
+      const float x = u / width;
+      const float radius = conifer ? std::max(std::abs(x), std::abs(y)) : std::sqrt(x * x + y * y);
+      const float ragged = 0.5F * s_.noise.at(u * 1.4F + shift, v * 1.4F) +
+                           0.34F * s_.noise.at(u * 5 + shift, v * 5) + 0.2F * s_.noise.at(u * 15, v * 15);
+      const float body = 1 - radius + 0.6F * ragged - 0.12F;
+      // Gaps through which the sky shows.
+      const float alpha = clamp01(body / std::max(size * 1.5F, 0.16F) + 0.5F);
+      const float wood =
+          clamp01((trunk * (1.2F - v / thing.height) - std::abs(u)) / size + 0.5F) * (v < cy ? 1.0F : 0.0F);
+      if (std::max(alpha, wood) <= 0)
+        return {{}, 0};
+      if (alpha >= 1)
+        return {foliage(thing.color, u, v - cy, rx, size, thing.key), 1};
+      const Color bark = Color{0.09F, 0.065F, 0.045F} * (1 + 0.5F * s_.noise.at(u * 30 + shift, v * 5)) *
+                         s_.light.on({0, 0.4F, 0}, 0.6F);
+      const Color leaves = foliage(thing.color, u, v - cy, rx, size, thing.key);
+      return {mix(bark, leaves, alpha), std::max(alpha, wood)};
+    });
+  }
+
+  void bush(const Thing& thing) {
+    const float rx = thing.half_x, ry = thing.height;
+    const auto shift = static_cast<float>(thing.key & 255);
+    cutout(thing.base, rx * 1.3F, ry * 1.3F, [&](float u, float v, float size) -> Sample {
+      const float x = u / rx, y = v / ry;
+      const float ragged =
+          0.45F * s_.noise.at(u * 3 + shift, v * 3) + 0.4F * s_.noise.at(u * 11 + shift, v * 11);
+      const float body = 1 - std::sqrt(x * x + y * y) + 0.5F * ragged - 0.1F;
+      const float alpha = clamp01(body / std::max(size / rx * 1.5F, 0.12F) + 0.5F);
+      if (alpha <= 0)
+        return {{}, 0};
+      const Color leaves = foliage(thing.color, u, v - 0.35F * ry, rx, size, thing.key);
+      return {leaves * (0.55F + 0.45F * clamp01(y * 1.6F)), alpha};
+    });
+  }
+
+  void rock(const Thing& thing) {
+    const float rx = thing.half_x, ry = thing.height;
+    const auto shift = static_cast<float>(thing.key & 255);
+    cutout(thing.base - Vec3{0, 0.12F * ry, 0}, rx * 1.25F, ry * 1.25F,
+           [&](float u, float v, float size) -> Sample {
+             const float x = u / rx, y = (v - 0.3F * ry) / (0.75F * ry);
+             const float lumps = s_.noise.at(u / rx * 1.1F + shift, v / ry * 1.1F),
+                         chips = s_.noise.at(u / rx * 3.5F + shift, v / ry * 3.5F);
+             const float r2 = x * x + y * y, body = 1 - std::sqrt(r2) + 0.22F * lumps + 0.1F * chips;
+             const float ground = clamp01((v - 0.12F * ry) / size + 0.5F);
+             const float alpha = clamp01(body * rx / size + 0.5F) * ground;
+             if (alpha <= 0)
+               return {{}, 0};
+             // The side of an egg, roughened.
+             const float facing = std::sqrt(std::max(1 - r2, 0.05F));
+             const float nx = x + 0.55F * lumps, ny = y + 0.5F * chips + 0.35F * lumps;
+             const Vec3 normal = across_ * nx + Vec3{0, ny, 0} + toward_ * facing;
+             const float length = std::sqrt(dot(normal, normal)) + 1e-3F;
+             const float fine = 1 / (1 + 20 * size);
+             const Color color =
+                 thing.color * (1 + 0.35F * fine * s_.noise.at(u * 28 + shift, v * 28) + 0.2F * chips);
+             return {color * s_.light.on(normal * (1 / length)) * (0.55F + 0.45F * clamp01(v / (0.6F * ry))),
+                     alpha};
+           });
+  }
+
+  void crate(const Thing& thing) {
+    const float phase = unit(thing.key) * 30;
+    const bool pole = thing.kind == Thing::Kind::pole;
+    box(box_of(thing, 0, thing.height), not_traversable,
+        [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+          const float fine = 1 / (1 + 20 * size);
+          float shade = 1 + 0.08F * s_.noise.at(u * 3 + phase, v * 3) +
+                        0.14F * fine * s_.noise.at(u * 30 + phase, v * 30);
+          if (f != Face::top && !pole) {
+            const float tape = clamp01((0.03F - std::abs(u)) / size + 0.5F);
+            shade *= 1 - 0.18F * tape;
+            shade *= 0.8F + 0.2F * clamp01(v * 3);
+          }
+          return {thing.color * shade * lit(normal), 1};
+        });
+  }
+
+  void cabinet(const Thing& thing) {
+    const float phase = unit(thing.key) * 30;
+    box(box_of(thing, 0, thing.height), not_traversable,
+        [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+          const float fine = 1 / (1 + 20 * size);
+          float shade = 1 + 0.1F * fine * s_.noise.at(u * 4 + phase, v * 40) +
+                        0.05F * s_.noise.at(u * 2 + phase, v * 2);
+          if (f == Face::side) {
+            const float drawer = std::abs(fraction(v * 2.6F) - 0.5F) / 2.6F, middle = std::abs(u);
+            shade *= 1 - 0.5F * std::max(clamp01((0.008F - drawer) / size + 0.5F),
+                                         clamp01((0.006F - middle) / size + 0.5F));
+          }
+          if (f != Face::top && v < 0.07F)
+            shade *= 0.35F; // the recess of the plinth
+          return {thing.color * shade * lit(normal), 1};
+        });
+  }
+
+  const Stage& s_;
+  Canvas& canvas_;
+  const Camera& camera_;
+  Vec3 across_{1, 0, 0}, toward_{0, 0, -1};
+};
+
+float reach_of(const Thing& thing) {
+  return thing.half_x + thing.half_z + thing.height;
+}
+
+} // namespace
+
+void draw_things(const Stage& stage, std::vector<Thing>& things, Canvas& canvas) {
+  const Camera& camera = stage.moment.camera;
+  std::erase_if(things, [&](const Thing& thing) { return camera.depth(thing.base) < -reach_of(thing) - 3; });
+  // The key settles ties, so that the order does not hang on the sort's own habits.
+  std::sort(things.begin(), things.end(), [&](const Thing& a, const Thing& b) {
+    const float da = camera.depth(a.base), db = camera.depth(b.base);
+    return da != db ? da < db : a.key < b.key;
+  });
+  Painter painter(stage, canvas);
+  for (const Thing& thing : things)
+    painter.thing(thing);
+  for (const Thing& thing : things)
+    painter.shadow(thing);
+}
+
+} // namespace terrainseg::scene

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Draws the things that stand in the world, and the shadows that they throw on the ground.
+#pragma once
+
+#include <vector>
+
+#include "scene/backdrop.hpp"
+
+namespace terrainseg::scene {
+
+/// Sorts `things` from near to far, draws them, then leaves their shadows in the canvas for the backdrop.
+void draw_things(const Stage& stage, std::vector<Thing>& things, Canvas& canvas);
+
+} // namespace terrainseg::scene

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What there is: the kind of place, its light, and the things that stand in it.
+#pragma once
+
+#include <vector>
+
+#include "scene/arithmetic.hpp"
+#include "scene/camera.hpp"
+#include "scene/scene.hpp"
+
+namespace terrainseg::scene {
+
+struct Lighting {
+  Vec3 sun;        ///< unit vector towards it
+  Color sun_light; ///< on a surface that faces the sun
+  Color ambient;   ///< from the sky or the walls
+  Color haze;      ///< colour of far things
+  Color zenith;
+  float haze_distance = 500; ///< metres at which half is haze
+  float clouds = 0.4F;       ///< cover, 0..1
+  Color exposure{1, 1, 1};   ///< exposure and white balance
+  float sensor_noise = 1.5F; ///< standard deviation in 8-bit steps
+
+  Color on(const Vec3& normal, float lit = 1) const {
+    const float facing = std::max(dot(normal, sun), 0.0F) * lit;
+    return ambient * (0.62F + 0.38F * normal.y) + sun_light * facing;
+  }
+};
+
+Lighting lighting_of(const Settings& settings, double seconds);
+
+/// What a seed decides once for the whole place.
+struct Place {
+  bool urban = false;      ///< road: parking strips, kerbs, pavement and houses
+  float half_width = 3.6F; ///< of what is driven on: asphalt, path or corridor, metres
+  float pavement = 0;      ///< outer edge of the pavement, metres from the middle; 0 = none
+  Color surface;           ///< what is driven on
+  Color beside;            ///< grass, far ground
+  Color wall;              ///< corridor
+  Color door;              ///< corridor
+  int flooring = 0;        ///< corridor: 0 linoleum, 1 tiles, 2 boards, 3 carpet
+  float gloss = 0;         ///< corridor: share of mirrored light
+  float skyline = 0.08F;   ///< mean height of what closes the view, tangent of its elevation
+  float clearing = 80;     ///< metres at which it closes
+  Color skyline_color;
+  float clumps = 1; ///< how strongly the surface varies
+};
+
+Place place_of(const Settings& settings);
+
+struct Thing {
+  enum class Kind : std::uint8_t { car, house, tree, bush, rock, pole, crate, cabinet, bin };
+  Kind kind = Kind::rock;
+  Vec3 base;           ///< middle of the footprint
+  float half_x = 0.5F; ///< metres, before turning
+  float half_z = 0.5F;
+  float height = 1;
+  float cos_yaw = 1, sin_yaw = 0;
+  Color color;
+  std::uint32_t key = 0; ///< of its own details
+};
+
+/// Things that may be in sight, in no order. `things` is cleared first.
+void things_in_sight(const Settings& settings, const Place& place, const Path& path, const Moment& moment,
+                     std::vector<Thing>& things);
+
+} // namespace terrainseg::scene
