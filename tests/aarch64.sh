@@ -66,7 +66,7 @@ build() {
     printf 'all:%s %s/gtest.o %s/gtest_main.o %s/kernels_test.o\n' "$objects" "$out" "$out" "$out"
   } >"$out/Makefile"
   unset objects
-  make -s -j2 -f "$out/Makefile" all >"$out/log" 2>&1 || { tail -n 30 "$out/log"; return 1; }
+  make -B -s -j2 -f "$out/Makefile" all >"$out/log" 2>&1 || { tail -n 30 "$out/log"; return 1; }
   local parts
   parts=$(ls "$out"/src_*.o)
   # shellcheck disable=SC2086
@@ -86,7 +86,7 @@ build "$folder/cross" aarch64-linux-gnu-g++ -isystem "$folder/include" || fail "
 # vector_bytes: of SVE; NEON does not care.
 vector_bytes=64
 emulated() { qemu-aarch64 -cpu "max,sve-default-vector-length=$vector_bytes" -L /usr/aarch64-linux-gnu -E LD_LIBRARY_PATH="$root/usr/lib/aarch64-linux-gnu" "$@"; }
-for vector_bytes in 16 32 64; do
+for vector_bytes in 16 32 64 128; do
   if emulated "$folder/cross/kernels_test" --gtest_output="xml:$folder/kernels.xml" >"$folder/kernels.log" 2>&1; then
     echo "SVE vectors of $vector_bytes bytes:" \
       "$(grep -o 'name="targets" value="[^"]*"' "$folder/kernels.xml" | sort -u | cut -d'"' -f4)"

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "kernels/targets.hpp"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/reduce.cpp"
 #include <hwy/foreach_target.h>
@@ -226,13 +228,15 @@ void reduce_row(const std::uint8_t* odd, const std::uint8_t* even, int width, co
   bool done = false;
 #if HWY_TARGET != HWY_SCALAR
   const hn::CappedTag<std::uint8_t, 64> widest;
+  done = vector_pixels<step, written>(widest, odd, even, 1, inner, waiting, out);
+#if !HWY_HAVE_SCALABLE
   const hn::CappedTag<std::uint8_t, 32> wide;
   const hn::CappedTag<std::uint8_t, 16> narrow;
-  done = vector_pixels<step, written>(widest, odd, even, 1, inner, waiting, out);
   if constexpr (hn::MaxLanes(widest) > hn::MaxLanes(wide))
     done = done || vector_pixels<step, written>(wide, odd, even, 1, inner, waiting, out);
   if constexpr (hn::MaxLanes(wide) > hn::MaxLanes(narrow))
     done = done || vector_pixels<step, written>(narrow, odd, even, 1, inner, waiting, out);
+#endif
 #endif
   if (!done)
     plain_pixels<step, written>(odd, even, 1, inner, waiting, out);

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include "kernels/targets.hpp"
+
 #include <hwy/highway.h>
 #include <sys/mman.h>
 #include <unistd.h>
