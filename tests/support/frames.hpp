@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Frames made of integers only, in any format: the same bytes on every machine.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "terrainseg/frame.hpp"
+
+namespace terrainseg::test {
+
+using Components = std::array<std::uint8_t, 3>;
+using Painter = std::function<Components(int x, int y)>;
+
+/// A frame that owns its planes. Subsampled components are those of the pixel at the upper left. Padding
+/// holds 0xa5.
+class OwnedFrame {
+ public:
+  OwnedFrame(PixelFormat format, int width, int height, const Painter& paint, int padding = 0) {
+    const FormatLayout& layout = layout_of(format);
+    frame_.format = format;
+    frame_.width = width;
+    frame_.height = height;
+    for (const ComponentLayout& part : layout.components) {
+      const std::ptrdiff_t row = part.offset + (subsampled(width, part.x_shift) - 1) * part.step + 1;
+      auto& stride = frame_.planes[part.plane].stride;
+      stride = std::max(stride, row + padding);
+    }
+    for (const ComponentLayout& part : layout.components) {
+      const auto size =
+          static_cast<std::size_t>(frame_.planes[part.plane].stride * subsampled(height, part.y_shift));
+      planes_[part.plane].resize(std::max(planes_[part.plane].size(), size), 0xa5);
+    }
+    for (int c = 0; c < 3; ++c) {
+      const ComponentLayout& part = layout.components[c];
+      for (int y = 0; y < subsampled(height, part.y_shift); ++y)
+        for (int x = 0; x < subsampled(width, part.x_shift); ++x)
+          planes_[part.plane][y * frame_.planes[part.plane].stride + part.offset + x * part.step] =
+              paint(x << part.x_shift, y << part.y_shift)[c];
+    }
+    for (int p = 0; p < layout.planes; ++p)
+      frame_.planes[p].data = planes_[p].data();
+  }
+  OwnedFrame(const OwnedFrame&) = delete;
+  OwnedFrame& operator=(const OwnedFrame&) = delete;
+
+  const Frame& frame() const { return frame_; }
+  Frame& frame() { return frame_; }
+
+ private:
+  Frame frame_;
+  std::array<std::vector<std::uint8_t>, 3> planes_;
+};
+
+/// 0..2^bits - 1 from a position: noise that needs no state.
+constexpr int noise_at(int x, int y, int z, int bits) {
+  std::uint32_t h = static_cast<std::uint32_t>(x) * 0x9e3779b1u ^
+                    static_cast<std::uint32_t>(y) * 0x85ebca77u ^ static_cast<std::uint32_t>(z) * 0xc2b2ae3du;
+  h = (h ^ (h >> 15)) * 0x2c1b3c6du;
+  h = (h ^ (h >> 12)) * 0x297a2d39u;
+  return static_cast<int>((h ^ (h >> 15)) >> (32 - bits));
+}
+
+/// A drive: sky above 40 % of the height, noisy ground under it, two obstacles that stand on the ground, and
+/// a wandering light. The components serve as Y, U, V and as R, G, B alike.
+inline Painter drive(int width, int height, int frame) {
+  return [=](int x, int y) -> Components {
+    const int horizon = height * 2 / 5, light = (frame * 3) % 17;
+    const auto shade = [&](int value, int bits, int z) {
+      return static_cast<std::uint8_t>(
+          std::clamp(value + noise_at(x, y, frame * 8 + z, bits) - (1 << bits >> 1), 0, 255));
+    };
+    if (y < horizon)
+      return {shade(200 + y * 20 / height, 2, 0), shade(150, 1, 1), shade(112, 1, 2)};
+    const int left = width / 5 + frame, far = width * 3 / 4 - frame;
+    if (x >= left && x < left + width / 8 && y < height * 7 / 10)
+      return {shade(60, 4, 3), shade(170, 2, 4), shade(90, 2, 5)};
+    if (x >= far && x < far + width / 10 && y < height * 11 / 20)
+      return {shade(170, 3, 6), shade(100, 2, 7), shade(180, 2, 8)};
+    return {shade(95 + light + (y - horizon) * 12 / height, 4, 9), shade(124, 2, 10), shade(134, 2, 11)};
+  };
+}
+
+} // namespace terrainseg::test
