@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Masks are the same bytes on every processor and in every build. One hash a format and preset, over the
+// masks and boundaries of eight generated frames.
+//
+// When a change of the pipeline is meant to change masks, write the hashes anew and say so in the commit:
+//   TERRAINSEG_WRITE_GOLDEN=tests/golden/mask_hashes.txt build/tests/golden/mask_hashes_test
+#include <cstdlib>
+#include <fstream>
+#include <iomanip>
+#include <map>
+#include <sstream>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "support/frames.hpp"
+#include "terrainseg/segmenter.hpp"
+
+namespace terrainseg {
+namespace {
+
+constexpr const char* names[pixel_format_count] = {"I420", "YV12", "NV12", "NV21", "Y42B", "Y444",
+                                                   "YUY2", "UYVY", "RGB",  "BGR",  "RGBx", "BGRx",
+                                                   "xRGB", "xBGR", "RGBA", "BGRA", "ARGB", "ABGR"};
+
+/// FNV-1a.
+class Hash {
+ public:
+  void add(std::uint8_t byte) { value_ = (value_ ^ byte) * 0x100000001b3u; }
+  std::string text() const {
+    std::ostringstream out;
+    out << std::hex << std::setw(16) << std::setfill('0') << value_;
+    return out.str();
+  }
+
+ private:
+  std::uint64_t value_ = 0xcbf29ce484222325u;
+};
+
+std::string hash_of(Preset preset, PixelFormat format) {
+  constexpr int width = 323, height = 241; // odd, so that every edge is there
+  Segmenter segmenter(Settings::of(preset));
+  Hash hash;
+  for (int i = 0; i < 8; ++i) {
+    test::OwnedFrame frame(format, width, height, test::drive(width, height, i), 3);
+    frame.frame().pts = i * std::int64_t{66666667};
+    if (!segmenter.process(frame.frame()).ok())
+      return "refused";
+    const Estimate& e = segmenter.estimate();
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x)
+        hash.add(e.mask.plane.row(y)[x]);
+    for (std::uint16_t row : e.boundary) {
+      hash.add(static_cast<std::uint8_t>(row));
+      hash.add(static_cast<std::uint8_t>(row >> 8));
+    }
+  }
+  return hash.text();
+}
+
+using Hashes = std::map<std::string, std::string>;
+
+Hashes computed() {
+  Hashes hashes;
+  for (Preset preset : {Preset::paper, Preset::standard})
+    for (int format = 0; format < pixel_format_count; ++format)
+      hashes[std::string(preset == Preset::paper ? "paper " : "default ") + names[format]] =
+          hash_of(preset, static_cast<PixelFormat>(format));
+  return hashes;
+}
+
+TEST(MaskHashes, AreThoseOnRecord) {
+  const Hashes now = computed();
+  if (const char* path = std::getenv("TERRAINSEG_WRITE_GOLDEN")) {
+    std::ofstream out(path);
+    for (const auto& [name, hash] : now)
+      out << name << ' ' << hash << '\n';
+    ASSERT_TRUE(out.good()) << path;
+    GTEST_SKIP() << "wrote " << path;
+  }
+  std::ifstream in(TERRAINSEG_GOLDEN_FILE);
+  ASSERT_TRUE(in) << TERRAINSEG_GOLDEN_FILE;
+  Hashes recorded;
+  for (std::string preset, format, hash; in >> preset >> format >> hash;)
+    recorded[preset + ' ' + format] = hash;
+  ASSERT_EQ(recorded.size(), 2u * pixel_format_count);
+  for (const auto& [name, hash] : now)
+    EXPECT_EQ(hash, recorded[name]) << name;
+}
+
+TEST(MaskHashes, DependOnThePicture) {
+  const Hashes now = computed();
+  EXPECT_NE(now.at("paper I420"), now.at("paper RGB"));
+  EXPECT_EQ(now.at("paper I420"), now.at("paper NV21"));
+  EXPECT_EQ(now.at("default RGB"), now.at("default ABGR"));
+}
+
+} // namespace
+} // namespace terrainseg
