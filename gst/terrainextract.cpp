@@ -31,7 +31,7 @@ enum class Output : std::uint8_t { gray, lines, klv };
 struct Video {
   bool known = false;
   int width = 0, height = 0; ///< 0 = the caps do not say (encoded video that was not parsed)
-  int fps_n = 0, fps_d = 1;
+  int fps_n = -1, fps_d = 1; ///< -1 = the caps do not say
   int par_n = 1, par_d = 1;
 };
 
@@ -164,17 +164,16 @@ GstCaps* choose_caps(GstTerrainExtract* self, Output& output) {
   const Video& v = self->state->video;
   GstCaps* offer = gst_pad_get_pad_template_caps(self->src);
   offer = gst_caps_make_writable(offer);
-  // The rate is the video's: it cannot be converted here.
-  gst_structure_set(gst_caps_get_structure(offer, 0), "framerate", GST_TYPE_FRACTION, v.fps_n, v.fps_d,
-                    nullptr);
+  if (v.fps_n >= 0) // the rate is the video's: it cannot be converted here
+    gst_structure_set(gst_caps_get_structure(offer, 0), "framerate", GST_TYPE_FRACTION, v.fps_n, v.fps_d,
+                      nullptr);
   GstCaps* taken = gst_pad_peer_query_caps(self->src, offer);
   if (gst_caps_is_empty(taken)) {
     if (!GST_PAD_IS_FLUSHING(self->src))
       GST_ELEMENT_ERROR(
           self, CORE, NEGOTIATION,
-          ("What comes after terrainextract takes none of its outputs: GRAY8 video at %d/%d frames a "
-           "second, application/x-ndjson, or meta/x-klv,parsed=true.",
-           v.fps_n, v.fps_d),
+          ("What comes after terrainextract takes none of its outputs: GRAY8 video at the frame rate of its "
+           "input, application/x-ndjson, or meta/x-klv,parsed=true."),
           ("offered %" GST_PTR_FORMAT, printable(offer)));
     gst_caps_unref(taken);
     gst_caps_unref(offer);
@@ -209,11 +208,6 @@ void ask_allocation(GstTerrainExtract* self, GstCaps* caps) {
 bool negotiate(GstTerrainExtract* self) {
   ExtractState& s = *self->state;
   s.negotiated = false;
-  if (!s.video.known) {
-    // A source that sends no caps at all: nothing is known but what the metadata will say.
-    s.video.fps_n = 0;
-    s.video.fps_d = 1;
-  }
   Output output = Output::gray;
   GstCaps* caps = choose_caps(self, output);
   if (!caps)
@@ -226,6 +220,8 @@ bool negotiate(GstTerrainExtract* self) {
   if (output == Output::gray) {
     fixate_size(fields, s.video);
     fixate_aspect(fields, s.video);
+    gst_structure_fixate_field_nearest_fraction(fields, "framerate", std::max(s.video.fps_n, 0),
+                                                s.video.fps_d);
   }
   caps = gst_caps_fixate(caps);
   if (output == Output::gray && !gst_video_info_from_caps(&s.picture, caps)) {
@@ -427,6 +423,7 @@ gboolean take_caps(GstTerrainExtract* self, GstEvent* event) {
   }
   self->state->video = video_of(caps);
   gst_event_unref(event);
+  gst_pad_check_reconfigure(self->src); // done now
   // A failure here may be one of the moment (a flush); the next frame tries again and reports.
   if (!negotiate(self))
     gst_pad_mark_reconfigure(self->src);
