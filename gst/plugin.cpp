@@ -2,6 +2,7 @@
 #include <gst/gst.h>
 
 #include "meta.hpp"
+#include "terraincombine.hpp"
 #include "terrainextract.hpp"
 #include "terrainseg.hpp"
 #include "terrainseg_config.h"
@@ -14,6 +15,7 @@ gboolean plugin_init(GstPlugin* plugin) {
   gboolean registered = TRUE;
   registered &= GST_ELEMENT_REGISTER(terrainseg, plugin);
   registered &= GST_ELEMENT_REGISTER(terrainextract, plugin);
+  registered &= GST_ELEMENT_REGISTER(terraincombine, plugin);
   return registered;
 }
 

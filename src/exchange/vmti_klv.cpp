@@ -360,6 +360,11 @@ bool read_boundary(View item, int frame_height, std::vector<std::uint16_t>& boun
   return true;
 }
 
+bool inside(const Rectangle& r, int width, int height) {
+  return r.x >= 0 && r.y >= 0 && r.width >= 0 && r.height >= 0 && r.x <= width - r.width &&
+         r.y <= height - r.height;
+}
+
 bool begins_with(View bytes, const std::array<std::uint8_t, 16>& label) {
   return bytes.size() >= label.size() && std::equal(label.begin(), label.end(), bytes.begin());
 }
@@ -555,6 +560,13 @@ KlvVerdict KlvUnit::decode(std::span<const std::uint8_t> bytes) {
     return verdict;
   if (const KlvVerdict verdict = read_targets(); verdict != KlvVerdict::ok)
     return verdict;
+  const Estimate& e = estimate_;
+  if (e.frame_width < 1 || e.frame_height < 1 || e.horizon_row >= e.frame_height ||
+      !inside(e.mask_region, e.frame_width, e.frame_height) ||
+      !inside(e.window, e.frame_width, e.frame_height))
+    return refuse(KlvVerdict::damaged, "the horizon, the window or the mask lies outside the frame");
+  if (!boundary_.empty() && boundary_.size() != static_cast<std::size_t>(e.mask.width))
+    return refuse(KlvVerdict::damaged, "the boundary does not have one row for every mask column");
   estimate_.boundary = boundary_;
   return KlvVerdict::ok;
 }

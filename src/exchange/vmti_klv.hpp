@@ -32,10 +32,11 @@ inline constexpr std::uint8_t terrain_set_version = 1;
 /// Makes units. Keeps its buffers: once it has seen the largest frame it allocates nothing.
 class KlvEncoder {
  public:
-  /// The unit, valid until the next call; empty when the estimate has no mask. `time_us` is the precision
-  /// time stamp, microseconds. A mask whose runs do not fit is halved until they do, as is the boundary: a
-  /// pixel of the smaller mask has the least of its four values, a column the nearer of its two rows, so that
-  /// halving never adds free space.
+  /// The unit, valid until the next call; empty when the estimate has no mask. Horizon, window and mask lie
+  /// inside the frame and the boundary has a row for every mask column or none, as Estimate says: the decoder
+  /// refuses anything else. `time_us` is the precision time stamp, microseconds. A mask whose runs do not fit
+  /// is halved until they do, as is the boundary: a pixel of the smaller mask has the least of its four
+  /// values, a column the nearer of its two rows, so that halving never adds free space.
   std::span<const std::uint8_t> encode(const Estimate& estimate, std::uint64_t time_us);
 
  private:

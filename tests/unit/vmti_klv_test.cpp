@@ -105,7 +105,8 @@ TEST(VmtiKlv, ComesBackAsItWas) {
 TEST(VmtiKlv, ExtremesComeBack) {
   OwnedEstimate o = test::blank(32767, 32767, 1, 1);
   o.pixels[0] = mask_traversable;
-  o.estimate.mask_region = {-5, -65536, 65536, 1};
+  o.estimate.mask_region = {32766, 0, 1, 32767};
+  o.estimate.window = {0, 0, 32767, 32767};
   o.estimate.horizon_row = 32766;
   o.estimate.flags = 0xffffffff;
   o.rows = {0};
@@ -119,6 +120,24 @@ TEST(VmtiKlv, ExtremesComeBack) {
   o.estimate.boundary = {};
   ASSERT_EQ(unit.decode(encoded(o.estimate)), KlvVerdict::ok) << unit.error();
   EXPECT_TRUE(unit.estimate().boundary.empty());
+}
+
+TEST(VmtiKlv, WhatLiesOutsideTheFrameIsRefused) {
+  KlvUnit unit;
+  const auto verdict = [&](auto change) {
+    OwnedEstimate o = test::blank(20, 10, 20, 10);
+    change(o);
+    return unit.decode(encoded(o.estimate));
+  };
+  EXPECT_EQ(verdict([](OwnedEstimate&) {}), KlvVerdict::ok);
+  EXPECT_EQ(verdict([](OwnedEstimate& o) { o.estimate.window = {10, 5, 10, 5}; }), KlvVerdict::ok);
+  EXPECT_EQ(verdict([](OwnedEstimate& o) { o.estimate.window = {10, 5, 11, 5}; }), KlvVerdict::damaged);
+  EXPECT_EQ(verdict([](OwnedEstimate& o) { o.estimate.mask_region.y = -1; }), KlvVerdict::damaged);
+  EXPECT_EQ(verdict([](OwnedEstimate& o) { o.estimate.horizon_row = 10; }), KlvVerdict::damaged);
+  EXPECT_EQ(verdict([](OwnedEstimate& o) { o.rows[3] = 11; }), KlvVerdict::damaged);
+  EXPECT_EQ(verdict([](OwnedEstimate& o) { o.estimate.boundary = o.estimate.boundary.first(19); }),
+            KlvVerdict::damaged);
+  EXPECT_EQ(verdict([](OwnedEstimate& o) { o.estimate.frame_width = 0; }), KlvVerdict::damaged);
 }
 
 TEST(VmtiKlv, NoMaskNoUnit) {
