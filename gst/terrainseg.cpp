@@ -3,6 +3,7 @@
 
 #include <gst/terrainseg/terrainsegmeta.h>
 
+#include <algorithm>
 #include <chrono>
 #include <exception>
 #include <memory>
@@ -216,6 +217,11 @@ void on_reset(GstTerrainSeg* self) {
   });
 }
 
+bool holds_anything(const Terrain& terrain) {
+  return std::any_of(terrain.models.begin(), terrain.models.end(),
+                     [](const TerrainModel& model) { return model.mass > 0; });
+}
+
 gboolean on_save_model(GstTerrainSeg* self, const gchar* path) {
   return guarded<gboolean>(self, FALSE, [&]() -> gboolean {
     if (!path)
@@ -223,7 +229,7 @@ gboolean on_save_model(GstTerrainSeg* self, const gchar* path) {
     const auto terrain = between_frames(self, *self->state, [](Segmenter* segmenter) {
       return segmenter ? std::optional(segmenter->terrain()) : std::nullopt;
     });
-    if (!terrain || terrain->models.empty()) {
+    if (!terrain || !holds_anything(*terrain)) {
       GST_ELEMENT_WARNING(self, RESOURCE, WRITE,
                           ("Nothing is learned yet that could be saved as \"%s\".", path),
                           ("save-model(\"%s\"): no learned models", path));

@@ -1,0 +1,323 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// terrainseg's properties: presets, precedence, ranges, contradictions, changes while playing.
+#include <gst/controller/gstdirectcontrolbinding.h>
+#include <gst/controller/gstinterpolationcontrolsource.h>
+#include <gst/terrainseg/terrainsegmeta.h>
+
+#include <atomic>
+#include <map>
+#include <thread>
+
+#include "harness.hpp"
+
+namespace terrainseg::test {
+namespace {
+
+/// The value of a property as gst-launch would write it.
+std::string text(GstElement* element, const char* property) {
+  GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), property);
+  EXPECT_NE(spec, nullptr) << property;
+  GValue value = G_VALUE_INIT;
+  g_value_init(&value, spec->value_type);
+  g_object_get_property(G_OBJECT(element), property, &value);
+  gchar* serialized = gst_value_serialize(&value);
+  std::string result = serialized ? serialized : "";
+  g_free(serialized);
+  g_value_unset(&value);
+  return result;
+}
+
+void set_text(GstElement* element, const char* property, const std::string& value) {
+  gst_util_set_object_arg(G_OBJECT(element), property, value.c_str());
+}
+
+struct Column {
+  const char* property;
+  const char* standard;
+  const char* paper;
+};
+// Written down from the documented table, not from the code.
+const Column columns[] = {
+    {"window-width", "0", "0"},
+    {"window-height", "0", "0"},
+    {"window-bottom", "0", "0"},
+    {"window-x", "-1", "-1"},
+    {"window-sigma", "1.25", "1"},
+    {"pyramid-levels", "-1", "5"},
+    {"bit-shift", "4", "3"},
+    {"training-models", "1", "3"},
+    {"learned-models", "5", "5"},
+    {"match-threshold", "1", "1"},
+    {"mass-cap", "0", "64"},
+    {"forget-shift", "5", "0"},
+    {"seed", "1", "1"},
+    {"learning", "true", "true"},
+    {"near-clear", "true", "true"},
+    {"threshold", "2", "3"},
+    {"horizon", "auto", "paper"},
+    {"texture", "true", "false"},
+    {"exposure", "true", "false"},
+    {"row-prior", "true", "false"},
+    {"local-reference", "true", "false"},
+    {"free-space", "true", "false"},
+    {"refine", "true", "false"},
+    {"negatives", "rest", "off"},
+    {"temporal", "auto", "off"},
+    {"caution", "0", "0"},
+    {"doubtful", "-24", "-96"},
+    {"mask-level", "0", "0"},
+    {"blocked-below", "200", "200"},
+    {"n-threads", "1", "1"},
+};
+
+TEST(Presets, SetTheDocumentedColumns) {
+  auto element = make_element("terrainseg");
+  for (const Column& c : columns)
+    EXPECT_EQ(text(element.get(), c.property), c.standard) << c.property;
+  set_text(element.get(), "preset", "paper");
+  for (const Column& c : columns)
+    EXPECT_EQ(text(element.get(), c.property), c.paper) << c.property;
+  set_text(element.get(), "preset", "default");
+  for (const Column& c : columns)
+    EXPECT_EQ(text(element.get(), c.property), c.standard) << c.property;
+}
+
+TEST(Presets, AnExplicitPropertyWinsInEitherOrder) {
+  for (const char* description : {"terrainseg threshold=2.5 texture=true horizon=off preset=paper",
+                                  "terrainseg preset=paper threshold=2.5 texture=true horizon=off"}) {
+    auto element = make_element(description);
+    EXPECT_EQ(text(element.get(), "threshold"), "2.5");
+    EXPECT_EQ(text(element.get(), "texture"), "true");
+    EXPECT_EQ(text(element.get(), "horizon"), "off");
+    EXPECT_EQ(text(element.get(), "mass-cap"), "64"); // the preset's
+    set_text(element.get(), "preset", "default");
+    EXPECT_EQ(text(element.get(), "threshold"), "2.5");
+    EXPECT_EQ(text(element.get(), "mass-cap"), "0");
+  }
+  // Explicitly set to what another preset happens to say.
+  auto element = make_element("terrainseg window-sigma=1.25 preset=paper");
+  EXPECT_EQ(text(element.get(), "window-sigma"), "1.25");
+}
+
+TEST(Presets, ANearEventCountsAsExplicit) {
+  Rig rig("terrainseg", caps_text("I420", 64, 64));
+  gst_harness_push_event(
+      rig.harness(),
+      gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new(GST_TERRAIN_SEG_NEAR_EVENT, "clear",
+                                                                          G_TYPE_BOOLEAN, FALSE, nullptr)));
+  set_text(rig.element(), "preset", "paper");
+  EXPECT_EQ(text(rig.element(), "near-clear"), "false");
+}
+
+TEST(Properties, ReadBackWhatWasSet) {
+  auto element = make_element("terrainseg");
+  const std::map<const char*, const char*> values = {
+      {"window-width", "320"},
+      {"window-sigma", "0.3125"},
+      {"match-threshold", "0.75"},
+      {"threshold", "2.625"},
+      {"seed", "4294967295"},
+      {"negatives", "split"},
+      {"temporal", "on"},
+      {"reset-on", "discont"},
+      {"overlay-alpha", "0.375"},
+      {"overlay-style", "models"},
+      {"overlay-color", "4278190335"},
+      {"model-location", "/some/where"},
+      {"caution", "-7"},
+      {"ignore-regions",
+       "< (array)< (int)0, (int)600, (int)1280, (int)120 >, (array)< (int)5, (int)6, (int)7, (int)8 > >"}};
+  for (const auto& [property, value] : values) {
+    set_text(element.get(), property, value);
+    EXPECT_EQ(text(element.get(), property), value) << property;
+  }
+  // Fixed point inside does not show: 0.3 is no multiple of 1/256.
+  for (const char* property : {"window-sigma", "match-threshold", "threshold"}) {
+    double value = 0;
+    g_object_set(element.get(), property, 0.3, nullptr);
+    g_object_get(element.get(), property, &value, nullptr);
+    EXPECT_EQ(value, 0.3) << property;
+  }
+}
+
+TEST(Properties, RangesAreThoseOfTheCore) {
+  auto element = make_element("terrainseg");
+  guint count = 0;
+  GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element.get()), &count);
+  for (guint i = 0; i < count; ++i) {
+    GParamSpec* spec = specs[i];
+    const std::string name = spec->name;
+    const std::string blurb = g_param_spec_get_blurb(spec);
+    EXPECT_FALSE(blurb.empty()) << name;
+    // Both ends of every range pass the core's own check.
+    if (G_IS_PARAM_SPEC_INT(spec) && name != "training-models" && name != "learned-models")
+      for (int value : {G_PARAM_SPEC_INT(spec)->minimum, G_PARAM_SPEC_INT(spec)->maximum}) {
+        auto other = make_element("terrainseg");
+        g_object_set(other.get(), name.c_str(), value, nullptr);
+        EXPECT_NE(gst_element_set_state(other.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE)
+            << name << value;
+        gst_element_set_state(other.get(), GST_STATE_NULL);
+      }
+    if (G_IS_PARAM_SPEC_DOUBLE(spec))
+      for (double value : {G_PARAM_SPEC_DOUBLE(spec)->minimum, G_PARAM_SPEC_DOUBLE(spec)->maximum}) {
+        auto other = make_element("terrainseg");
+        g_object_set(other.get(), name.c_str(), value, nullptr);
+        EXPECT_NE(gst_element_set_state(other.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE)
+            << name << value;
+        gst_element_set_state(other.get(), GST_STATE_NULL);
+      }
+  }
+  g_free(specs);
+}
+
+/// The error of going to PAUSED with these settings; empty when it went well.
+Report start_error(const std::string& settings) {
+  auto element = make_element("terrainseg " + settings);
+  Owned<GstBus> bus(gst_bus_new());
+  gst_element_set_bus(element.get(), bus.get());
+  const auto change = gst_element_set_state(element.get(), GST_STATE_PAUSED);
+  const auto errors = reports(bus.get(), GST_MESSAGE_ERROR);
+  EXPECT_EQ(change == GST_STATE_CHANGE_FAILURE, errors.size() == 1) << settings;
+  gst_element_set_state(element.get(), GST_STATE_NULL);
+  gst_element_set_bus(element.get(), nullptr);
+  return errors.empty() ? Report{} : errors[0];
+}
+
+TEST(Settings, ContradictionsAreRefusedAtStartByName) {
+  for (const char* settings : {"training-models=5", "training-models=3 learned-models=3",
+                               "training-models=8 learned-models=8", "preset=paper learned-models=3"}) {
+    const Report error = start_error(settings);
+    EXPECT_TRUE(error.contains("learned-models")) << settings << ": " << error.user;
+    EXPECT_TRUE(error.contains("training-models")) << settings << ": " << error.user;
+  }
+  EXPECT_TRUE(start_error("").user.empty());
+  EXPECT_TRUE(start_error("preset=paper").user.empty());
+}
+
+TEST(Settings, IgnoreRegionsThatAreNoRectanglesAreRefused) {
+  for (const char* regions : {"<<0,0,10>>", "<<0,0,0,10>>", "<<-1,0,5,5>>", "<1,2,3>", "<<0,0,100000,5>>",
+                              "<<a,b,c,d>>", "<<0,0,5,5>,3>"}) {
+    const Report error = start_error(std::string("ignore-regions=\"") + regions + "\"");
+    EXPECT_TRUE(error.contains("ignore-regions")) << regions;
+  }
+  for (const char* regions : {"<>", "<<0,0,5,5>>", "<0,0,5,5>", "<0,0,5,5,10,10,5,5>"})
+    EXPECT_TRUE(start_error(std::string("ignore-regions=\"") + regions + "\"").user.empty()) << regions;
+}
+
+TEST(Settings, AContradictionWhilePlayingIsReportedAndTheOldValuesStay) {
+  Rig rig("terrainseg", caps_text("I420", 160, 120));
+  const guint generation = rig.generation_after(3);
+  g_object_set(rig.element(), "training-models", 6, nullptr);
+  const guint after = rig.generation_after(2);
+  EXPECT_GT(after, generation);
+  const auto warnings = rig.warnings();
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_TRUE(warnings[0].contains("learned-models"));
+  EXPECT_TRUE(rig.errors().empty());
+  g_object_set(rig.element(), "learned-models", 8, nullptr); // now they agree
+  EXPECT_GT(rig.generation_after(2), after);
+  EXPECT_TRUE(rig.warnings().empty());
+}
+
+TEST(Settings, IgnoredRegionsAreUnknownInTheMask) {
+  Rig rig("terrainseg ignore-regions=\"<<32,64,64,32>>\"", caps_text("I420", 320, 240));
+  Owned<GstBuffer> out;
+  for (int i = 0; i < 4; ++i)
+    out = rig.step();
+  const EstimateReader reader(out.get());
+  const Estimate& e = reader.estimate();
+  for (int y = 64; y < 96; ++y)
+    for (int x = 32; x < 96; ++x)
+      ASSERT_EQ(e.mask.plane.row(y)[x], 128) << x << "," << y;
+  EXPECT_EQ(e.mask.plane.row(20)[300], 0);
+  set_text(rig.element(), "ignore-regions", "<>");
+  out = rig.step();
+  EXPECT_EQ(EstimateReader(out.get()).estimate().mask.plane.row(70)[40], 0);
+}
+
+TEST(Settings, AWindowThatIsIgnoredAltogetherStarves) {
+  Rig rig("terrainseg ignore-regions=\"<<0,150,320,90>>\"", caps_text("I420", 320, 240));
+  const auto out = rig.step();
+  EXPECT_TRUE(EstimateReader(out.get()).estimate().flags & flag_starved);
+  EXPECT_EQ(rig.counter("skipped-starved"), 1u);
+}
+
+TEST(Settings, ControlledPropertiesFollowTheirCurve) {
+  Rig rig("terrainseg", caps_text("I420", 64, 64));
+  GstControlSource* curve = gst_interpolation_control_source_new();
+  g_object_set(curve, "mode", GST_INTERPOLATION_MODE_LINEAR, nullptr);
+  auto* points = GST_TIMED_VALUE_CONTROL_SOURCE(curve);
+  gst_timed_value_control_source_set(points, 0, 0.0);
+  gst_timed_value_control_source_set(points, GST_SECOND / 3, 1.0);
+  ASSERT_TRUE(gst_object_add_control_binding(
+      GST_OBJECT(rig.element()),
+      gst_direct_control_binding_new_absolute(GST_OBJECT(rig.element()), "overlay-alpha", curve)));
+  gst_object_unref(curve);
+  for (int i = 0; i < 10; ++i) {
+    rig.step();
+    double alpha = -1;
+    g_object_get(rig.element(), "overlay-alpha", &alpha, nullptr);
+    EXPECT_NEAR(alpha, i / 10.0, 0.001);
+  }
+}
+
+TEST(Settings, EveryControllablePropertyTakesABinding) {
+  auto element = make_element("terrainseg");
+  guint count = 0, controllable = 0;
+  GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element.get()), &count);
+  for (guint i = 0; i < count; ++i) {
+    if (!(specs[i]->flags & GST_PARAM_CONTROLLABLE))
+      continue;
+    ++controllable;
+    EXPECT_TRUE(specs[i]->flags & GST_PARAM_MUTABLE_PLAYING) << specs[i]->name;
+    GstControlSource* curve = gst_interpolation_control_source_new();
+    EXPECT_TRUE(gst_object_add_control_binding(
+        GST_OBJECT(element.get()),
+        gst_direct_control_binding_new(GST_OBJECT(element.get()), specs[i]->name, curve)))
+        << specs[i]->name;
+    gst_object_unref(curve);
+  }
+  g_free(specs);
+  EXPECT_GT(controllable, 20u);
+  for (const char* name : {"overlay", "overlay-style", "overlay-alpha", "overlay-color"})
+    EXPECT_TRUE(g_object_class_find_property(G_OBJECT_GET_CLASS(element.get()), name)->flags &
+                GST_PARAM_CONTROLLABLE);
+}
+
+TEST(Settings, ChangesRaceWithTheStreamingThread) {
+  Rig rig("terrainseg", caps_text("I420", 160, 120));
+  std::atomic<bool> done = false;
+  std::atomic<int> rounds = 0;
+  const auto change = [&](unsigned start) {
+    for (unsigned i = start; !done; ++i) {
+      g_object_set(rig.element(), "threshold", (i % 16) + 0.5, "caution", static_cast<int>(i % 65) - 32,
+                   "mask-level", static_cast<int>(i % 6), "overlay", i % 2 == 0, "overlay-alpha",
+                   (i % 11) / 10.0, nullptr);
+      set_text(rig.element(), "preset", i % 3 ? "default" : "paper");
+      set_text(rig.element(), "ignore-regions", i % 2 ? "<<0,0,16,16>>" : "<>");
+      set_text(rig.element(), "horizon", i % 2 ? "off" : "auto");
+      GstStructure* stats = nullptr;
+      g_object_get(rig.element(), "stats", &stats, nullptr);
+      gst_structure_free(stats);
+      if (i % 7 == 0)
+        g_signal_emit_by_name(rig.element(), "reset");
+      ++rounds;
+    }
+  };
+  std::thread a(change, 0), b(change, 1000);
+  int frames = 0;
+  for (; frames < 150 || (rounds < 50 && frames < 5000); ++frames) {
+    const auto out = rig.step();
+    const EstimateReader reader(out.get());
+    EXPECT_TRUE(reader) << reader.error();
+  }
+  done = true;
+  a.join();
+  b.join();
+  EXPECT_GE(rounds, 50);
+  EXPECT_TRUE(rig.errors().empty());
+  EXPECT_TRUE(rig.warnings().empty());
+}
+
+} // namespace
+} // namespace terrainseg::test

@@ -1,0 +1,490 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// terrainseg with good input: formats, strides, copies, what it attaches and what it tells.
+#include <gst/terrainseg/terrainsegmeta.h>
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+
+#include "harness.hpp"
+#include "terrainseg/segmenter.hpp"
+
+namespace terrainseg::test {
+namespace {
+
+gpointer memory_of(GstBuffer* buffer) {
+  return gst_buffer_peek_memory(buffer, 0);
+}
+
+class Format : public testing::TestWithParam<int> {};
+
+TEST_P(Format, IsTakenNativelyAndPassedUnchanged) {
+  const std::string caps = caps_text(format_name(GetParam()), 160, 120);
+  Rig rig("terrainseg", caps);
+  for (int i = 0; i < 3; ++i) {
+    GstBuffer* in = new_frame(rig.info(), i);
+    const auto before = bytes_of(in);
+    const gpointer memory = memory_of(in);
+    ASSERT_EQ(rig.push(in), GST_FLOW_OK);
+    const auto out = rig.pull();
+    ASSERT_TRUE(out);
+    EXPECT_EQ(memory_of(out.get()), memory);
+    EXPECT_EQ(bytes_of(out.get()), before);
+    EXPECT_EQ(GST_BUFFER_PTS(out.get()), gst_util_uint64_scale(i, GST_SECOND, 30));
+    const EstimateReader reader(out.get());
+    ASSERT_TRUE(reader) << (reader.error() ? reader.error() : "no metadata");
+    const Estimate& e = reader.estimate();
+    EXPECT_EQ(e.frame, static_cast<std::uint64_t>(i));
+    EXPECT_EQ(e.frame_width, 160);
+    EXPECT_EQ(e.mask.width, 160);
+    EXPECT_EQ(e.mask.height, 120);
+    EXPECT_EQ(e.mask_region, (Rectangle{0, 0, 160, 120}));
+    EXPECT_EQ(e.boundary.size(), 160u);
+    EXPECT_TRUE(e.flags & flag_learned);
+    EXPECT_FALSE(e.window.empty());
+    std::set<guint8> values;
+    for (guint8 value : bytes_of(e.mask))
+      values.insert(value);
+    for (guint8 value : values)
+      EXPECT_TRUE(value == 0 || value == 128 || value == 255) << int{value};
+  }
+  EXPECT_TRUE(rig.errors().empty());
+  Owned<GstCaps> negotiated(gst_pad_get_current_caps(rig.harness()->sinkpad));
+  EXPECT_TRUE(gst_caps_is_equal(negotiated.get(), Owned<GstCaps>(gst_caps_from_string(caps.c_str())).get()));
+}
+
+TEST_P(Format, StrideOffsetsAndOddSizesChangeNothing) {
+  for (const auto& [width, height] : {std::pair{161, 121}, {97, 64}, {64, 49}, {33, 31}}) {
+    const std::string caps = caps_text(format_name(GetParam()), width, height);
+    Rig tight("terrainseg", caps), padded("terrainseg", caps);
+    for (int i = 0; i < 2; ++i) {
+      ASSERT_EQ(tight.push(new_frame(tight.info(), i)), GST_FLOW_OK) << caps;
+      ASSERT_EQ(padded.push(new_padded_frame(padded.info(), i)), GST_FLOW_OK) << caps;
+      const auto a = tight.pull(), b = padded.pull();
+      const EstimateReader ra(a.get()), rb(b.get());
+      ASSERT_TRUE(ra && rb) << caps;
+      EXPECT_EQ(bytes_of(ra.estimate().mask), bytes_of(rb.estimate().mask)) << caps;
+      EXPECT_EQ(ra.estimate().horizon_row, rb.estimate().horizon_row) << caps;
+      EXPECT_EQ(ra.estimate().traversable_permille, rb.estimate().traversable_permille) << caps;
+    }
+  }
+}
+
+TEST_P(Format, OverlayDrawsAndKeepsTheMetadata) {
+  Rig rig("terrainseg overlay=true overlay-alpha=1 overlay-color=0xffff0000 threshold=6",
+          caps_text(format_name(GetParam()), 161, 121));
+  bool drawn = false;
+  for (int i = 0; i < 4; ++i) {
+    GstBuffer* in = new_padded_frame(rig.info(), i);
+    const auto before = bytes_of(in);
+    ASSERT_EQ(rig.push(in), GST_FLOW_OK);
+    const auto out = rig.pull();
+    drawn = drawn || bytes_of(out.get()) != before;
+    EXPECT_TRUE(EstimateReader(out.get()));
+  }
+  EXPECT_TRUE(drawn);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Format, testing::Range(0, pixel_format_count),
+                         [](const auto& info) { return std::string(format_name(info.param)); });
+
+TEST(Terrainseg, RefusesOtherFormatsInNegotiation) {
+  for (const char* format :
+       {"GRAY8", "GRAY16_LE", "I420_10LE", "P010_10LE", "NV16", "A420", "v210", "RGB16"}) {
+    Rig rig("terrainseg");
+    Owned<GstCaps> caps(gst_caps_from_string(caps_text(format, 64, 64).c_str()));
+    GstPad* pad = gst_element_get_static_pad(rig.element(), "sink");
+    EXPECT_FALSE(gst_pad_query_accept_caps(pad, caps.get())) << format;
+    gst_object_unref(pad);
+    gst_harness_set_src_caps(rig.harness(), caps.release());
+    Owned<GstBuffer> buffer(gst_buffer_new_allocate(nullptr, 64 * 64 * 4, nullptr));
+    EXPECT_EQ(rig.push(buffer.release()), GST_FLOW_NOT_NEGOTIATED) << format;
+  }
+}
+
+TEST(Terrainseg, NoCopyWhileOthersHoldTheFrame) {
+  Rig rig("terrainseg", caps_text("I420", 160, 120));
+  for (int i = 0; i < 20; ++i) {
+    Owned<GstBuffer> kept(new_frame(rig.info(), i)); // as after a tee
+    ASSERT_EQ(rig.push(gst_buffer_ref(kept.get())), GST_FLOW_OK);
+    const auto out = rig.pull();
+    EXPECT_EQ(memory_of(out.get()), memory_of(kept.get()));
+    EXPECT_NE(gst_buffer_get_terrain_seg_structure(out.get()), nullptr);
+    EXPECT_EQ(gst_buffer_get_terrain_seg_structure(kept.get()), nullptr); // the other branch's is untouched
+  }
+}
+
+TEST(Terrainseg, NoCopyAfterATee) {
+  auto pipeline =
+      make_element("videotestsrc num-buffers=20 ! video/x-raw,format=I420,width=160,height=120 ! tee name=t "
+                   "t. ! queue ! terrainseg ! fakesink name=a signal-handoffs=true sync=false "
+                   "t. ! queue ! fakesink name=b signal-handoffs=true sync=false");
+  struct Seen {
+    std::vector<Owned<GstBuffer>> held; // so that no memory comes back for another frame
+    std::map<GstClockTime, gpointer> memory;
+  } a, b;
+  const auto note = +[](GstElement*, GstBuffer* buffer, GstPad*, Seen* seen) {
+    seen->held.emplace_back(gst_buffer_ref(buffer));
+    seen->memory[GST_BUFFER_PTS(buffer)] = memory_of(buffer);
+  };
+  for (auto [name, seen] : {std::pair{"a", &a}, {"b", &b}}) {
+    Owned<GstElement> sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), name));
+    g_signal_connect(sink.get(), "handoff", G_CALLBACK(note), seen);
+  }
+  ASSERT_EQ(run_pipeline(pipeline.get()), "");
+  EXPECT_EQ(a.memory.size(), 20u);
+  EXPECT_EQ(a.memory, b.memory);
+}
+
+TEST(Terrainseg, DrawingCopiesWhatOthersHold) {
+  Rig rig("terrainseg overlay=true overlay-alpha=1 threshold=6", caps_text("I420", 160, 120));
+  for (int i = 0; i < 3; ++i) {
+    Owned<GstBuffer> kept(new_frame(rig.info(), i));
+    const auto before = bytes_of(kept.get());
+    ASSERT_EQ(rig.push(gst_buffer_ref(kept.get())), GST_FLOW_OK);
+    const auto out = rig.pull();
+    EXPECT_EQ(bytes_of(kept.get()), before);
+    EXPECT_NE(bytes_of(out.get()), before);
+  }
+}
+
+/// Percentage of a rectangle of the mask that is traversable.
+int percent_free(const GrayView& mask, const Rectangle& r) {
+  int free = 0;
+  for (int y = r.y; y < r.y + r.height; ++y)
+    for (int x = r.x; x < r.x + r.width; ++x)
+      free += mask.plane.row(y)[x] == 255;
+  return free * 100 / (r.width * r.height);
+}
+
+TEST(Terrainseg, FindsTheRoad) {
+  for (const char* preset : {"default", "paper"}) {
+    Rig rig(std::string("terrainseg preset=") + preset, caps_text("I420", 320, 240));
+    Owned<GstBuffer> out;
+    for (int i = 0; i < 10; ++i)
+      out = rig.step();
+    const EstimateReader reader(out.get());
+    const Estimate& e = reader.estimate();
+    const int road = percent_free(e.mask, {130, 130, 60, 90}); // with noise of 41 grey levels in it
+    EXPECT_GT(road, 20) << preset;
+    EXPECT_EQ(percent_free(e.mask, {0, 0, 320, 90}), 0) << preset;         // the sky
+    EXPECT_LT(percent_free(e.mask, {0, 100, 40, 40}) * 5, road) << preset; // the verge
+    EXPECT_GT(e.model_count, 0) << preset;
+    EXPECT_NEAR(e.models[0].rgb[0], 120, 12) << preset;
+  }
+}
+
+TEST(Terrainseg, MasksAndBoundariesComeFromAPool) {
+  Rig rig("terrainseg", caps_text("I420", 160, 120));
+  std::set<gpointer> masks, boundaries;
+  for (int i = 0; i < 30; ++i) {
+    const auto out = rig.step();
+    const EstimateReader reader(out.get());
+    masks.insert(memory_of(reader.mask()));
+    boundaries.insert(memory_of(reader.boundary()));
+  }
+  EXPECT_LE(masks.size(), 3u);
+  EXPECT_LE(boundaries.size(), 3u);
+}
+
+TEST(Terrainseg, AMaskThatIsHeldIsNotWrittenAgain) {
+  Rig rig("terrainseg", caps_text("I420", 160, 120));
+  const auto first = rig.step();
+  const EstimateReader held(first.get());
+  const auto bytes = bytes_of(held.estimate().mask);
+  for (int i = 0; i < 5; ++i) {
+    const auto next = rig.step();
+    EXPECT_NE(EstimateReader(next.get()).mask(), held.mask());
+  }
+  EXPECT_EQ(bytes_of(held.estimate().mask), bytes);
+}
+
+TEST(Terrainseg, MaskLevelChangesWhilePlaying) {
+  Rig rig("terrainseg", caps_text("I420", 161, 121));
+  for (const auto& [level, width, height] : {std::tuple{0, 161, 121}, {1, 81, 61}, {5, 6, 4}, {2, 41, 31}}) {
+    g_object_set(rig.element(), "mask-level", level, nullptr);
+    const auto out = rig.step();
+    const EstimateReader reader(out.get());
+    ASSERT_TRUE(reader) << reader.error();
+    EXPECT_EQ(reader.estimate().mask.width, width);
+    EXPECT_EQ(reader.estimate().mask.height, height);
+    EXPECT_EQ(reader.estimate().mask_region, (Rectangle{0, 0, 161, 121}));
+    EXPECT_EQ(reader.estimate().boundary.size(), static_cast<std::size_t>(width));
+  }
+}
+
+TEST(Terrainseg, TwoRunsGiveTheSameBytes) {
+  Rig a("terrainseg", caps_text("NV12", 200, 150)), b("terrainseg n-threads=3", caps_text("NV12", 200, 150));
+  for (int i = 0; i < 5; ++i) {
+    const auto x = a.step(), y = b.step();
+    EXPECT_EQ(bytes_of(EstimateReader(x.get()).estimate().mask),
+              bytes_of(EstimateReader(y.get()).estimate().mask));
+  }
+}
+
+TEST(Terrainseg, LiveSourceWithoutAddedLatency) {
+  auto pipeline =
+      make_element("videotestsrc is-live=true num-buffers=15 ! "
+                   "video/x-raw,format=I420,width=160,height=120,framerate=60/1 ! terrainseg name=seg ! "
+                   "fakesink name=sink sync=true signal-handoffs=true");
+  Owned<GstElement> seg(gst_bin_get_by_name(GST_BIN(pipeline.get()), "seg"));
+  Owned<GstElement> sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "sink"));
+  struct Seen {
+    int frames = 0;
+    GstClockTime added = GST_CLOCK_TIME_NONE;
+    GstElement* seg;
+  } seen;
+  seen.seg = seg.get();
+  const auto measure = +[](GstElement*, GstBuffer*, GstPad*, Seen* s) {
+    if (s->frames++)
+      return;
+    GstClockTime before = 0, after = 0;
+    const std::pair<const char*, GstClockTime*> sides[] = {{"sink", &before}, {"src", &after}};
+    for (auto [pad_name, latency] : sides) {
+      GstPad* pad = gst_element_get_static_pad(s->seg, pad_name);
+      GstQuery* query = gst_query_new_latency();
+      const bool upstream = g_str_equal(pad_name, "sink");
+      EXPECT_TRUE(upstream ? gst_pad_peer_query(pad, query) : gst_pad_query(pad, query));
+      gst_query_parse_latency(query, nullptr, latency, nullptr);
+      gst_query_unref(query);
+      gst_object_unref(pad);
+    }
+    s->added = after - before;
+  };
+  g_signal_connect(sink.get(), "handoff", G_CALLBACK(measure), &seen);
+  EXPECT_EQ(run_pipeline(pipeline.get()), "");
+  EXPECT_EQ(seen.frames, 15);
+  EXPECT_EQ(seen.added, 0u);
+}
+
+TEST(Terrainseg, QosIsOffAndASlowSinkLosesNothing) {
+  auto pipeline =
+      make_element("videotestsrc num-buffers=12 ! video/x-raw,format=I420,width=64,height=64,"
+                   "framerate=100/1 ! terrainseg name=seg ! fakesink name=sink sync=true qos=true "
+                   "signal-handoffs=true");
+  Owned<GstElement> sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "sink"));
+  int frames = 0;
+  g_signal_connect(sink.get(), "handoff", G_CALLBACK(+[](GstElement*, GstBuffer*, GstPad*, int* count) {
+                     ++*count;
+                     g_usleep(25000);
+                   }),
+                   &frames);
+  Owned<GstElement> seg(gst_bin_get_by_name(GST_BIN(pipeline.get()), "seg"));
+  gboolean qos = TRUE;
+  g_object_get(seg.get(), "qos", &qos, nullptr);
+  EXPECT_FALSE(qos);
+  g_object_set(sink.get(), "max-lateness", gint64{-1}, nullptr);
+  EXPECT_EQ(run_pipeline(pipeline.get()), "");
+  EXPECT_EQ(frames, 12);
+}
+
+TEST(Terrainseg, MessagesOnChangeOnly) {
+  Rig rig("terrainseg post-messages=true learning=true", caps_text("I420", 160, 120));
+  struct Shown {
+    int permille, horizon;
+    bool blocked;
+    bool operator==(const Shown&) const = default;
+  };
+  std::vector<Shown> shown, told;
+  for (int i = 0; i < 12; ++i) {
+    const auto out = rig.step();
+    const EstimateReader reader(out.get());
+    const Estimate& e = reader.estimate();
+    const Shown now{e.traversable_permille, e.horizon_row, (e.flags & flag_blocked) != 0};
+    if (shown.empty() || !(shown.back() == now))
+      shown.push_back(now);
+  }
+  while (GstMessage* message = gst_bus_pop_filtered(rig.bus(), GST_MESSAGE_ELEMENT)) {
+    const GstStructure* s = gst_message_get_structure(message);
+    EXPECT_STREQ(gst_structure_get_name(s), GST_TERRAIN_SEG_MESSAGE);
+    guint permille = 0;
+    gint horizon = 0;
+    gboolean blocked = FALSE;
+    guint64 time = 0;
+    EXPECT_TRUE(gst_structure_get(s, "traversable-permille", G_TYPE_UINT, &permille, "horizon-row",
+                                  G_TYPE_INT, &horizon, "blocked", G_TYPE_BOOLEAN, &blocked, "timestamp",
+                                  G_TYPE_UINT64, &time, "running-time", G_TYPE_UINT64, &time, "stream-time",
+                                  G_TYPE_UINT64, &time, nullptr));
+    told.push_back({static_cast<int>(permille), horizon, blocked != FALSE});
+    gst_message_unref(message);
+  }
+  EXPECT_EQ(told, shown);
+  EXPECT_FALSE(told.empty());
+  g_object_set(rig.element(), "post-messages", FALSE, nullptr);
+  rig.step();
+  EXPECT_FALSE(gst_bus_have_pending(rig.bus()));
+}
+
+TEST(Terrainseg, BlockedWhenNothingIsFree) {
+  Rig open("terrainseg blocked-below=0", caps_text("I420", 320, 240));
+  Owned<GstBuffer> out;
+  for (int i = 0; i < 5; ++i)
+    out = open.step();
+  EXPECT_FALSE(EstimateReader(out.get()).estimate().flags & (flag_blocked | flag_unknown));
+  Rig unknown("terrainseg learning=false", caps_text("I420", 320, 240));
+  const auto c = unknown.step();
+  EXPECT_TRUE(EstimateReader(c.get()).estimate().flags & flag_unknown);
+  EXPECT_TRUE(EstimateReader(c.get()).estimate().flags & flag_blocked);
+  for (guint8 value : bytes_of(EstimateReader(c.get()).estimate().mask))
+    ASSERT_EQ(value, 128);
+}
+
+TEST(Terrainseg, StatsCountFramesAndTimes) {
+  Rig rig("terrainseg", caps_text("I420", 320, 240));
+  for (int i = 0; i < 6; ++i)
+    rig.step();
+  g_object_set(rig.element(), "learning", FALSE, nullptr);
+  rig.step();
+  rig.step();
+  g_object_set(rig.element(), "learning", TRUE, "near-clear", FALSE, nullptr);
+  rig.step();
+  EXPECT_EQ(rig.counter("frames"), 9u);
+  EXPECT_EQ(rig.counter("skipped-frozen"), 2u);
+  EXPECT_EQ(rig.counter("skipped-near"), 1u);
+  EXPECT_EQ(rig.counter("learned") + rig.counter("skipped-starved"), 6u);
+  GstStructure* stats = nullptr;
+  g_object_get(rig.element(), "stats", &stats, nullptr);
+  for (int stage = 0; stage < stage_count; ++stage)
+    for (const char* kind : {"-median-us", "-p99-us"}) {
+      double value = -1;
+      EXPECT_TRUE(gst_structure_get_double(
+          stats, (name_of(static_cast<Stage>(stage)) + std::string(kind)).c_str(), &value));
+      EXPECT_GE(value, 0);
+    }
+  double median = 0, high = 0;
+  EXPECT_TRUE(gst_structure_get_double(stats, "total-median-us", &median));
+  EXPECT_TRUE(gst_structure_get_double(stats, "total-p99-us", &high));
+  EXPECT_GT(median, 0);
+  EXPECT_GE(high, median);
+  guint generation = 0;
+  EXPECT_TRUE(gst_structure_get_uint(stats, "generation", &generation));
+  EXPECT_GT(generation, 0u);
+  gst_structure_free(stats);
+}
+
+// ---- the learned terrain as a file -----------------------------------------------------------------------
+
+class ModelFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    gchar* name = nullptr;
+    GError* error = nullptr;
+    const int handle = g_file_open_tmp("terrainseg-XXXXXX.terrain", &name, &error);
+    ASSERT_GE(handle, 0);
+    close(handle);
+    path_ = name;
+    g_free(name);
+    std::filesystem::remove(path_);
+  }
+  void TearDown() override { std::filesystem::remove(path_); }
+
+  static bool call(Rig& rig, const char* signal, const std::string& path) {
+    gboolean done = FALSE;
+    g_signal_emit_by_name(rig.element(), signal, path.c_str(), &done);
+    return done;
+  }
+  void learn_and_save(const std::string& format = "I420") {
+    Rig rig("terrainseg", caps_text(format, 160, 120));
+    rig.generation_after(5);
+    ASSERT_TRUE(call(rig, "save-model", path_));
+  }
+  std::string path_;
+};
+
+TEST_F(ModelFile, WhatOneLearnedAnotherKnows) {
+  learn_and_save();
+  Rig knowing("terrainseg learning=false model-location=" + path_, caps_text("I420", 160, 120));
+  const auto a = knowing.step();
+  EXPECT_FALSE(EstimateReader(a.get()).estimate().flags & flag_unknown);
+  EXPECT_GT(EstimateReader(a.get()).estimate().model_count, 0);
+
+  Rig other("terrainseg learning=false", caps_text("I420", 160, 120));
+  EXPECT_TRUE(EstimateReader(other.step().get()).estimate().flags & flag_unknown);
+  EXPECT_TRUE(call(other, "load-model", path_));
+  EXPECT_FALSE(EstimateReader(other.step().get()).estimate().flags & flag_unknown);
+  g_signal_emit_by_name(other.element(), "reset");
+  EXPECT_TRUE(EstimateReader(other.step().get()).estimate().flags & flag_unknown);
+}
+
+TEST_F(ModelFile, SavingTwiceGivesTheSameBytes) {
+  learn_and_save();
+  std::ifstream first_file(path_, std::ios::binary);
+  const std::string first((std::istreambuf_iterator<char>(first_file)), {});
+  learn_and_save();
+  std::ifstream second_file(path_, std::ios::binary);
+  EXPECT_EQ(std::string((std::istreambuf_iterator<char>(second_file)), {}), first);
+  EXPECT_GT(first.size(), 20u);
+}
+
+TEST_F(ModelFile, NothingLearnedIsNotSaved) {
+  Rig rig("terrainseg", caps_text("I420", 160, 120));
+  EXPECT_FALSE(call(rig, "save-model", path_));
+  EXPECT_FALSE(std::filesystem::exists(path_));
+  const auto warnings = rig.warnings();
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_TRUE(warnings[0].contains(path_.c_str()));
+}
+
+TEST_F(ModelFile, AFolderThatDoesNotExistIsNamed) {
+  Rig rig("terrainseg", caps_text("I420", 160, 120));
+  rig.generation_after(3);
+  EXPECT_FALSE(call(rig, "save-model", "/nonexistent/folder/x.terrain"));
+  const auto warnings = rig.warnings();
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_TRUE(warnings[0].contains("/nonexistent/folder/x.terrain"));
+}
+
+TEST_F(ModelFile, MissingAndDamagedAreErrorsAtStart) {
+  learn_and_save();
+  std::filesystem::resize_file(path_, std::filesystem::file_size(path_) - 3);
+  for (const std::string& path : {path_, std::string("/nonexistent/x.terrain")}) {
+    auto element = make_element("terrainseg model-location=" + path);
+    Owned<GstBus> bus(gst_bus_new());
+    gst_element_set_bus(element.get(), bus.get());
+    EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+    const auto errors = reports(bus.get(), GST_MESSAGE_ERROR);
+    ASSERT_EQ(errors.size(), 1u) << path;
+    EXPECT_TRUE(errors[0].contains(path.c_str()));
+    EXPECT_TRUE(errors[0].contains("model-location"));
+    gst_element_set_state(element.get(), GST_STATE_NULL);
+    gst_element_set_bus(element.get(), nullptr);
+  }
+}
+
+TEST_F(ModelFile, ADamagedFileLeavesTheRunningModel) {
+  std::ofstream(path_, std::ios::binary) << "this is not a terrain";
+  Rig rig("terrainseg", caps_text("I420", 160, 120));
+  const guint generation = rig.generation_after(5);
+  EXPECT_FALSE(call(rig, "load-model", path_));
+  const auto warnings = rig.warnings();
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_TRUE(warnings[0].contains(path_.c_str()));
+  g_object_set(rig.element(), "learning", FALSE, nullptr);
+  const auto out = rig.step();
+  EXPECT_EQ(EstimateReader(out.get()).estimate().model_generation, generation);
+  EXPECT_FALSE(EstimateReader(out.get()).estimate().flags & flag_unknown);
+}
+
+TEST_F(ModelFile, AModelOfAnotherColourSpaceIsNamed) {
+  learn_and_save("RGB");
+  {
+    Rig rig("terrainseg", caps_text("I420", 160, 120));
+    rig.generation_after(3);
+    EXPECT_FALSE(call(rig, "load-model", path_));
+    EXPECT_EQ(rig.warnings().size(), 1u);
+    EXPECT_FALSE(EstimateReader(rig.step().get()).estimate().flags & flag_unknown);
+  }
+  Rig rig("terrainseg model-location=" + path_, caps_text("I420", 160, 120));
+  EXPECT_NE(rig.push(new_frame(rig.info())), GST_FLOW_OK);
+  const auto errors = rig.errors();
+  ASSERT_FALSE(errors.empty());
+  EXPECT_TRUE(errors[0].contains(path_.c_str()));
+  EXPECT_TRUE(errors[0].contains("RGB"));
+}
+
+} // namespace
+} // namespace terrainseg::test
