@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The whole filter and its stages against what bounds them, in one run.
+// usage: terrainseg-bench [--json FILE] [--quick] [SECTION...]
+//   sections: goal formats stages paper streams     without one: all
+#include <cstring>
+#include <memory>
+#include <set>
+#include <thread>
+
+#include <opencv2/imgproc.hpp>
+
+#include "frame_set.hpp"
+#include "lanes.hpp"
+#include "painter.hpp"
+#include "pyramid.hpp"
+#include "reference/reference_engine.hpp"
+#include "report.hpp"
+#include "terrainseg/segmenter.hpp"
+
+namespace {
+
+using namespace terrainseg;
+using namespace terrainseg::bench;
+
+struct Size {
+  int width, height;
+};
+constexpr Size hd{1920, 1080}, uhd{3840, 2160};
+
+constexpr const char* format_names[pixel_format_count] = {"I420", "YV12", "NV12", "NV21", "Y42B", "Y444",
+                                                          "YUY2", "UYVY", "RGB",  "BGR",  "RGBx", "BGRx",
+                                                          "xRGB", "xBGR", "RGBA", "BGRA", "ARGB", "ABGR"};
+const char* name_of(PixelFormat format) {
+  return format_names[static_cast<int>(format)];
+}
+
+// Optimisers must believe that results are used.
+volatile std::uint64_t sink;
+
+// One filter with mask buffers from a pool, as in the element.
+class Filter {
+ public:
+  Filter(const Settings& settings, Size size)
+      : segmenter_(settings), width_(mask_extent(size.width, settings.mask_level)),
+        height_(mask_extent(size.height, settings.mask_level)),
+        pool_(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_)) {}
+
+  void process(const Frame& frame) {
+    const MaskTarget target{{pool_.next(), width_}, width_, height_};
+    if (const Status status = segmenter_.process(frame, {}, target); !status.ok()) {
+      std::fprintf(stderr, "%s\n", status.message().c_str());
+      std::exit(1);
+    }
+    sink = sink + segmenter_.estimate().confidence;
+  }
+  const Segmenter& segmenter() const { return segmenter_; }
+
+ private:
+  Segmenter segmenter_;
+  int width_, height_;
+  Pool pool_;
+};
+
+Settings with(Preset preset, int mask_level, int threads = 1) {
+  Settings s = Settings::of(preset);
+  s.mask_level = mask_level;
+  s.n_threads = threads;
+  return s;
+}
+
+class Bench {
+ public:
+  Bench(Report& report, bool quick) : report_(report), quick_(quick), rotation_(rotation_bytes()) {}
+
+  void goal();
+  void formats();
+  void stages();
+  void paper();
+  void streams();
+
+ private:
+  Budget budget(int milliseconds) const {
+    return {quick_ ? 7 : 15, quick_ ? 60 : 2000,
+            std::chrono::milliseconds(quick_ ? milliseconds / 6 : milliseconds)};
+  }
+  FrameSet frames(PixelFormat format, Size size) const {
+    return {format, size.width, size.height, rotation_};
+  }
+  void whole_frame(const std::string& section, const FrameSet& set, PixelFormat format, Size size,
+                   int mask_level, double limit);
+  void overlay(PixelFormat format, Size size);
+  void against_pyr_down();
+  void against_reference();
+  void tail();
+  void two_threads();
+
+  Report& report_;
+  bool quick_;
+  std::size_t rotation_;
+};
+
+Row row_of(const std::string& section, const std::string& name, PixelFormat format, Size size,
+           const Times& work, const std::string& floor, const Times& floor_times, double limit) {
+  return {section,
+          name,
+          name_of(format),
+          size.width,
+          size.height,
+          work.median() / 1e6,
+          work.p99() / 1e6,
+          floor,
+          floor_times.median() / 1e6,
+          work.median() / floor_times.median(),
+          limit};
+}
+
+// Work and copy take different frames of the set, so that neither warms the cache for the other.
+void Bench::whole_frame(const std::string& section, const FrameSet& set, PixelFormat format, Size size,
+                        int mask_level, double limit) {
+  Filter filter(with(Preset::standard, mask_level), size);
+  Pool copies(set.frame_bytes());
+  const auto times =
+      run_lanes({[&](int i) { filter.process(set.frame(2 * i)); },
+                 [&](int i) { std::memcpy(copies.next(), set.bytes(2 * i + 1), set.frame_bytes()); }},
+                budget(2000));
+  report_.add(row_of(section, "whole frame, mask-level " + std::to_string(mask_level), format, size, times[0],
+                     "memcpy of the frame", times[1], limit));
+}
+
+void Bench::overlay(PixelFormat format, Size size) {
+  FrameSet set = frames(format, size);
+  Filter filter(with(Preset::standard, 0), size);
+  Pool copies(set.frame_bytes());
+  Times paint_times, copy_times;
+  const Budget b = budget(2000);
+  const auto begin = Clock::now();
+  const auto timed = [](Times& times, const auto& work) {
+    const auto start = Clock::now();
+    work();
+    times.add(std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - start).count());
+  };
+  for (int i = 0; i < b.least_rounds || (i < b.most_rounds && Clock::now() - begin < b.time); ++i) {
+    const int n = 2 * i;
+    filter.process(set.frame(n));
+    timed(paint_times, [&] { paint(set.mutable_frame(n), filter.segmenter().estimate(), {}); });
+    timed(copy_times, [&] { std::memcpy(copies.next(), set.bytes(n + 1), set.frame_bytes()); });
+  }
+  report_.add(row_of("goal", "overlay (tint) on top", format, size, paint_times, "memcpy of the frame",
+                     copy_times, 1.5));
+}
+
+void Bench::against_pyr_down() {
+  const FrameSet yuv = frames(PixelFormat::I420, hd), rgb = frames(PixelFormat::RGB, hd);
+  Filter filter(with(Preset::standard, 0), hd);
+  std::array<cv::Mat, 6> levels;
+  const auto times =
+      run_lanes({[&](int i) { filter.process(yuv.frame(i)); },
+                 [&](int i) {
+                   levels[0] = cv::Mat(hd.height, hd.width, CV_8UC3, const_cast<std::uint8_t*>(rgb.bytes(i)));
+                   for (int k = 1; k <= 5; ++k)
+                     cv::pyrDown(levels[k - 1], levels[k]);
+                 }},
+                budget(2000));
+  report_.add(row_of("goal", "whole pipeline against cv::pyrDown x 5 on RGB", PixelFormat::I420, hd, times[0],
+                     "cv::pyrDown x 5, RGB", times[1], 0.3));
+}
+
+void Bench::against_reference() {
+  const FrameSet yuv = frames(PixelFormat::I420, hd);
+  FrameSet bgr(PixelFormat::BGR, hd.width, hd.height, 0);
+  Filter filter(with(Preset::standard, 0), hd);
+  reference::ReferenceEngine engine;
+  const auto times = run_lanes(
+      {[&](int i) { filter.process(yuv.frame(i)); },
+       [&](int i) {
+         engine.process(cv::Mat(hd.height, hd.width, CV_8UC3, const_cast<std::uint8_t*>(bgr.bytes(i))));
+       }},
+      budget(4000));
+  report_.add(row_of("goal", "against the unmodified algorithm", PixelFormat::I420, hd, times[0],
+                     "full covariances, doubles, full resolution", times[1], 0.01));
+}
+
+// The ratio is that of two ratios: 99th percentile over median, of the filter and of memcpy.
+void Bench::tail() {
+  const FrameSet set = frames(PixelFormat::NV12, hd);
+  Filter filter(with(Preset::standard, 0), hd);
+  Pool copies(set.frame_bytes());
+  const int rounds = quick_ ? 1000 : 10000;
+  const auto times =
+      run_lanes({[&](int i) { filter.process(set.frame(2 * i)); },
+                 [&](int i) { std::memcpy(copies.next(), set.bytes(2 * i + 1), set.frame_bytes()); }},
+                {rounds, rounds, std::chrono::milliseconds(0)});
+  Row row = row_of("goal", "p99 / median over " + std::to_string(rounds) + " frames, over memcpy's",
+                   PixelFormat::NV12, hd, times[0], "the same of memcpy", times[1], 1.3);
+  row.ratio = times[0].p99() / times[0].median() / (times[1].p99() / times[1].median());
+  report_.add(row);
+}
+
+void Bench::two_threads() {
+  const FrameSet set = frames(PixelFormat::NV12, uhd);
+  Filter one(with(Preset::standard, 0, 1), uhd), two(with(Preset::standard, 0, 2), uhd);
+  const auto times = run_lanes(
+      {[&](int i) { two.process(set.frame(2 * i)); }, [&](int i) { one.process(set.frame(2 * i + 1)); }},
+      budget(3000));
+  report_.add(row_of("goal", "two threads against one", PixelFormat::NV12, uhd, times[0], "one thread",
+                     times[1], 0.6));
+}
+
+void Bench::goal() {
+  for (const PixelFormat format : {PixelFormat::NV12, PixelFormat::I420})
+    for (const Size size : {hd, uhd}) {
+      const FrameSet set = frames(format, size);
+      whole_frame("goal", set, format, size, 0, 2.5);
+      whole_frame("goal", set, format, size, 2, size.width == hd.width ? 1.8 : 2.5);
+    }
+  for (const PixelFormat format : {PixelFormat::RGB, PixelFormat::RGBx, PixelFormat::YUY2})
+    whole_frame("goal", frames(format, hd), format, hd, 0, 3);
+  for (const PixelFormat format :
+       {PixelFormat::NV12, PixelFormat::I420, PixelFormat::RGBx, PixelFormat::YUY2})
+    overlay(format, hd);
+  against_pyr_down();
+  against_reference();
+  two_threads();
+  tail();
+}
+
+void Bench::formats() {
+  for (const Size size :
+       {Size{854, 480}, {1280, 720}, {1920, 1080}, {2560, 1440}, {3840, 2160}, {7680, 4320}})
+    whole_frame("resolutions", frames(PixelFormat::NV12, size), PixelFormat::NV12, size, 0, 0);
+  for (int f = 0; f < pixel_format_count; ++f) {
+    const auto format = static_cast<PixelFormat>(f);
+    constexpr Size size{1280, 720};
+    whole_frame("formats", frames(format, size), format, size, 0, 0);
+  }
+}
+
+void Bench::stages() {
+  for (const Preset preset : {Preset::standard, Preset::paper})
+    for (const Size size : {hd, uhd}) {
+      const FrameSet set = frames(PixelFormat::NV12, size);
+      Filter filter(with(preset, 0), size);
+      Pool copies(set.frame_bytes());
+      std::array<Times, stage_count> stage;
+      const auto times =
+          run_lanes({[&](int i) {
+                       filter.process(set.frame(2 * i));
+                       for (int s = 0; s < stage_count; ++s)
+                         stage[s].add(filter.segmenter().stage_times()[s]);
+                     },
+                     [&](int i) { std::memcpy(copies.next(), set.bytes(2 * i + 1), set.frame_bytes()); }},
+                    budget(2000));
+      const std::string section =
+          preset == Preset::standard ? "stages, default preset" : "stages, paper preset";
+      for (int s = 0; s < stage_count; ++s)
+        report_.add(row_of(section, terrainseg::name_of(static_cast<Stage>(s)), PixelFormat::NV12, size,
+                           stage[s], "memcpy of the frame", times[1], 0));
+      report_.add(row_of(section, "whole frame", PixelFormat::NV12, size, times[0], "memcpy of the frame",
+                         times[1], 0));
+    }
+}
+
+// The paper's figures 12 and 13: time against pyramid level and against bit shift; figure 14 is both.
+void Bench::paper() {
+  constexpr Size size{640, 480};
+  const FrameSet set = frames(PixelFormat::I420, size);
+  Pool copies(set.frame_bytes());
+  const auto measure = [&](Preset preset, int levels, int bit_shift, const char* figure) {
+    Settings s = with(preset, 0);
+    s.pyramid_levels = levels;
+    s.bit_shift = bit_shift;
+    Filter filter(s, size);
+    const auto times =
+        run_lanes({[&](int i) { filter.process(set.frame(2 * i)); },
+                   [&](int i) { std::memcpy(copies.next(), set.bytes(2 * i + 1), set.frame_bytes()); }},
+                  budget(500));
+    report_.add(
+        row_of(std::string(figure) + (preset == Preset::paper ? ", paper preset" : ", default preset"),
+               "level " + std::to_string(levels) + ", bit shift " + std::to_string(bit_shift),
+               PixelFormat::I420, size, times[0], "memcpy of the frame", times[1], 0));
+  };
+  for (const Preset preset : {Preset::paper, Preset::standard}) {
+    for (int level = 0; level <= max_pyramid_levels; ++level)
+      measure(preset, level, 3, "figure 12");
+    for (int shift = 0; shift <= 7; ++shift)
+      measure(preset, 5, shift, "figure 13");
+    for (int level = 0; level <= max_pyramid_levels; level += 2)
+      for (int shift = 0; shift <= 6; shift += 2)
+        measure(preset, level, shift, "figure 14");
+  }
+}
+
+// Filters of their own in threads of their own; the figure is the time a frame costs over all of them.
+void Bench::streams() {
+  const FrameSet set = frames(PixelFormat::NV12, hd);
+  double alone = 0;
+  for (const int count : {1, 2, 4, 8}) {
+    const int frames_each = (quick_ ? 60 : 400) / count + 10;
+    std::vector<std::unique_ptr<Filter>> filters;
+    for (int i = 0; i < count; ++i)
+      filters.push_back(std::make_unique<Filter>(with(Preset::standard, 0), hd));
+    const auto run = [&](int from, int rounds) {
+      std::vector<std::thread> threads;
+      for (int t = 0; t < count; ++t)
+        threads.emplace_back([&, t] {
+          for (int i = 0; i < rounds; ++i)
+            filters[static_cast<std::size_t>(t)]->process(set.frame((from + i) * count + t));
+        });
+      for (std::thread& t : threads)
+        t.join();
+    };
+    run(0, 5);
+    const auto start = Clock::now();
+    run(5, frames_each);
+    const double ms =
+        std::chrono::duration<double, std::milli>(Clock::now() - start).count() / (frames_each * count);
+    if (count == 1)
+      alone = ms;
+    report_.add({"streams at once",
+                 std::to_string(count) + " streams, per frame of any (" +
+                     std::to_string(static_cast<int>(1000 / ms)) + " frames/s in all)",
+                 "NV12", hd.width, hd.height, ms, 0, "one stream", alone, ms / alone, 0});
+  }
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  std::string json;
+  bool quick = false;
+  std::set<std::string> wanted;
+  const std::set<std::string> known{"goal", "formats", "stages", "paper", "streams"};
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word == "--json" && i + 1 < argc) {
+      json = argv[++i];
+    } else if (word == "--quick") {
+      quick = true;
+    } else if (known.count(word)) {
+      wanted.insert(word);
+    } else {
+      std::fprintf(stderr, "usage: %s [--json FILE] [--quick] [goal] [formats] [stages] [paper] [streams]\n",
+                   argv[0]);
+      return 2;
+    }
+  }
+  cv::setNumThreads(1);
+  Report report(json);
+  Bench bench(report, quick);
+  std::printf("last-level cache %zu MB, frames rotate through %zu MB\n", last_level_cache_bytes() >> 20,
+              rotation_bytes() >> 20);
+  const auto section = [&](const char* name, void (Bench::*run)()) {
+    if (wanted.empty() || wanted.count(name))
+      (bench.*run)();
+  };
+  section("goal", &Bench::goal);
+  section("formats", &Bench::formats);
+  section("stages", &Bench::stages);
+  section("paper", &Bench::paper);
+  section("streams", &Bench::streams);
+}
