@@ -30,11 +30,12 @@ int nearest_match(std::span<const TerrainModel> learned, const TerrainModel& tra
 /// farther with every frame of mass.
 void absorb(TerrainModel& learned, const TerrainModel& training);
 
-/// Index of the model that equation (17) gives up: the first null one, else the lightest.
-int slot_to_replace(std::span<const TerrainModel> learned);
+/// Index of the model that equation (17) gives up: the first null one, else the lightest, but none of those
+/// whose bit is set in `kept`; -1 when all are kept.
+int slot_to_replace(std::span<const TerrainModel> learned, std::uint32_t kept = 0);
 
 /// One frame's learning: fades, then every training model (they come in order of falling mass) is absorbed by
-/// its match or replaces a slot, then masses are capped.
+/// its match or replaces a slot (not one that this frame filled), then masses are capped.
 void learn(std::span<TerrainModel> learned, std::span<const TerrainModel> training, const LearningRule& rule);
 
 /// Index of the heaviest model, or -1 while all are null.

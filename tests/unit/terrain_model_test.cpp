@@ -117,6 +117,19 @@ TEST(Learn, FillsNullSlotsThenReplacesTheLightest) {
   EXPECT_EQ(learned[2], c[0]);
 }
 
+TEST(Learn, OneFramesModelsDoNotReplaceEachOther) {
+  std::array<TerrainModel, 5> learned{};
+  for (int n = 0; n < 5; ++n)
+    learned[n] = model(10 + 10 * n, 250, 250, 16, 1000 + n);
+  const std::array<TerrainModel, 3> t{model(100, 20, 20, 16, 60), model(150, 20, 20, 16, 40),
+                                      model(200, 20, 20, 16, 20)};
+  learn(learned, t, {});
+  EXPECT_EQ(learned[0], t[0]);
+  EXPECT_EQ(learned[1], t[1]);
+  EXPECT_EQ(learned[2], t[2]);
+  EXPECT_EQ(learned[4], model(50, 250, 250, 16, 1004));
+}
+
 TEST(Learn, MatchesAreMergedByMass) {
   std::array<TerrainModel, 2> learned{model(100, 100, 100, 40, 30), {}};
   const std::array<TerrainModel, 1> t{model(104, 100, 100, 20, 10)};
@@ -160,6 +173,17 @@ TEST(Learn, MassesOfYearsDoNotOverflow) {
   absorb(l, t);
   EXPECT_EQ(l.mean[0], before.mean[0] + 1);
   EXPECT_GT(l.mass, before.mass);
+}
+
+TEST(ResizeMixture, DropsTheLightest) {
+  std::vector<TerrainModel> learned{model(1, 1, 1, 20, 5), model(2, 1, 1, 20, 3), model(3, 1, 1, 20, 9), {}};
+  resize_mixture(learned, 2);
+  ASSERT_EQ(learned.size(), 2u);
+  EXPECT_EQ(learned[0], model(1, 1, 1, 20, 5));
+  EXPECT_EQ(learned[1], model(3, 1, 1, 20, 9));
+  resize_mixture(learned, 4);
+  EXPECT_EQ(learned.size(), 4u);
+  EXPECT_EQ(learned[3].mass, 0u);
 }
 
 TEST(Heaviest, IsNoneWhileAllAreNull) {
