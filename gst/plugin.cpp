@@ -4,6 +4,8 @@
 #include "meta.hpp"
 #include "terraincombine.hpp"
 #include "terrainextract.hpp"
+#include "terrainoverlay.hpp"
+#include "terrainscenesrc.hpp"
 #include "terrainseg.hpp"
 #include "terrainseg_config.h"
 
@@ -16,6 +18,8 @@ gboolean plugin_init(GstPlugin* plugin) {
   registered &= GST_ELEMENT_REGISTER(terrainseg, plugin);
   registered &= GST_ELEMENT_REGISTER(terrainextract, plugin);
   registered &= GST_ELEMENT_REGISTER(terraincombine, plugin);
+  registered &= GST_ELEMENT_REGISTER(terrainoverlay, plugin);
+  registered &= GST_ELEMENT_REGISTER(terrainscenesrc, plugin);
   return registered;
 }
 

@@ -46,6 +46,8 @@ struct Settings {
   Motion motion = Motion::straight;
   std::uint32_t seed = 1; ///< another seed, another place
   int obstacles = 40;     ///< 0..100: share of the places for an obstacle that have one
+
+  bool operator==(const Settings&) const = default;
 };
 
 /// Codes of the truth, those of the labelled sequences the project is measured on.
@@ -84,7 +86,7 @@ class Picture {
 
 class Renderer {
  public:
-  /// Width and height in pixels, 1..32767. Keeps about 16 bytes a pixel.
+  /// Width and height in pixels, 1..32767. Keeps about 30 bytes a pixel.
   Renderer(const Settings& settings, int width, int height);
   ~Renderer();
   Renderer(Renderer&&) noexcept;
