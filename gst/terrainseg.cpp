@@ -395,7 +395,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
                          printable(caps)));
       return FALSE;
     }
-    const ColorSpace space = space_of(info);
+    const ColorSpace space = learning_space(s.settings.core, space_of(info));
     if (!check_loaded(transform, space))
       return FALSE;
     if (s.space && *s.space != space)

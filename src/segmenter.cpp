@@ -10,6 +10,7 @@
 
 #include "clustering.hpp"
 #include "color.hpp"
+#include "default_path.hpp"
 #include "frame_check.hpp"
 #include "horizon.hpp"
 #include "pyramid.hpp"
@@ -25,13 +26,6 @@ namespace {
 
 /// Fewest cells that a Gaussian is made of (the paper's window has 8 at 1/32: too few).
 constexpr int samples_per_model = 16;
-
-ColorSpace space_of(const Frame& frame) {
-  ColorSpace space{layout_of(frame.format).rgb, frame.colorimetry};
-  if (space.rgb)
-    space.colorimetry.matrix = ColorMatrix::bt601; // means nothing there: must not tell two spaces apart
-  return space;
-}
 
 /// The level that is scored coarse. -1 = the first under 96 cells wide; never so coarse that fewer than 4
 /// rows or columns are left, where neither a window nor a horizon has a place.
@@ -67,6 +61,15 @@ std::string text_of(const Rectangle& r) {
 
 } // namespace
 
+ColorSpace learning_space(const Settings& settings, const ColorSpace& frames) {
+  if (settings.free_space)
+    return normalised_space;
+  ColorSpace space = frames;
+  if (space.rgb)
+    space.colorimetry.matrix = ColorMatrix::bt601; // means nothing there: must not tell two spaces apart
+  return space;
+}
+
 const char* name_of(Stage stage) {
   constexpr const char* names[stage_count] = {"pyramid", "prefilter", "clustering", "update",
                                               "horizon", "scoring",   "boundary",   "mask"};
@@ -82,12 +85,14 @@ struct Segmenter::State {
   void adapt(const Frame& frame);
   void forget();
   Grid grid_at(int pyramid_level) const;
-  std::uint32_t gate(bool blank);
+  std::uint32_t gate(bool starved);
+  void find_free_space(const Frame& frame, const Supervision& supervision);
   std::optional<GroundColor> ground_color(const Moments& window) const;
   TrainingModels cluster_window(const Grid& grid);
   void update(const TrainingModels& training);
   void start_estimate(const Frame& frame, const MaskTarget& target);
   void label_by_score(const Frame& frame, const Grid& grid, const Horizon& horizon, StageClock& clock);
+  void label_free_space(const Frame& frame, StageClock& clock);
   void label_unknown();
   void describe_models();
 
@@ -108,6 +113,8 @@ struct Segmenter::State {
   // Room for one frame.
   std::optional<Workers> workers;
   Pyramid pyramid;
+  DefaultPath path;
+  FreeSpace free_space;
   std::vector<Cell> window_cells;
   Prefiltered kept;
   ClusterScratch clusters;
@@ -127,6 +134,11 @@ Status Segmenter::process(const Frame& frame, const Supervision& supervision, co
     return status;
   s.adapt(frame);
   s.start_estimate(frame, target);
+  if (s.settings.free_space) {
+    s.find_free_space(frame, supervision);
+    s.describe_models();
+    return {};
+  }
   const TrainingArea area{s.window, supervision, s.settings.ignore_regions, frame.width, frame.height};
   const int training_level =
       select_training_level(area, s.level, samples_per_model * s.settings.training_models, s.window_cells);
@@ -144,7 +156,7 @@ Status Segmenter::process(const Frame& frame, const Supervision& supervision, co
   prefilter(training_grid, s.window_cells, window, {s.settings.window_sigma_q8}, s.kept);
   if (!s.window_cells.empty())
     s.estimate.window = training_bounds(area, training_level, s.window_cells);
-  s.estimate.flags = s.gate(blank);
+  s.estimate.flags = s.gate(blank || s.window_cells.size() < samples_per_model);
   clock.lap(Stage::prefilter);
 
   // C: clustering in the perception sub-space.
@@ -176,6 +188,91 @@ Status Segmenter::process(const Frame& frame, const Supervision& supervision, co
   return {};
 }
 
+// The default pipeline: the same stages, and those beyond the paper.
+void Segmenter::State::find_free_space(const Frame& frame, const Supervision& supervision) {
+  StageClock clock(times);
+  pyramid.build(frame, coarse_plan(frame.format, level), &*workers);
+  clock.lap(Stage::pyramid);
+
+  const TrainingArea area{window, supervision, settings.ignore_regions, frame.width, frame.height};
+  select_cells(area, level, window_cells);
+  if (!window_cells.empty())
+    estimate.window = training_bounds(area, level, window_cells);
+  if (is_blank(grid_at(level))) {
+    estimate.flags = gate(true);
+    label_unknown();
+    clock.lap(Stage::mask);
+    return;
+  }
+  path.look(frame, pyramid, level, settings, !settings.learning, terrain);
+  const Grid colors = path.colors();
+  const Rectangle rows = cells_of_window(estimate.window, level, colors.width, colors.height);
+  PrefilterRule rule{settings.window_sigma_q8};
+  rule.variance_floor = 41 << 8; // even ground of one colour keeps its noise
+  rule.scarce = PrefilterRule::Scarce::all_below_one_quarter;
+  const Moments moments = moments_of(colors, window_cells);
+  prefilter(colors, window_cells, moments, rule, kept);
+  const bool may_learn = settings.learning && settings.near_clear;
+  const bool foreign = may_learn && supervision.empty() && path.window_is_foreign(rows, settings, terrain);
+  estimate.flags = gate(kept.cells.empty() || foreign || colors.width * colors.height < samples_per_model);
+  clock.lap(Stage::prefilter);
+
+  if (estimate.flags & flag_learned) {
+    // The mixture is evaluated at bin centres, but learned from unshifted colours: as accurate, and the
+    // models' colours are those of the ground.
+    constexpr std::uint32_t least_variance = 180 << 8;
+    const ClusterRule bins{
+        settings.training_models, {0, 0, 0}, {least_variance, least_variance, least_variance}, settings.seed};
+    const TrainingModels training = cluster(colors, kept.cells, bins, clusters);
+    clock.lap(Stage::clustering);
+    update(training);
+    path.learn(window_cells, kept.cells, settings, terrain);
+    clock.lap(Stage::update);
+  }
+  if (heaviest(terrain.models) < 0) {
+    label_unknown();
+    return;
+  }
+  if (!settings.near_clear || foreign)
+    kept.cells.clear();
+  int horizon_limit = 0;
+  if (settings.horizon == HorizonMode::paper) {
+    const Horizon horizon =
+        find_horizon(colors, {moments.mean, moments.variance}, rows.y, rows.y + rows.height);
+    horizon_limit = std::max(horizon.row, 0);
+    estimate.horizon_row = horizon.row < 0 ? -1 : horizon.row << level;
+    estimate.horizon_confidence = horizon.confidence;
+  }
+  clock.lap(Stage::horizon);
+  path.score(kept.cells, frame.pts, settings, terrain);
+  clock.lap(Stage::scoring);
+  path.find_boundary(settings, horizon_limit, terrain);
+  label_free_space(frame, clock);
+  if (foreign || !settings.near_clear)
+    estimate.confidence /= 2; // from memory only: what is in front has not been looked at
+}
+
+void Segmenter::State::label_free_space(const Frame& frame, StageClock& clock) {
+  const FreeSpaceCurves& curves = path.refine(pyramid, frame, settings);
+  reachable_rows(curves.safe, settings.mask_level, estimate.window, frame.height, boundary);
+  if (settings.horizon == HorizonMode::automatic) {
+    const DefaultPath::HorizonRow horizon = path.horizon(frame.height, settings.mask_level);
+    estimate.horizon_row = horizon.row;
+    estimate.horizon_confidence = horizon.confidence;
+  }
+  estimate.confidence = path.confidence();
+  clock.lap(Stage::boundary);
+  const GrayView& view = estimate.mask;
+  const std::uint64_t traversable = free_space.write(curves, settings.mask_level, settings.ignore_regions,
+                                                     mask_plane, view.height, *workers);
+  estimate.traversable_permille =
+      static_cast<int>(traversable * 1000 / (static_cast<std::uint64_t>(view.width) * view.height));
+  if (free_permille_ahead(boundary, settings.mask_level, estimate.window, 1 << level) <
+      settings.blocked_below)
+    estimate.flags |= flag_blocked;
+  clock.lap(Stage::mask);
+}
+
 Status Segmenter::State::admit(const Frame& frame, const MaskTarget& target) const {
   if (std::string flaw = flaw_of(frame); !flaw.empty())
     return {Status::Code::bad_frame, std::move(flaw)};
@@ -202,7 +299,7 @@ Status Segmenter::State::admit(const Frame& frame, const MaskTarget& target) con
 
 /// Follows the frame's size and colour space. What was learned survives a change of size, not one of colours.
 void Segmenter::State::adapt(const Frame& frame) {
-  const ColorSpace now = space_of(frame);
+  const ColorSpace now = learning_space(settings, {layout_of(frame.format).rgb, frame.colorimetry});
   if (terrain.space != now) {
     if (heaviest(terrain.models) >= 0)
       forget();
@@ -212,13 +309,17 @@ void Segmenter::State::adapt(const Frame& frame) {
   if (!stale && frame.width == width && frame.height == height)
     return;
   stale = false;
+  const int new_level = grid_level(settings.pyramid_levels, frame.width, frame.height);
+  if (frame.width != width || frame.height != height || new_level != level)
+    path.forget_frames();
   width = frame.width;
   height = frame.height;
-  level = grid_level(settings.pyramid_levels, width, height);
+  level = new_level;
   plan.coarsest = std::max(level, settings.mask_level);
   plan.finest_color = settings.mask_level > 0 ? std::min(level, settings.mask_level) : level;
   plan.finest_luma = plan.finest_color;
   window = *place_window(settings, width, height);
+  path.forget_terrain();
   resize_mixture(terrain.models, settings.learned_models);
   table_is_old = true;
   if (!workers || workers->count() != settings.n_threads)
@@ -233,6 +334,8 @@ void Segmenter::State::forget() {
     terrain.space = *space;
   resize_mixture(terrain.models, settings.learned_models);
   table_is_old = true;
+  path.forget_frames();
+  path.forget_terrain();
 }
 
 Grid Segmenter::State::grid_at(int pyramid_level) const {
@@ -243,7 +346,7 @@ Grid Segmenter::State::grid_at(int pyramid_level) const {
 }
 
 /// Whether this frame's window is learned, and if not, why.
-std::uint32_t Segmenter::State::gate(bool blank) {
+std::uint32_t Segmenter::State::gate(bool starved) {
   if (!settings.learning) {
     ++counters.skipped_frozen;
     return flag_frozen;
@@ -252,7 +355,7 @@ std::uint32_t Segmenter::State::gate(bool blank) {
     ++counters.skipped_near;
     return flag_frozen;
   }
-  if (blank || window_cells.size() < samples_per_model) {
+  if (starved) {
     ++counters.skipped_starved;
     return flag_starved;
   }
@@ -364,11 +467,15 @@ void Segmenter::State::label_unknown() {
 
 void Segmenter::State::describe_models() {
   estimate.model_generation = terrain.generation;
-  for (const TerrainModel& model : terrain.models)
-    if (model.mass > 0)
-      estimate.models[static_cast<std::size_t>(estimate.model_count++)] = {
-          model.mean, model.variance, std::max<std::uint64_t>(model.mass >> 8, 1),
-          rgb_of(model.mean, terrain.space)};
+  for (TerrainModel model : terrain.models) {
+    if (model.mass == 0)
+      continue;
+    if (settings.free_space)
+      model = path.in_this_light(model);
+    estimate.models[static_cast<std::size_t>(estimate.model_count++)] = {
+        model.mean, model.variance, std::max<std::uint64_t>(model.mass >> 8, 1),
+        rgb_of(model.mean, terrain.space)};
+  }
 }
 
 Segmenter::Segmenter(const Settings& settings) : state_(std::make_unique<State>(settings)) {}
@@ -379,6 +486,9 @@ Segmenter& Segmenter::operator=(Segmenter&&) noexcept = default;
 void Segmenter::configure(const Settings& settings) {
   if (settings == state_->settings)
     return;
+  // The two pipelines learn in different colours.
+  if (settings.free_space != state_->settings.free_space && heaviest(state_->terrain.models) >= 0)
+    state_->forget();
   state_->settings = settings;
   state_->stale = true;
 }
@@ -395,8 +505,9 @@ void Segmenter::reset() {
   state_->forget();
 }
 
-// The paper's pipeline keeps nothing but the terrain from frame to frame.
-void Segmenter::reset_temporal() {}
+void Segmenter::reset_temporal() {
+  state_->path.forget_frames();
+}
 
 Terrain Segmenter::terrain() const {
   return state_->terrain;
@@ -407,6 +518,11 @@ Status Segmenter::adopt(const Terrain& terrain) {
   if (s.space && *s.space != terrain.space)
     return {Status::Code::foreign_terrain,
             "the terrain was learned in another colour space than that of the frames: learn it anew"};
+  const bool of_default_path = !terrain.negative_colors.empty();
+  if (heaviest(terrain.models) >= 0 && of_default_path != s.settings.free_space)
+    return {Status::Code::foreign_terrain,
+            "the terrain was learned with free-space = " + std::string(of_default_path ? "true" : "false") +
+                ", which learns other colours: set it alike, or learn the terrain anew"};
   const auto has_shape = [](const auto& histogram, std::size_t bins) {
     return histogram.empty() || histogram.size() == bins;
   };
@@ -423,6 +539,7 @@ Status Segmenter::adopt(const Terrain& terrain) {
   s.terrain = terrain;
   resize_mixture(s.terrain.models, s.settings.learned_models);
   s.table_is_old = true;
+  s.path.forget_terrain();
   return {};
 }
 

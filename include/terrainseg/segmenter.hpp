@@ -57,6 +57,10 @@ struct Counters {
   std::uint64_t skipped_starved = 0; ///< too few usable window pixels
 };
 
+/// The colour space that a Segmenter of these settings learns in from frames of `frames`: the default
+/// pipeline brings all frames to full-range BT.601, the paper's learns in the colours that it is given.
+TERRAINSEG_API ColorSpace learning_space(const Settings& settings, const ColorSpace& frames);
+
 class TERRAINSEG_API Segmenter {
  public:
   /// `settings` must have passed validate().

@@ -132,8 +132,16 @@ TEST(Events, TheResetSignalForgets) {
   EXPECT_FALSE(rig.knows());
 }
 
-TEST(Events, ACapsChangeKeepsTheTerrainInTheSameColourSpaceOnly) {
+TEST(Events, ACapsChangeKeepsTheTerrainOfTheDefaultPipeline) {
   Learned rig;
+  for (const char* format : {"NV12", "RGB", "YUY2"}) {
+    rig.set_caps(caps_text(format, 161, 121));
+    EXPECT_TRUE(rig.knows()) << format;
+  }
+}
+
+TEST(Events, ACapsChangeKeepsTheTerrainOfThePaperInTheSameColourSpaceOnly) {
+  Learned rig("preset=paper");
   rig.set_caps(caps_text("I420", 320, 240, ",colorimetry=bt601"));
   rig.set_caps(caps_text("I420", 200, 100, ",colorimetry=bt601"));
   EXPECT_TRUE(rig.knows()); // another size
@@ -144,8 +152,8 @@ TEST(Events, ACapsChangeKeepsTheTerrainInTheSameColourSpaceOnly) {
   EXPECT_FALSE(rig.knows());
 }
 
-TEST(Events, RgbAndYuvAreNotMixed) {
-  Learned rig;
+TEST(Events, RgbAndYuvAreNotMixedByThePaper) {
+  Learned rig("preset=paper");
   rig.set_caps(caps_text("RGB", 160, 120));
   EXPECT_FALSE(rig.knows());
 }

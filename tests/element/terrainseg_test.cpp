@@ -387,8 +387,8 @@ class ModelFile : public testing::Test {
     g_signal_emit_by_name(rig.element(), signal, path.c_str(), &done);
     return done;
   }
-  void learn_and_save(const std::string& format = "I420") {
-    Rig rig("terrainseg", caps_text(format, 160, 120));
+  void learn_and_save(const std::string& format = "I420", const std::string& element = "terrainseg") {
+    Rig rig(element, caps_text(format, 160, 120));
     rig.generation_after(5);
     ASSERT_TRUE(call(rig, "save-model", path_));
   }
@@ -470,20 +470,35 @@ TEST_F(ModelFile, ADamagedFileLeavesTheRunningModel) {
 }
 
 TEST_F(ModelFile, AModelOfAnotherColourSpaceIsNamed) {
-  learn_and_save("RGB");
+  learn_and_save("RGB", "terrainseg preset=paper"); // the default pipeline brings all colours to one space
   {
-    Rig rig("terrainseg", caps_text("I420", 160, 120));
+    Rig rig("terrainseg preset=paper", caps_text("I420", 160, 120));
     rig.generation_after(3);
     EXPECT_FALSE(call(rig, "load-model", path_));
     EXPECT_EQ(rig.warnings().size(), 1u);
     EXPECT_FALSE(EstimateReader(rig.step().get()).estimate().flags & flag_unknown);
   }
-  Rig rig("terrainseg model-location=" + path_, caps_text("I420", 160, 120));
+  Rig rig("terrainseg preset=paper model-location=" + path_, caps_text("I420", 160, 120));
   EXPECT_NE(rig.push(new_frame(rig.info())), GST_FLOW_OK);
   const auto errors = rig.errors();
   ASSERT_FALSE(errors.empty());
   EXPECT_TRUE(errors[0].contains(path_.c_str()));
   EXPECT_TRUE(errors[0].contains("RGB"));
+}
+
+TEST_F(ModelFile, TheTwoPipelinesDoNotReadEachOthersModels) {
+  // Full-range BT.601: the one space that both could learn in.
+  const std::string caps = caps_text("I420", 160, 120, ",colorimetry=1:4:0:0");
+  for (const bool paper_learns : {false, true}) {
+    const char* one = paper_learns ? "terrainseg preset=paper" : "terrainseg";
+    const char* other = paper_learns ? "terrainseg" : "terrainseg preset=paper";
+    Rig learner(one, caps), reader(other, caps);
+    learner.generation_after(3);
+    reader.generation_after(3);
+    ASSERT_TRUE(call(learner, "save-model", path_));
+    EXPECT_FALSE(call(reader, "load-model", path_));
+    EXPECT_EQ(reader.warnings().size(), 1u);
+  }
 }
 
 } // namespace

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The curve between the ground and what stands on it: one row per column of the grid.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "coarse.hpp"
+
+namespace terrainseg {
+
+class BoundarySearch {
+ public:
+  /// `score` is Q4 (16 * 32 = 1 nat) per cell, positive for ground; `prior` (32 = 1 nat) per row. Row r of a
+  /// column means: cells r and below are ground; 0 = all of it, grid.height = none. Maximises, over all
+  /// curves, the sum of (score + prior) below minus above plus the colour edge at the curve, less a price for
+  /// every row that neighbours differ by (cheap where the picture has an upright edge there) and for leaving
+  /// the rows `before` (the last frame's curve; empty = none). Exact, by dynamic programming over the
+  /// columns.
+  void find(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+            const std::vector<std::int16_t>& prior, int gain_q8, const std::vector<std::uint16_t>& before,
+            std::vector<std::uint16_t>& boundary);
+
+ private:
+  void weigh_columns(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+                     const std::vector<std::int16_t>& prior, int gain_q8,
+                     const std::vector<std::uint16_t>& before);
+  void price_steps(const CoarseGrid& grid, int column, int gain_q8);
+
+  std::vector<std::int32_t> utility_; ///< columns x (rows + 1), Q4
+  std::vector<std::int32_t> best_;    ///< of all curves that end here
+  std::vector<std::int32_t> step_;    ///< price of each row between two columns
+  std::vector<std::uint16_t> came_from_;
+};
+
+} // namespace terrainseg

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Every input colorimetry as one: full-range BT.601 luma and chroma. Applied to coarse cells only, never to
+// the pixels of a frame.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "terrainseg/frame.hpp"
+
+namespace terrainseg {
+
+/// An affine map of three 8-bit components, Q16.
+struct ColorTransform {
+  std::array<std::array<std::int32_t, 3>, 3> matrix{};
+  std::array<std::int32_t, 3> offset{};
+  bool identity = true;
+  bool operator==(const ColorTransform&) const = default;
+};
+
+/// The map from the frame's components (Y U V, or R G B) to full-range BT.601 Y U V.
+ColorTransform color_transform_of(bool rgb, const Colorimetry& colorimetry);
+
+/// Row of pixels, in place or from three sources to three targets of `count` bytes.
+void transform_row(const ColorTransform& transform, const std::array<const std::uint8_t*, 3>& source,
+                   const std::array<std::uint8_t*, 3>& target, int count);
+
+/// First component (luma) only.
+void transform_luma_row(const ColorTransform& transform, const std::array<const std::uint8_t*, 3>& source,
+                        std::uint8_t* target, int count);
+
+} // namespace terrainseg

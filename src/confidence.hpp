@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// How far an estimate can be trusted.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "coarse.hpp"
+
+namespace terrainseg {
+
+/// 0..255: how far the scores (Q4) below the boundary stand above those over it, less the more rows the
+/// boundary jumps: a curve that has to dodge does not know where to go. Measured on five labelled sequences
+/// its rank correlation with the frame's error is negative in each (docs/accuracy.md).
+std::uint8_t mask_confidence(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+                             const std::vector<std::uint16_t>& boundary);
+
+/// 0..255: the mask's confidence, less the farther apart the boundary's highest columns are: `spread` rows of
+/// the frame between two of its uppermost percentiles.
+std::uint8_t horizon_confidence(std::uint8_t mask_confidence, int spread, int frame_height);
+
+} // namespace terrainseg

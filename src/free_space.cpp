@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "free_space.hpp"
+
+#include <algorithm>
+
+#include "kernels/mask.hpp"
+#include "scoring.hpp"
+#include "workers.hpp"
+
+namespace terrainseg {
+
+std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
+                               std::span<const Rectangle> ignored, const MutablePlane& mask, int height,
+                               Workers& workers) {
+  const std::size_t width = curves.safe.size();
+  boundary_.resize(width);
+  safe_.resize(width);
+  std::uint64_t traversable = 0;
+  for (std::size_t x = 0; x < width; ++x) {
+    // A mask row is what its top pixel row is.
+    boundary_[x] = static_cast<std::uint16_t>(std::min(subsampled(curves.boundary[x], mask_level), height));
+    safe_[x] = static_cast<std::uint16_t>(
+        std::clamp(subsampled(curves.safe[x], mask_level), int{boundary_[x]}, height));
+    traversable += static_cast<std::uint64_t>(height - safe_[x]);
+  }
+  const int bands = workers.count();
+  work_.resize(2 * width * static_cast<std::size_t>(bands));
+  workers.run(bands, [&](int band) {
+    kernels::write_mask_rows(boundary_.data(), safe_.data(), static_cast<int>(width), height * band / bands,
+                             height * (band + 1) / bands, mask,
+                             &work_[2 * width * static_cast<std::size_t>(band)]);
+  });
+  return traversable - mark_ignored(ignored, mask_level, mask, static_cast<int>(width), height);
+}
+
+void reachable_rows(const std::vector<std::uint16_t>& safe, int mask_level, const Rectangle& window,
+                    int frame_height, std::span<std::uint16_t> reachable) {
+  std::fill(reachable.begin(), reachable.end(), static_cast<std::uint16_t>(frame_height));
+  const int width = static_cast<int>(safe.size()), bottom = window.y + window.height;
+  const int left = std::clamp(subsampled(window.x, mask_level), 0, width - 1),
+            right = std::clamp((window.x + window.width - 1) >> mask_level, left, width - 1);
+  const auto take = [&](int x) {
+    if (safe[static_cast<std::size_t>(x)] >= bottom)
+      return false;
+    reachable[static_cast<std::size_t>(x)] = safe[static_cast<std::size_t>(x)];
+    return true;
+  };
+  for (int x = left; x <= right; ++x)
+    take(x);
+  for (int x = left - 1; x >= 0 && reachable[static_cast<std::size_t>(x + 1)] < frame_height && take(x);)
+    --x;
+  for (int x = right + 1; x < width && reachable[static_cast<std::size_t>(x - 1)] < frame_height && take(x);)
+    ++x;
+}
+
+} // namespace terrainseg

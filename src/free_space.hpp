@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The two curves as a mask and as what a controller drives by.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "grid.hpp"
+#include "terrainseg/frame.hpp"
+
+namespace terrainseg {
+
+class Workers;
+
+/// Curves per mask column in rows of the frame: ground begins at `boundary`, ground without doubt at `safe`.
+struct FreeSpaceCurves {
+  std::vector<std::uint16_t> boundary, safe;
+};
+
+class FreeSpace {
+ public:
+  /// Writes a mask of curves.boundary.size() columns, `height` rows, 2^mask_level times smaller than the
+  /// frame: 0 above the boundary, 128 from there to the safe row, 255 below, 128 where ignored. Returns the
+  /// number of traversable pixels.
+  std::uint64_t write(const FreeSpaceCurves& curves, int mask_level, std::span<const Rectangle> ignored,
+                      const MutablePlane& mask, int height, Workers& workers);
+
+ private:
+  std::vector<std::uint16_t> boundary_, safe_; ///< in rows of the mask
+  std::vector<std::uint8_t> work_;
+};
+
+/// Per mask column the safe row, `frame_height` where the free space is not reachable from the window:
+/// outwards from the window's columns, a column in which nothing above the window's bottom edge is free ends
+/// it.
+void reachable_rows(const std::vector<std::uint16_t>& safe, int mask_level, const Rectangle& window,
+                    int frame_height, std::span<std::uint16_t> reachable);
+
+} // namespace terrainseg

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "indices.hpp"
+
+#include <algorithm>
+
+#include "fixed_log.hpp"
+
+namespace terrainseg {
+namespace {
+
+/// Q4: the sum of three bands' noise, 7 grey levels. Without a floor compressed pictures lose most of their
+/// texture evidence: half of it costs 0.3 points of error at 1 Hz, JPEG at quality 15 several.
+constexpr int noise_floor = 112;
+/// Of an octave of brightness, Q8, that roughness grows by for the surface to be the same.
+constexpr int brightness_slope = 320;
+constexpr int middle_grey = 1664; ///< log2(90) Q8
+/// 24 bins over 10 octaves, Q16.
+constexpr int bins_per_octave = 614;
+
+std::uint8_t normalised_chroma(int chroma, int gain) {
+  return static_cast<std::uint8_t>(std::clamp(128 + (((chroma - 128) * gain) >> 8), 0, 255));
+}
+
+} // namespace
+
+void index_cells(const CoarseGrid& grid, const std::vector<std::uint16_t>& texture,
+                 const ExposureTables& exposure, CellIndices& out) {
+  out.luma.resize(grid.size());
+  out.u.resize(grid.size());
+  out.v.resize(grid.size());
+  out.color.resize(grid.size());
+  out.texture.resize(grid.size());
+  std::array<int, 256> bright{};
+  for (int y = 0; y < 256; ++y)
+    bright[y] = (brightness_slope * (middle_grey - log2_q8(y + 16))) >> 8;
+  for (std::size_t i = 0; i < grid.size(); ++i) {
+    const int y = exposure.luma[grid.y[i]], gain = exposure.chroma_gain[grid.y[i]];
+    const std::uint8_t u = normalised_chroma(grid.u[i], gain), v = normalised_chroma(grid.v[i], gain);
+    out.luma[i] = static_cast<std::uint8_t>(y);
+    out.u[i] = u;
+    out.v[i] = v;
+    out.color[i] = static_cast<std::uint16_t>((y >> luma_bin_shift) << 8 | (u >> chroma_bin_shift) << 4 |
+                                              v >> chroma_bin_shift);
+    const int rough = log2_q8(((static_cast<std::uint32_t>(texture[i]) * exposure.gain) >> 8) + noise_floor) -
+                      512 + bright[y];
+    out.texture[i] =
+        static_cast<std::uint8_t>(std::clamp((rough * bins_per_octave) >> 16, 0, texture_bins - 1));
+  }
+}
+
+} // namespace terrainseg

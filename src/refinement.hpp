@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Curves of the grid brought to the edges that the picture shows two levels finer, and to frame rows.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "coarse.hpp"
+
+namespace terrainseg {
+
+class Refinement {
+ public:
+  /// `curve`: per grid column the first row of the ground, 0..grid.height. With `snap` the curve moves to the
+  /// strongest colour edge within three quarters of a cell at refinement_level(), then takes the median of
+  /// five columns. Result in `rows`, one per column x of a mask that is 2^mask_level times narrower than the
+  /// frame: the first row of the frame, 0..frame_height.
+  void refine(const Pyramid& pyramid, const CoarseGrid& grid, const ColorTransform& transform,
+              const std::vector<std::uint16_t>& curve, bool snap, int mask_level, int frame_width,
+              int frame_height, std::vector<std::uint16_t>& rows);
+
+ private:
+  int snapped(const Pyramid& pyramid, const ColorTransform& transform, int level, int column, int edge) const;
+
+  // Rows of the refinement's level times two, so that the half row between two of them is whole.
+  std::vector<int> fine_, median_;
+};
+
+} // namespace terrainseg
