@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "kernels/blend.hpp"
+
 namespace terrainseg {
 namespace {
 
@@ -13,7 +15,7 @@ constexpr int tile_width = 1024;
 constexpr int opaque = 256;
 
 using Ink = std::array<std::uint8_t, 3>;
-using Coverage = std::uint16_t;
+using kernels::Coverage;
 
 constexpr Ink black_rgb = {0, 0, 0};
 constexpr Ink white_rgb = {255, 255, 255};
@@ -33,53 +35,6 @@ constexpr std::int64_t divide_rounded(std::int64_t numerator, std::int64_t denom
 
 constexpr std::uint8_t to_byte(std::int64_t value) {
   return static_cast<std::uint8_t>(std::clamp<std::int64_t>(value, 0, 255));
-}
-
-// 255 * 256 + 128 fits 16 bits: a vector version needs no wider lanes.
-template <int Step> void blend_samples(std::uint8_t* samples, const Coverage* coverage, int count, int ink) {
-  for (int i = 0; i < count; ++i) {
-    const unsigned a = coverage[i];
-    std::uint8_t& sample = samples[i * Step];
-    sample = static_cast<std::uint8_t>((sample * (256U - a) + static_cast<unsigned>(ink) * a + 128U) >> 8);
-  }
-}
-
-void blend_samples(std::uint8_t* samples, int step, const Coverage* coverage, int count, int ink) {
-  switch (step) {
-  case 1:
-    return blend_samples<1>(samples, coverage, count, ink);
-  case 2:
-    return blend_samples<2>(samples, coverage, count, ink);
-  case 3:
-    return blend_samples<3>(samples, coverage, count, ink);
-  default:
-    return blend_samples<4>(samples, coverage, count, ink);
-  }
-}
-
-int log2_of(int power) {
-  return power >= 4 ? 2 : power >= 2 ? 1 : 0;
-}
-
-// Mean coverage of the pixels that share a chroma sample. At the right and bottom edge fewer pixels do.
-void pool_coverage(const std::array<std::array<Coverage, tile_width>, 2>& rows, int row_count, int pixels,
-                   int x_shift, Coverage* pooled) {
-  const int whole = pixels >> x_shift;
-  const int per_sample = row_count << x_shift;
-  const int shift = log2_of(per_sample), half = per_sample >> 1;
-  const Coverage* top = rows[0].data();
-  const Coverage* bottom = rows[1].data();
-  if (x_shift == 1 && row_count == 2) {
-    for (int i = 0; i < whole; ++i)
-      pooled[i] = static_cast<Coverage>(
-          (top[2 * i] + top[2 * i + 1] + bottom[2 * i] + bottom[2 * i + 1] + half) >> shift);
-  } else if (x_shift == 1) {
-    for (int i = 0; i < whole; ++i)
-      pooled[i] = static_cast<Coverage>((top[2 * i] + top[2 * i + 1] + half) >> shift);
-  }
-  if (whole << x_shift < pixels)
-    pooled[whole] = static_cast<Coverage>(row_count == 2 ? (top[pixels - 1] + bottom[pixels - 1] + 1) >> 1
-                                                         : top[pixels - 1]);
 }
 
 Rectangle intersection(const Rectangle& a, const Rectangle& b) {
@@ -155,23 +110,59 @@ class Canvas {
  private:
   void blend_tile(int x, int y, int count, int row_count,
                   const std::array<std::array<Coverage, tile_width>, 2>& rows, const Ink& ink) const {
-    for (int c = 0; c < 3; ++c) {
-      const ComponentLayout& component = layout_.components[c];
-      const MutablePlane& plane = frame_.planes[component.plane];
-      const auto samples = [&](int row) {
-        return plane.row(row >> component.y_shift) + component.offset +
-               static_cast<std::ptrdiff_t>(x >> component.x_shift) * component.step;
-      };
-      if (component.x_shift == 0) {
-        for (int i = 0; i < row_count; ++i)
-          blend_samples(samples(y + i), component.step, rows[i].data(), count, ink[c]);
-      } else {
-        std::array<Coverage, tile_width> pooled;
-        pool_coverage(rows, row_count, count, component.x_shift, pooled.data());
-        blend_samples(samples(y), component.step, pooled.data(), subsampled(count, component.x_shift),
-                      ink[c]);
-      }
+    const auto& [first, second, third] = layout_.components;
+    const auto samples = [&](const ComponentLayout& c, int row) {
+      return frame_.planes[c.plane].row(row >> c.y_shift) +
+             static_cast<std::ptrdiff_t>(x >> c.x_shift) * c.step;
+    };
+    bool covered = false;
+    for (int i = 0; i < row_count; ++i) {
+      const Coverage* row = rows[i].data();
+      if (!kernels::covers(row, count))
+        continue;
+      covered = true;
+      if (layout_.rgb)
+        blend_rgb(samples(first, y + i), row, count, ink);
+      else if (layout_.planes == 1)
+        blend_packed_422(samples(first, y + i), row, count, ink);
+      else
+        for (const ComponentLayout& c : layout_.components)
+          if (c.x_shift == 0)
+            kernels::blend_plane(samples(c, y + i), row, count, ink[&c - layout_.components.data()]);
     }
+    if (!covered || layout_.planes == 1 || second.x_shift == 0)
+      return;
+    std::array<Coverage, tile_width> pooled;
+    kernels::pool_coverage(rows[0].data(), row_count == 2 ? rows[1].data() : nullptr, count, pooled.data());
+    const int chroma_count = subsampled(count, second.x_shift);
+    if (layout_.planes == 2) {
+      const bool u_first = second.offset < third.offset;
+      kernels::blend_pairs(samples(second, y), pooled.data(), chroma_count,
+                           {ink[u_first ? 1 : 2], ink[u_first ? 2 : 1]});
+    } else {
+      kernels::blend_plane(samples(second, y), pooled.data(), chroma_count, ink[1]);
+      kernels::blend_plane(samples(third, y), pooled.data(), chroma_count, ink[2]);
+    }
+  }
+
+  void blend_rgb(std::uint8_t* pixels, const Coverage* coverage, int count, const Ink& ink) const {
+    std::array<std::uint8_t, 4> order{};
+    int untouched = 6;
+    for (int c = 0; c < 3; ++c) {
+      order[layout_.components[c].offset] = ink[c];
+      untouched -= layout_.components[c].offset;
+    }
+    if (layout_.components[0].step == 3)
+      kernels::blend_triples(pixels, coverage, count, {order[0], order[1], order[2]});
+    else
+      kernels::blend_quads(pixels, coverage, count, order, untouched);
+  }
+
+  void blend_packed_422(std::uint8_t* pixels, const Coverage* coverage, int count, const Ink& ink) const {
+    const auto& [luma, u, v] = layout_.components;
+    const bool u_first = u.offset < v.offset;
+    kernels::blend_422(pixels, coverage, count, {ink[0], ink[u_first ? 1 : 2], ink[u_first ? 2 : 1]},
+                       luma.offset < u.offset);
   }
 
   MutableFrame frame_;
@@ -227,8 +218,7 @@ void paint_tint(const Canvas& canvas, const StretchedMask& mask, const Ink& ink,
   canvas.blend(mask.region(), ink, [&](int y, int x, int count, Coverage* out) {
     std::array<std::uint8_t, tile_width> values;
     mask.read(y, x, count, values.data());
-    for (int i = 0; i < count; ++i)
-      out[i] = values[i] >= 192 ? full : values[i] >= 64 ? half : Coverage{0};
+    kernels::cover_mask(values.data(), count, full, half, out);
   });
 }
 

@@ -6,6 +6,7 @@
 #include <array>
 
 #include "kernel_harness.hpp"
+#include "kernels/blend.hpp"
 #include "kernels/mask.hpp"
 #include "kernels/reduce.hpp"
 
@@ -188,6 +189,127 @@ TEST(Kernels, WriteMaskRows) {
       check_mask(width, 1 + static_cast<int>(random() % 40), width + width % 3, 1 + width % 17, random);
     for (const int spread : {1, 2, 250, 600, 1500})
       check_mask(131, 1100, 131, spread, random);
+  });
+}
+
+std::uint8_t mixed(int sample, int coverage, int ink) {
+  return static_cast<std::uint8_t>((sample * (256 - coverage) + ink * coverage + 128) / 256);
+}
+
+// Samples and coverage of `count` pixels between forbidden pages, and the samples as they were.
+struct Canvas {
+  Guarded<std::uint8_t> samples;
+  Guarded<Coverage> coverage;
+  std::vector<std::uint8_t> before;
+
+  Canvas(int step, int count, bool at_end, std::mt19937& random)
+      : samples(static_cast<std::size_t>(step * count), at_end),
+        coverage(static_cast<std::size_t>(count), at_end) {
+    fill(samples, all_fills[count % 5], random);
+    for (Coverage& c : coverage)
+      c = static_cast<Coverage>(count % 4 == 0   ? 256
+                                : count % 4 == 1 ? (random() & 1) * 256
+                                                 : random() % 257);
+    before.assign(samples.begin(), samples.end());
+  }
+};
+
+template <typename Check> void on_every_count(Check&& check) {
+  on_every_target([&] {
+    std::mt19937 random(6);
+    for (int count = 1; count <= 160; ++count)
+      for (const bool at_end : {false, true}) {
+        check(count, at_end, random);
+        if (::testing::Test::HasFatalFailure())
+          return;
+      }
+  });
+}
+
+TEST(Kernels, BlendInterleaved) {
+  on_every_count([](int count, bool at_end, std::mt19937& random) {
+    const std::array<std::uint8_t, 4> ink = {255, 0, static_cast<std::uint8_t>(random()), 130};
+    for (int step = 1; step <= 4; ++step)
+      for (int untouched = 0; untouched < (step == 4 ? 4 : 1); ++untouched) {
+        const Canvas c(step, count, at_end, random);
+        switch (step) {
+        case 1:
+          blend_plane(c.samples.data(), c.coverage.data(), count, ink[0]);
+          break;
+        case 2:
+          blend_pairs(c.samples.data(), c.coverage.data(), count, {ink[0], ink[1]});
+          break;
+        case 3:
+          blend_triples(c.samples.data(), c.coverage.data(), count, {ink[0], ink[1], ink[2]});
+          break;
+        default:
+          blend_quads(c.samples.data(), c.coverage.data(), count, ink, untouched);
+        }
+        for (int i = 0; i < count * step; ++i) {
+          const int channel = i % step;
+          const auto at = static_cast<std::size_t>(i);
+          const int expected = step == 4 && channel == untouched
+                                   ? c.before[at]
+                                   : mixed(c.before[at], c.coverage[at / static_cast<std::size_t>(step)],
+                                           ink[static_cast<std::size_t>(channel)]);
+          ASSERT_EQ(c.samples[at], expected) << "step " << step << " count " << count << " at " << i;
+        }
+      }
+  });
+}
+
+TEST(Kernels, Blend422) {
+  on_every_count([](int count, bool at_end, std::mt19937& random) {
+    for (const bool luma_first : {false, true}) {
+      const int whole = (count + 1) / 2 * 2; // the row always holds whole pairs
+      const Canvas c(2, whole, at_end, random);
+      const std::array<std::uint8_t, 3> ink = {static_cast<std::uint8_t>(random()), 255, 0};
+      blend_422(c.samples.data(), c.coverage.data(), count, ink, luma_first);
+      for (int x = 0; x < whole; ++x) {
+        const int luma = 2 * x + (luma_first ? 0 : 1), chroma = 2 * x + (luma_first ? 1 : 0);
+        const auto a = [&](int i) { return int{c.coverage[static_cast<std::size_t>(i)]}; };
+        const int left = x & ~1;
+        const int mean = left + 1 < count ? (a(left) + a(left + 1) + 1) / 2 : a(left);
+        const auto before = [&](int i) { return int{c.before[static_cast<std::size_t>(i)]}; };
+        ASSERT_EQ(c.samples[static_cast<std::size_t>(luma)],
+                  x < count ? mixed(before(luma), a(x), ink[0]) : before(luma))
+            << count << " at " << x;
+        ASSERT_EQ(c.samples[static_cast<std::size_t>(chroma)],
+                  mixed(before(chroma), mean, ink[static_cast<std::size_t>(1 + x % 2)]))
+            << count << " at " << x;
+      }
+    }
+  });
+}
+
+TEST(Kernels, Coverage) {
+  on_every_count([](int count, bool at_end, std::mt19937& random) {
+    const auto size = static_cast<std::size_t>(count);
+    const Guarded<std::uint8_t> mask(size, at_end);
+    const Guarded<Coverage> top(size, at_end), bottom(size, at_end), pooled((size + 1) / 2, at_end);
+    for (auto& m : mask)
+      m = std::array<std::uint8_t, 6>{0, 63, 64, 128, 191, 255}[random() % (count % 3 == 0 ? 2 : 6)];
+    bool some = false;
+    const bool said = cover_mask(mask.data(), count, 256, 51, top.data());
+    for (std::size_t i = 0; i < size; ++i) {
+      ASSERT_EQ(top[i], mask[i] >= 192 ? 256 : mask[i] >= 64 ? 51 : 0);
+      some = some || top[i] != 0;
+    }
+    ASSERT_EQ(said, some);
+    ASSERT_EQ(covers(top.data(), count), some);
+    for (auto& c : bottom)
+      c = static_cast<Coverage>(random() % 257);
+    for (const bool two : {false, true}) {
+      pool_coverage(top.data(), two ? bottom.data() : nullptr, count, pooled.data());
+      for (std::size_t i = 0; i < pooled.size(); ++i) {
+        int sum = 0, parts = 0;
+        for (std::size_t x = 2 * i; x < std::min(size, 2 * i + 2); ++x) {
+          sum += top[x] + (two ? bottom[x] : 0);
+          parts += two ? 2 : 1;
+        }
+        ASSERT_EQ(pooled[i], (sum + parts / 2) / parts);
+      }
+    }
   });
 }
 

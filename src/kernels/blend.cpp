@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "kernels/blend.hpp"
+
+#include "kernels/targets.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/blend.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h, as Highway demands.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace terrainseg::kernels {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+HWY_INLINE std::uint8_t mixed(unsigned sample, unsigned coverage, unsigned ink) {
+  return static_cast<std::uint8_t>((sample * (256 - coverage) + ink * coverage + 128) >> 8);
+}
+
+// 255 * 256 + 128: sixteen bits are enough.
+static_assert(255 * 256 + 128 <= 65535);
+
+// Plain loops that compilers turn into vectors of the target by themselves.
+bool cover(const std::uint8_t* mask, int count, Coverage full, Coverage half, Coverage* out) {
+  std::uint8_t most = 0;
+  for (int i = 0; i < count; ++i) {
+    const std::uint8_t v = mask[i];
+    most = most > v ? most : v;
+    const Coverage strong = v >= 192 ? full : half;
+    out[i] = v >= 64 ? strong : Coverage{0};
+  }
+  return most >= 64;
+}
+
+bool any(const Coverage* coverage, int count) {
+  Coverage all = 0;
+  for (int i = 0; i < count; ++i)
+    all = static_cast<Coverage>(all | coverage[i]);
+  return all != 0;
+}
+
+void pool(const Coverage* top, const Coverage* bottom, int pixels, Coverage* out) {
+  const int pairs = pixels / 2;
+  if (bottom)
+    for (int i = 0; i < pairs; ++i)
+      out[i] =
+          static_cast<Coverage>((top[2 * i] + top[2 * i + 1] + bottom[2 * i] + bottom[2 * i + 1] + 2) >> 2);
+  else
+    for (int i = 0; i < pairs; ++i)
+      out[i] = static_cast<Coverage>((top[2 * i] + top[2 * i + 1] + 1) >> 1);
+  if (pixels % 2) {
+    const int last = pixels - 1;
+    out[pairs] = bottom ? static_cast<Coverage>((top[last] + bottom[last] + 1) >> 1) : top[last];
+  }
+}
+
+#if HWY_TARGET != HWY_SCALAR
+
+// Calls compute(i) for vectors that cover 0..count-1 and store(i) right after it. The last vector overlaps
+// the one before it: it is computed first, from samples that are still old, and stored last. False when there
+// is not one.
+template <class Compute, class Store>
+HWY_INLINE bool in_place(int lanes, int count, const Compute& compute, const Store& store) {
+  if (count < lanes)
+    return false;
+  const int tail = count - lanes;
+  const auto last = compute(tail);
+  for (int i = 0; i < tail; i += lanes)
+    store(compute(i), i);
+  store(last, tail);
+  return true;
+}
+
+// Mixes 16-bit lanes; the result is in the upper byte, the lower one is to be dropped.
+template <class D16, class V = hn::Vec<D16>> HWY_INLINE V mix(D16 d16, V sample, V coverage, V ink) {
+  const V kept = hn::Mul(sample, hn::Sub(hn::Set(d16, 256), coverage));
+  return hn::Add(hn::Add(kept, hn::Mul(ink, coverage)), hn::Set(d16, 128));
+}
+
+// Both bytes of 16-bit lanes, each with a coverage and an ink of its own.
+template <class D16, class V = hn::Vec<D16>>
+HWY_INLINE V mix_both(D16 d16, V samples, V low_coverage, V high_coverage, V low_ink, V high_ink) {
+  const V byte = hn::Set(d16, 255);
+  const V low = hn::ShiftRight<8>(mix(d16, hn::And(samples, byte), low_coverage, low_ink));
+  const V high = hn::AndNot(byte, mix(d16, hn::ShiftRight<8>(samples), high_coverage, high_ink));
+  return hn::Or(low, high);
+}
+
+#endif
+
+void plane(std::uint8_t* samples, const Coverage* coverage, int count, std::uint8_t ink) {
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint16_t, 32> d16;
+  const hn::Rebind<std::uint8_t, decltype(d16)> d8;
+  const hn::Rebind<std::int16_t, decltype(d16)> di16;
+  const auto colour = hn::Set(d16, ink);
+  if (in_place(
+          static_cast<int>(hn::Lanes(d16)), count,
+          [&](int i) HWY_ATTR {
+            const auto sample = hn::PromoteTo(d16, hn::LoadU(d8, samples + i));
+            const auto sum = mix(d16, sample, hn::LoadU(d16, coverage + i), colour);
+            return hn::DemoteTo(d8, hn::BitCast(di16, hn::ShiftRight<8>(sum)));
+          },
+          [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + i); }))
+    return;
+#endif
+  for (int i = 0; i < count; ++i)
+    samples[i] = mixed(samples[i], coverage[i], ink);
+}
+
+void pairs(std::uint8_t* samples, const Coverage* coverage, int count,
+           const std::array<std::uint8_t, 2>& ink) {
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint16_t, 32> d16;
+  const hn::Repartition<std::uint8_t, decltype(d16)> d8;
+  const auto first = hn::Set(d16, ink[0]), second = hn::Set(d16, ink[1]);
+  if (in_place(
+          static_cast<int>(hn::Lanes(d16)), count,
+          [&](int i) HWY_ATTR {
+            const auto both = hn::BitCast(d16, hn::LoadU(d8, samples + 2 * i));
+            const auto a = hn::LoadU(d16, coverage + i);
+            return hn::BitCast(d8, mix_both(d16, both, a, a, first, second));
+          },
+          [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + 2 * i); }))
+    return;
+#endif
+  for (int i = 0; i < count; ++i)
+    for (int c = 0; c < 2; ++c)
+      samples[2 * i + c] = mixed(samples[2 * i + c], coverage[i], ink[static_cast<std::size_t>(c)]);
+}
+
+void triples(std::uint8_t* samples, const Coverage* coverage, int count,
+             const std::array<std::uint8_t, 3>& ink) {
+  int i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint16_t, 32> d16;
+  const hn::Rebind<std::uint8_t, decltype(d16)> d8;
+  const hn::Rebind<std::int16_t, decltype(d16)> di16;
+  const int lanes = static_cast<int>(hn::Lanes(d16));
+  const auto ink0 = hn::Set(d16, ink[0]), ink1 = hn::Set(d16, ink[1]), ink2 = hn::Set(d16, ink[2]);
+  const auto mix_one = [&](hn::Vec<decltype(d8)> v, hn::Vec<decltype(d16)> a,
+                           hn::Vec<decltype(d16)> colour) HWY_ATTR {
+    return hn::DemoteTo(d8, hn::BitCast(di16, hn::ShiftRight<8>(mix(d16, hn::PromoteTo(d16, v), a, colour))));
+  };
+  for (; i + lanes <= count; i += lanes) {
+    hn::Vec<decltype(d8)> v0, v1, v2;
+    hn::LoadInterleaved3(d8, samples + 3 * i, v0, v1, v2);
+    const auto a = hn::LoadU(d16, coverage + i);
+    hn::StoreInterleaved3(mix_one(v0, a, ink0), mix_one(v1, a, ink1), mix_one(v2, a, ink2), d8,
+                          samples + 3 * i);
+  }
+#endif
+  for (; i < count; ++i)
+    for (int c = 0; c < 3; ++c)
+      samples[3 * i + c] = mixed(samples[3 * i + c], coverage[i], ink[static_cast<std::size_t>(c)]);
+}
+
+void quads(std::uint8_t* samples, const Coverage* coverage, int count, const std::array<std::uint8_t, 4>& ink,
+           int untouched) {
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint32_t, 16> d32;
+  const hn::Repartition<std::uint16_t, decltype(d32)> d16;
+  const hn::Repartition<std::uint8_t, decltype(d32)> d8;
+  const hn::Rebind<std::uint16_t, decltype(d32)> dc;
+  const auto lanes_of = [&](std::uint32_t low, std::uint32_t high)
+                            HWY_ATTR { return hn::BitCast(d16, hn::Set(d32, low | high << 16)); };
+  const auto low_ink = lanes_of(ink[0], ink[2]), high_ink = lanes_of(ink[1], ink[3]);
+  // The untouched byte is mixed at coverage 0.
+  const auto low_mask = lanes_of(untouched == 0 ? 0 : 0xffff, untouched == 2 ? 0 : 0xffff);
+  const auto high_mask = lanes_of(untouched == 1 ? 0 : 0xffff, untouched == 3 ? 0 : 0xffff);
+  if (in_place(
+          static_cast<int>(hn::Lanes(d32)), count,
+          [&](int i) HWY_ATTR {
+            const auto both = hn::BitCast(d16, hn::LoadU(d8, samples + 4 * i));
+            const auto a32 = hn::PromoteTo(d32, hn::LoadU(dc, coverage + i));
+            const auto a = hn::BitCast(d16, hn::Or(a32, hn::ShiftLeft<16>(a32)));
+            return hn::BitCast(
+                d8, mix_both(d16, both, hn::And(a, low_mask), hn::And(a, high_mask), low_ink, high_ink));
+          },
+          [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + 4 * i); }))
+    return;
+#endif
+  for (int i = 0; i < count; ++i)
+    for (int c = 0; c < 4; ++c)
+      if (c != untouched)
+        samples[4 * i + c] = mixed(samples[4 * i + c], coverage[i], ink[static_cast<std::size_t>(c)]);
+}
+
+void packed_422(std::uint8_t* samples, const Coverage* coverage, int count,
+                const std::array<std::uint8_t, 3>& ink, bool luma_first) {
+  const int luma = luma_first ? 0 : 1;
+  int i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint16_t, 32> d16;
+  const hn::Repartition<std::uint32_t, decltype(d16)> d32;
+  const hn::Repartition<std::uint8_t, decltype(d16)> d8;
+  const auto luma_ink = hn::Set(d16, ink[0]);
+  const auto chroma_ink = hn::BitCast(
+      d16, hn::Set(d32, static_cast<std::uint32_t>(ink[1]) | static_cast<std::uint32_t>(ink[2]) << 16));
+  const int lanes = static_cast<int>(hn::Lanes(d16));
+  for (; i + lanes <= count; i += lanes) {
+    const auto both = hn::BitCast(d16, hn::LoadU(d8, samples + 2 * i));
+    const auto a = hn::LoadU(d16, coverage + i);
+    const auto a32 = hn::BitCast(d32, a);
+    const auto neighbour = hn::BitCast(d16, hn::Or(hn::ShiftLeft<16>(a32), hn::ShiftRight<16>(a32)));
+    const auto mean = hn::AverageRound(a, neighbour);
+    const auto mixed_both = luma_first ? mix_both(d16, both, a, mean, luma_ink, chroma_ink)
+                                       : mix_both(d16, both, mean, a, chroma_ink, luma_ink);
+    hn::StoreU(hn::BitCast(d8, mixed_both), d8, samples + 2 * i);
+  }
+#endif
+  for (; i < count; i += 2) {
+    const bool whole = i + 1 < count;
+    const unsigned mean = whole ? (coverage[i] + coverage[i + 1] + 1U) >> 1 : coverage[i];
+    std::uint8_t* s = samples + 2 * i;
+    s[luma] = mixed(s[luma], coverage[i], ink[0]);
+    if (whole)
+      s[luma + 2] = mixed(s[luma + 2], coverage[i + 1], ink[0]);
+    s[1 - luma] = mixed(s[1 - luma], mean, ink[1]);
+    s[3 - luma] = mixed(s[3 - luma], mean, ink[2]);
+  }
+}
+
+} // namespace HWY_NAMESPACE
+} // namespace terrainseg::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace terrainseg::kernels {
+
+HWY_EXPORT(cover);
+HWY_EXPORT(any);
+HWY_EXPORT(pool);
+HWY_EXPORT(plane);
+HWY_EXPORT(pairs);
+HWY_EXPORT(triples);
+HWY_EXPORT(quads);
+HWY_EXPORT(packed_422);
+
+bool cover_mask(const std::uint8_t* mask, int count, Coverage full, Coverage half, Coverage* out) {
+  return HWY_DYNAMIC_DISPATCH(cover)(mask, count, full, half, out);
+}
+
+bool covers(const Coverage* coverage, int count) {
+  return HWY_DYNAMIC_DISPATCH(any)(coverage, count);
+}
+
+void pool_coverage(const Coverage* top, const Coverage* bottom, int pixels, Coverage* out) {
+  HWY_DYNAMIC_DISPATCH(pool)(top, bottom, pixels, out);
+}
+
+void blend_plane(std::uint8_t* samples, const Coverage* coverage, int count, std::uint8_t ink) {
+  HWY_DYNAMIC_DISPATCH(plane)(samples, coverage, count, ink);
+}
+
+void blend_pairs(std::uint8_t* samples, const Coverage* coverage, int count,
+                 const std::array<std::uint8_t, 2>& ink) {
+  HWY_DYNAMIC_DISPATCH(pairs)(samples, coverage, count, ink);
+}
+
+void blend_triples(std::uint8_t* samples, const Coverage* coverage, int count,
+                   const std::array<std::uint8_t, 3>& ink) {
+  HWY_DYNAMIC_DISPATCH(triples)(samples, coverage, count, ink);
+}
+
+void blend_quads(std::uint8_t* samples, const Coverage* coverage, int count,
+                 const std::array<std::uint8_t, 4>& ink, int untouched) {
+  HWY_DYNAMIC_DISPATCH(quads)(samples, coverage, count, ink, untouched);
+}
+
+void blend_422(std::uint8_t* samples, const Coverage* coverage, int count,
+               const std::array<std::uint8_t, 3>& ink, bool luma_first) {
+  HWY_DYNAMIC_DISPATCH(packed_422)(samples, coverage, count, ink, luma_first);
+}
+
+} // namespace terrainseg::kernels
+#endif

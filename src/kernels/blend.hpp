@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The loops of the overlay: samples are mixed with a colour in place, as strongly as a coverage of 0..256 per
+// pixel says: (sample * (256 - coverage) + ink * coverage + 128) >> 8.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace terrainseg::kernels {
+
+using Coverage = std::uint16_t;
+
+/// Coverage of mask values: `full` from 192 on, `half` from 64 on, else 0. Returns false when all of it is 0.
+bool cover_mask(const std::uint8_t* mask, int count, Coverage full, Coverage half, Coverage* out);
+
+/// False when all of it is 0.
+bool covers(const Coverage* coverage, int count);
+
+/// Mean coverage of the pixels that share a chroma sample: two side by side in one row, or in two rows
+/// (`bottom` not null). A last pixel without neighbour stands for itself. Writes ceil(pixels / 2).
+void pool_coverage(const Coverage* top, const Coverage* bottom, int pixels, Coverage* out);
+
+/// One byte a pixel.
+void blend_plane(std::uint8_t* samples, const Coverage* coverage, int count, std::uint8_t ink);
+
+/// Two bytes a pixel (interleaved chroma).
+void blend_pairs(std::uint8_t* samples, const Coverage* coverage, int count,
+                 const std::array<std::uint8_t, 2>& ink);
+
+/// Three bytes a pixel.
+void blend_triples(std::uint8_t* samples, const Coverage* coverage, int count,
+                   const std::array<std::uint8_t, 3>& ink);
+
+/// Four bytes a pixel, of which the one at `untouched` stays as it is.
+void blend_quads(std::uint8_t* samples, const Coverage* coverage, int count,
+                 const std::array<std::uint8_t, 4>& ink, int untouched);
+
+/// Packed 4:2:2, beginning at an even pixel: luma in the first byte of each pixel (YUY2) or in the second
+/// (UYVY). `ink` is luma and the two chroma bytes in the order of the row. Chroma takes the mean coverage of
+/// its pixels.
+void blend_422(std::uint8_t* samples, const Coverage* coverage, int count,
+               const std::array<std::uint8_t, 3>& ink, bool luma_first);
+
+} // namespace terrainseg::kernels
