@@ -15,18 +15,20 @@ import xml.etree.ElementTree as ElementTree
 def main():
     logs = sys.argv[1]
     programs = [json.loads(line) for line in open(f'{logs}/testlog.json')]
-    cases = {}
+    cases = {program['name']: [0, 0] for program in programs}
     for suite in ElementTree.parse(f'{logs}/testlog.junit.xml').getroot().iter('testsuite'):
+        # A GoogleTest suite is named PROJECT.PROGRAM.SUITE; a script is a case of the suite PROJECT.
+        _, _, rest = suite.get('name').partition('.')
         for case in suite.findall('testcase'):
+            program = next((n for n in cases if rest.startswith(n + '.')), None) if rest else case.get('name')
             bad = case.find('failure') is not None or case.find('error') is not None
             skipped = case.find('skipped') is not None or case.get('status') == 'notrun'
-            name = suite.get('name').split('.')[1] if '.' in suite.get('name') else case.get('name')
-            passed, failed = cases.get(name, (0, 0))
-            cases[name] = (passed + (not bad and not skipped), failed + bad)
+            if program not in cases:
+                sys.exit(f'{logs}: {suite.get("name")} belongs to no program of this run')
+            cases[program][bad] += not skipped
     passed = failed = 0
     for program in programs:
-        name = program['name'].split(' / ')[-1].split(':')[-1]
-        good, bad = cases.get(name, (0, 0))
+        good, bad = cases[program['name']]
         if program['result'] not in ('OK', 'SKIP', 'EXPECTEDFAIL'):
             bad = max(bad, 1)
             print(f"{program['result']}: {program['name']}", file=sys.stderr)
