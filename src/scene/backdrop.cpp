@@ -4,8 +4,9 @@
 namespace terrainseg::scene {
 namespace {
 
-constexpr int octave_count = 6;
-constexpr std::array<float, octave_count> frequencies = {64, 16, 4, 1, 0.25F, 0.0625F}; // cells per metre
+constexpr int octave_count = 7;
+constexpr std::array<float, octave_count> frequencies = {64,    16,      4,       1,
+                                                         0.25F, 0.0625F, 0.03125F}; // cells per metre
 constexpr int run_length = 16; // pixels that share one footprint
 
 constexpr float corridor_height = 2.7F;
@@ -21,6 +22,10 @@ struct Spot {
 struct Footprint {
   float x = 0, z = 0; ///< metres that one pixel covers
   std::array<float, octave_count> amplitude{};
+  /// Octaves that hardly change along the run are taken at its ends only.
+  std::array<bool, octave_count> slow{};
+  std::array<float, octave_count> first{}, step{};
+  float position = 0; ///< pixels from the run's start
 
   void set(float across, float along) {
     x = across;
@@ -44,6 +49,45 @@ class Ground {
  public:
   explicit Ground(const Stage& stage) : s_(stage) {}
 
+  /// Thin clouds, as an octave of their own.
+  float cloud_shadow(const Spot& spot, const Footprint& foot) const {
+    return octave(octave_count - 1, spot, foot);
+  }
+
+  /// What the pixels of a row from x on share.
+  Footprint measure(int x, int y) const {
+    const Camera& c = s_.moment.camera;
+    Footprint foot;
+    // The derivatives of the point that a ray hits.
+    const Vec3 ray = c.ray(static_cast<float>(x) + 0.5F * (run_length - 1), static_cast<float>(y));
+    const float drop = std::max(-ray.y, 1e-3F), t = c.position.y / drop, k = t / drop;
+    const float ax = (c.right.x * t + ray.x * c.right.y * k) / c.focal,
+                bx = (c.down.x * t + ray.x * c.down.y * k) / c.focal;
+    const float az = (c.right.z * t + ray.z * c.right.y * k) / c.focal,
+                bz = (c.down.z * t + ray.z * c.down.y * k) / c.focal;
+    foot.set(std::sqrt(ax * ax + bx * bx), std::sqrt(az * az + bz * bz));
+    const Vec3 left = c.ray(static_cast<float>(x), static_cast<float>(y));
+    const Vec3 right = c.ray(static_cast<float>(x + run_length), static_cast<float>(y));
+    if (std::max(left.y, right.y) > -1e-3F)
+      return foot;
+    const Spot a = spot_of(left), b = spot_of(right);
+    const float length = std::max(std::abs(a.x - b.x), std::abs(a.z - b.z));
+    for (int o = 0; o < octave_count; ++o) {
+      foot.slow[o] = foot.amplitude[o] > 0 && length * frequencies[o] < 0.3F;
+      if (!foot.slow[o])
+        continue;
+      foot.first[o] = foot.amplitude[o] * texture(o, a);
+      foot.step[o] = (foot.amplitude[o] * texture(o, b) - foot.first[o]) * (1.0F / run_length);
+    }
+    return foot;
+  }
+
+  Spot spot_of(const Vec3& ray) const {
+    const Camera& c = s_.moment.camera;
+    const float t = c.position.y / -ray.y;
+    return {c.position.x + t * ray.x, c.position.z + t * ray.z, t};
+  }
+
   /// Reflectance of the ground and its label.
   Color at(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
     switch (s_.settings.kind) {
@@ -61,14 +105,17 @@ class Ground {
  private:
   // Octave k of the ground's texture, sheared where the world's period allows it, so that no grid shows.
   float octave(int k, const Spot& spot, const Footprint& foot) const {
-    const float a = foot.amplitude[k];
-    if (a == 0)
+    if (foot.amplitude[k] == 0)
       return 0;
+    return foot.slow[k] ? foot.first[k] + foot.step[k] * foot.position : foot.amplitude[k] * texture(k, spot);
+  }
+
+  float texture(int k, const Spot& spot) const {
     const float f = frequencies[k];
     if (k <= 3)
-      return a * s_.noise.at((spot.x + 0.5F * spot.z) * f + 31.7F * static_cast<float>(k),
-                             (spot.z - 0.5F * spot.x) * f);
-    return a * s_.noise.at(spot.x * f + 31.7F * static_cast<float>(k), spot.z * f);
+      return s_.noise.at((spot.x + 0.5F * spot.z) * f + 31.7F * static_cast<float>(k),
+                         (spot.z - 0.5F * spot.x) * f);
+    return s_.noise.at(spot.x * f + 31.7F * static_cast<float>(k), spot.z * f);
   }
 
   Color grass(const Spot& spot, const Footprint& foot, const Color& base) const {
@@ -236,6 +283,30 @@ float bearing(const Vec3& ray) {
   return ray.z >= 0 ? a : (a >= 0 ? 2 - a : -2 - a);
 }
 
+/// Calls `pixel(ray, footprint, shadow, light, label)` for what no thing covers.
+template <class Pixel>
+void each_open_pixel(const Stage& stage, const Ground& ground, Canvas& canvas, Pixel&& pixel) {
+  const Camera& c = stage.moment.camera;
+  for (int y = 0; y < canvas.height; ++y)
+    for (int x0 = 0; x0 < canvas.width; x0 += run_length) {
+      const int count = std::min(run_length, canvas.width - x0);
+      const float* open = canvas.open.data() + canvas.at(x0, y);
+      if (std::all_of(open, open + count, [](float share) { return share < Canvas::hidden; }))
+        continue;
+      Footprint foot = ground.measure(x0, y);
+      for (int i = 0; i < count; ++i) {
+        if (open[i] < Canvas::hidden)
+          continue;
+        const std::size_t at = canvas.at(x0 + i, y);
+        Color light;
+        std::uint8_t label = not_traversable;
+        foot.position = static_cast<float>(i);
+        pixel(c.ray(static_cast<float>(x0 + i), static_cast<float>(y)), foot, canvas.shade[at], light, label);
+        canvas.under(at, light, 1, label);
+      }
+    }
+}
+
 class Outdoors {
  public:
   Outdoors(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), ground_(stage) {
@@ -243,37 +314,12 @@ class Outdoors {
   }
 
   void draw() {
-    const Camera& c = s_.moment.camera;
-    for (int y = 0; y < canvas_.height; ++y) {
-      for (int x0 = 0; x0 < canvas_.width; x0 += run_length) {
-        const int x1 = std::min(x0 + run_length, canvas_.width);
-        Footprint foot;
-        measure(c.ray(static_cast<float>(x0 + x1 - 1) * 0.5F, static_cast<float>(y)), foot);
-        for (int x = x0; x < x1; ++x) {
-          const std::size_t at = canvas_.at(x, y);
-          if (canvas_.open[at] < Canvas::hidden)
-            continue;
-          Color light;
-          std::uint8_t label = not_traversable;
-          pixel(c.ray(static_cast<float>(x), static_cast<float>(y)), foot, canvas_.shade[at], light, label);
-          canvas_.under(at, light, 1, label);
-        }
-      }
-    }
+    each_open_pixel(s_, ground_, canvas_,
+                    [this](const Vec3& ray, const Footprint& foot, const Color& shadow, Color& light,
+                           std::uint8_t& label) { pixel(ray, foot, shadow, light, label); });
   }
 
  private:
-  // The footprint of a pixel on the ground, from the derivatives of the hit point.
-  void measure(const Vec3& ray, Footprint& foot) const {
-    const Camera& c = s_.moment.camera;
-    const float drop = std::max(-ray.y, 1e-3F), t = c.position.y / drop, k = t / drop;
-    const float ax = (c.right.x * t + ray.x * c.right.y * k) / c.focal,
-                bx = (c.down.x * t + ray.x * c.down.y * k) / c.focal;
-    const float az = (c.right.z * t + ray.z * c.right.y * k) / c.focal,
-                bz = (c.down.z * t + ray.z * c.down.y * k) / c.focal;
-    foot.set(std::sqrt(ax * ax + bx * bx), std::sqrt(az * az + bz * bz));
-  }
-
   void pixel(const Vec3& ray, const Footprint& foot, const Color& shadow, Color& light,
              std::uint8_t& label) const {
     const Camera& c = s_.moment.camera;
@@ -281,13 +327,10 @@ class Outdoors {
     const float elevation = ray.y / level;
     if (elevation < -c.position.y / 600) {
       const float t = c.position.y / -ray.y, distance = t * level;
-      const float closed = clearing(ray);
-      if (distance < closed) {
+      if (distance < 0.6F * s_.place.clearing || distance < clearing(ray)) {
         const Spot spot = {c.position.x + t * ray.x, c.position.z + t * ray.z, distance};
         Color surface = ground_.at(spot, foot, label);
-        const float shade =
-            1 -
-            0.14F * smooth(0.1F, 0.5F, s_.noise.at(spot.x * 0.03125F + 7, spot.z * 0.03125F)); // thin clouds
+        const float shade = 1 - 0.14F * smooth(0.1F, 0.5F, ground_.cloud_shadow(spot, foot));
         light = hazed(surface * horizontal_light_ * shadow * shade, distance);
         return;
       }
@@ -306,6 +349,11 @@ class Outdoors {
 
   void far_away(const Vec3& ray, float elevation, Color& light, std::uint8_t& label) const {
     const Place& p = s_.place;
+    if (elevation > 2.3F * p.skyline) { // above the highest that closes the view
+      light = sky_at(ray, elevation);
+      label = sky;
+      return;
+    }
     const float b = bearing(ray), pixel = 1 / s_.moment.camera.focal;
     const float swell = s_.noise.cloudy(b * 9 + 40, 11.5F);
     float top = p.skyline * (1 + 0.75F * swell);
@@ -374,36 +422,12 @@ class Indoors {
   Indoors(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), ground_(stage) {}
 
   void draw() {
-    const Camera& c = s_.moment.camera;
-    for (int y = 0; y < canvas_.height; ++y) {
-      for (int x0 = 0; x0 < canvas_.width; x0 += run_length) {
-        const int x1 = std::min(x0 + run_length, canvas_.width);
-        Footprint foot;
-        measure(c.ray(static_cast<float>(x0 + x1 - 1) * 0.5F, static_cast<float>(y)), foot);
-        for (int x = x0; x < x1; ++x) {
-          const std::size_t at = canvas_.at(x, y);
-          if (canvas_.open[at] < Canvas::hidden)
-            continue;
-          Color light;
-          std::uint8_t label = not_traversable;
-          pixel(c.ray(static_cast<float>(x), static_cast<float>(y)), foot, canvas_.shade[at], light, label);
-          canvas_.under(at, light, 1, label);
-        }
-      }
-    }
+    each_open_pixel(s_, ground_, canvas_,
+                    [this](const Vec3& ray, const Footprint& foot, const Color& shadow, Color& light,
+                           std::uint8_t& label) { pixel(ray, foot, shadow, light, label); });
   }
 
  private:
-  void measure(const Vec3& ray, Footprint& foot) const {
-    const Camera& c = s_.moment.camera;
-    const float drop = std::max(-ray.y, 4e-3F), t = c.position.y / drop, k = t / drop;
-    const float ax = (c.right.x * t + ray.x * c.right.y * k) / c.focal,
-                bx = (c.down.x * t + ray.x * c.down.y * k) / c.focal;
-    const float az = (c.right.z * t + ray.z * c.right.y * k) / c.focal,
-                bz = (c.down.z * t + ray.z * c.down.y * k) / c.focal;
-    foot.set(std::sqrt(ax * ax + bx * bx), std::sqrt(az * az + bz * bz));
-  }
-
   void pixel(const Vec3& ray, const Footprint& foot, const Color& shadow, Color& light,
              std::uint8_t& label) const {
     const Camera& c = s_.moment.camera;

@@ -15,7 +15,7 @@ namespace terrainseg::scene {
 /// shadows, then the backdrop.
 struct Canvas {
   static constexpr std::uint8_t unset = 254;  ///< no label yet
-  static constexpr float hidden = 1.0F / 256; ///< less than this share of a pixel is not worth drawing
+  static constexpr float hidden = 0.015F; ///< less than this share of a pixel is not worth drawing
 
   int width = 0, height = 0;
   std::vector<Color> light;
@@ -97,8 +97,9 @@ class Outline {
   }
 
   /// Calls `visit(x, y, distance)` for the pixels whose distance inward from the nearest edge exceeds
-  /// -margin.
-  template <class Visit> void each_pixel(int width, int height, float margin, Visit&& visit) const {
+  /// -margin; `deep` stands for every distance from there on.
+  template <class Visit>
+  void each_pixel(int width, int height, float margin, float deep, Visit&& visit) const {
     if (edge_count_ == 0)
       return;
     const auto bound = [](float v, int limit) {
@@ -107,23 +108,24 @@ class Outline {
     const int first_row = std::max(bound(top_ - margin, height), 0);
     const int last_row = std::min(bound(bottom_ + margin + 1, height), height - 1);
     for (int y = first_row; y <= last_row; ++y) {
-      float low = left_ - margin, high = right_ + margin;
+      float low = left_ - margin, high = right_ + margin, deep_low = low, deep_high = high;
       for (int e = 0; e < edge_count_; ++e) {
         const Edge& edge = edges_[e];
-        const float rest = edge.b * static_cast<float>(y) + edge.c + margin; // a x + rest > 0
-        if (edge.a > 1e-6F)
-          low = std::max(low, -rest / edge.a);
-        else if (edge.a < -1e-6F)
-          high = std::min(high, -rest / edge.a);
-        else if (rest <= 0)
-          high = low - 1;
+        const float rest = edge.b * static_cast<float>(y) + edge.c;
+        narrow(edge.a, rest + margin, low, high);
+        narrow(edge.a, rest - deep, deep_low, deep_high);
       }
       const int first = std::max(bound(low, width), 0), last = std::min(bound(high + 1, width), width - 1);
       for (int x = first; x <= last; ++x) {
+        const auto column = static_cast<float>(x);
+        if (column > deep_low && column < deep_high) {
+          visit(x, y, deep);
+          continue;
+        }
         float distance = 1e9F;
         for (int e = 0; e < edge_count_; ++e)
-          distance = std::min(distance, edges_[e].a * static_cast<float>(x) +
-                                            edges_[e].b * static_cast<float>(y) + edges_[e].c);
+          distance =
+              std::min(distance, edges_[e].a * column + edges_[e].b * static_cast<float>(y) + edges_[e].c);
         if (distance > -margin)
           visit(x, y, distance);
       }
@@ -134,6 +136,17 @@ class Outline {
   struct Edge {
     float a, b, c;
   };
+
+  /// Keeps of low..high where a x + rest > 0.
+  static void narrow(float a, float rest, float& low, float& high) {
+    if (a > 1e-6F)
+      low = std::max(low, -rest / a);
+    else if (a < -1e-6F)
+      high = std::min(high, -rest / a);
+    else if (rest <= 0)
+      high = low - 1;
+  }
+
   std::array<Edge, max_corners> edges_;
   int edge_count_ = 0;
   float top_ = 0, bottom_ = 0, left_ = 0, right_ = 0;

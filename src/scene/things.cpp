@@ -160,25 +160,29 @@ class Painter {
     const float depth = std::max(camera_.depth(middle), 1.0F);
     const float soft = std::max(softness * camera_.focal / depth, 1.0F);
     const Outline outline(camera_, {corners.data(), static_cast<std::size_t>(count)});
-    outline.each_pixel(canvas_.width, canvas_.height, soft * 0.5F, [&](int x, int y, float distance) {
-      const std::size_t pixel = canvas_.at(x, y);
-      if (canvas_.open[pixel] < Canvas::hidden)
-        return;
-      float k = clamp01(distance / soft + 0.5F);
-      if (dappled) {
-        const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
-        if (ray.y >= -1e-4F)
-          return;
-        const float t = camera_.position.y / -ray.y;
-        const float u = camera_.position.x + t * ray.x, v = camera_.position.z + t * ray.z;
-        const float gaps = s_.noise.cloudy(u * 2.3F, v * 2.3F);
-        k *= 1 - 0.85F * smooth(0.05F, 0.3F, gaps);
-        // The rim of a crown is ragged.
-        k *=
-            smooth(-0.1F, 0.35F, distance / soft * 0.25F + 0.4F * s_.noise.at(u * 1.7F + 9, v * 1.7F) + 0.1F);
-      }
-      canvas_.shade[pixel] = canvas_.shade[pixel] * mix(Color{1, 1, 1}, kept, k);
-    });
+    outline.each_pixel(
+        canvas_.width, canvas_.height, soft * 0.5F, soft * (dappled ? 4.0F : 0.5F),
+        [&](int x, int y, float distance) {
+          const std::size_t pixel = canvas_.at(x, y);
+          if (canvas_.open[pixel] < Canvas::hidden || canvas_.shade[pixel].g < kept.g * 0.8F)
+            return; // hidden, or in the shade of several already
+          float k = clamp01(distance / soft + 0.5F);
+          if (dappled) {
+            const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
+            if (ray.y >= -1e-4F)
+              return;
+            const float t = camera_.position.y / -ray.y;
+            const float u = camera_.position.x + t * ray.x, v = camera_.position.z + t * ray.z;
+            const float gaps =
+                0.66F * s_.noise.at(u * 2.3F, v * 2.3F) + 0.34F * s_.noise.at(u * 5.1F, v * 5.1F);
+            k *= 1 - 0.85F * smooth(0.05F, 0.3F, gaps);
+            // The rim of a crown is ragged.
+            if (distance < 3 * soft)
+              k *= smooth(-0.1F, 0.35F,
+                          distance / soft * 0.25F + 0.4F * s_.noise.at(u * 1.7F + 9, v * 1.7F) + 0.1F);
+          }
+          canvas_.shade[pixel] = canvas_.shade[pixel] * mix(Color{1, 1, 1}, kept, k);
+        });
   }
 
   Color hazed(const Color& color, float distance) const {
@@ -200,7 +204,7 @@ class Painter {
     const float offset = dot(plane.normal, plane.origin - camera_.position);
     const Outline outline(camera_, corners);
     // Half a pixel over the rim: adjoining faces leave no gap.
-    outline.each_pixel(canvas_.width, canvas_.height, 1, [&](int x, int y, float distance) {
+    outline.each_pixel(canvas_.width, canvas_.height, 1, 0, [&](int x, int y, float distance) {
       const std::size_t pixel = canvas_.at(x, y);
       if (canvas_.open[pixel] < Canvas::hidden)
         return;
@@ -403,9 +407,10 @@ class Painter {
   // Crowns are lit from the sun's side and dark inside.
   Color foliage(const Color& leaf, float u, float v, float radius, float size, std::uint32_t key) const {
     const auto shift = static_cast<float>(key & 255);
-    const float fine = 1 / (1 + 10 * size), finer = 1 / (1 + 36 * size);
+    const float fine = clamp01(1.1F - 4 * size), finer = clamp01(0.9F - 12 * size);
     const float clump = s_.noise.at(u * 2.2F / radius + shift, v * 2.2F / radius);
-    const float leaves = s_.noise.at(u * 6 + shift, v * 6), twigs = s_.noise.at(u * 24 + shift, v * 24);
+    const float leaves = fine > 0 ? s_.noise.at(u * 6 + shift, v * 6) : 0;
+    const float twigs = finer > 0 ? s_.noise.at(u * 24 + shift, v * 24) : 0;
     const float bright = 1 + 0.55F * clump + 0.6F * fine * leaves + 0.7F * finer * twigs;
     const float sunny = 0.5F + 0.5F * (dot(s_.light.sun, Vec3{0, v / radius, 0}) +
                                        0.6F * u / radius * dot(s_.light.sun, across_));
@@ -424,11 +429,13 @@ class Painter {
       const float width = conifer ? rx * 0.8F * clamp01(0.5F - 0.5F * y) + 0.02F : rx;
       const float x = u / width;
       const float radius = conifer ? std::max(std::abs(x), std::abs(y)) : std::sqrt(x * x + y * y);
-      const float ragged = 0.5F * s_.noise.at(u * 1.4F + shift, v * 1.4F) +
-                           0.34F * s_.noise.at(u * 5 + shift, v * 5) + 0.2F * s_.noise.at(u * 15, v * 15);
-      const float body = 1 - radius + 0.6F * ragged - 0.12F;
+      // Coarse first: most pixels are well inside or well outside.
+      float body = 1 - radius + 0.3F * s_.noise.at(u * 1.4F + shift, v * 1.4F) - 0.12F;
+      const float rim = std::max(size * 1.5F, 0.16F);
+      if (std::abs(body) < 0.33F + 0.5F * rim)
+        body += 0.2F * s_.noise.at(u * 5 + shift, v * 5) + 0.12F * s_.noise.at(u * 15, v * 15);
       // Gaps through which the sky shows.
-      const float alpha = clamp01(body / std::max(size * 1.5F, 0.16F) + 0.5F);
+      const float alpha = clamp01(body / rim + 0.5F);
       const float wood =
           clamp01((trunk * (1.2F - v / thing.height) - std::abs(u)) / size + 0.5F) * (v < cy ? 1.0F : 0.0F);
       if (std::max(alpha, wood) <= 0)
@@ -447,10 +454,11 @@ class Painter {
     const auto shift = static_cast<float>(thing.key & 255);
     cutout(thing.base, rx * 1.3F, ry * 1.3F, [&](float u, float v, float size) -> Sample {
       const float x = u / rx, y = v / ry;
-      const float ragged =
-          0.45F * s_.noise.at(u * 3 + shift, v * 3) + 0.4F * s_.noise.at(u * 11 + shift, v * 11);
-      const float body = 1 - std::sqrt(x * x + y * y) + 0.5F * ragged - 0.1F;
-      const float alpha = clamp01(body / std::max(size / rx * 1.5F, 0.12F) + 0.5F);
+      float body = 0.9F - std::sqrt(x * x + y * y);
+      const float rim = std::max(size / rx * 1.5F, 0.12F);
+      if (std::abs(body) < 0.43F + 0.5F * rim)
+        body += 0.22F * s_.noise.at(u * 3 + shift, v * 3) + 0.2F * s_.noise.at(u * 11 + shift, v * 11);
+      const float alpha = clamp01(body / rim + 0.5F);
       if (alpha <= 0)
         return {{}, 0};
       const Color leaves = foliage(thing.color, u, v - 0.35F * ry, rx, size, thing.key);

@@ -331,7 +331,7 @@ Lighting lighting_of(const Settings& settings, double seconds) {
     light.ambient = mix(Color{0.38F, 0.44F, 0.54F}, Color{0.62F, 0.65F, 0.7F}, veil);
     light.haze = mix(Color{0.66F, 0.74F, 0.86F}, Color{0.78F, 0.79F, 0.8F}, veil);
     light.zenith = mix(Color{0.16F, 0.32F, 0.7F}, Color{0.5F, 0.54F, 0.6F}, veil);
-    light.haze_distance = 420;
+    light.haze_distance = mix(750.0F, 380.0F, veil);
     light.exposure = grey(1.2F);
   }
   if (settings.kind == Kind::plain && !dusk) {
