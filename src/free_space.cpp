@@ -27,7 +27,7 @@ std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
   work_.resize(2 * width * static_cast<std::size_t>(bands));
   workers.run(bands, [&](int band) {
     kernels::write_mask_rows(boundary_.data(), safe_.data(), static_cast<int>(width), height * band / bands,
-                             height * (band + 1) / bands, mask,
+                             height * (band + 1) / bands, mask.data, mask.stride,
                              &work_[2 * width * static_cast<std::size_t>(band)]);
   });
   return traversable - mark_ignored(ignored, mask_level, mask, static_cast<int>(width), height);

@@ -8,6 +8,7 @@
 
 #include "clustering.hpp"
 #include "fixed.hpp"
+#include "kernels/score_parts.hpp"
 #include "terrainseg/estimate.hpp"
 #include "workers.hpp"
 
@@ -51,7 +52,9 @@ void ScoreTable::build(std::span<const TerrainModel> learned, int threshold_q8, 
         entries[c][bin] = scaled_distance(bin_centre(bin << bit_shift, bit_shift), model.mean[c],
                                           model.variance[c], threshold_squared);
   }
-  kernels::fill_color_table(scores_, table_.data(), used_.data());
+  by_parts_ = kernels::parts_are_faster(bit_shift);
+  if (!by_parts_)
+    kernels::fill_color_table(scores_, table_.data(), used_.data());
 }
 
 void ScoreTable::score(const Grid& grid, std::vector<std::uint8_t>& scores) const {
@@ -72,6 +75,8 @@ std::uint64_t ScoreTable::label_rows(int width, int height, int first_row, const
     for (int y = height * band / bands; y < height * (band + 1) / bands; ++y)
       if (y < first_row)
         std::memset(mask.row(y), mask_not_traversable, static_cast<std::size_t>(width));
+      else if (by_parts_)
+        count += kernels::classify_row_by_parts(row_of(y), scores_, mask.row(y), width);
       else
         count += kernels::classify_row(row_of(y), table_.data(), table_shift_, mask.row(y), width);
     counts[static_cast<std::size_t>(band)] = count;

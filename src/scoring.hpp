@@ -45,6 +45,7 @@ class ScoreTable {
   kernels::ComponentScores scores_;
   std::vector<std::uint8_t> table_, used_;
   int table_shift_ = -1;
+  bool by_parts_ = false; ///< the table is not needed
 };
 
 /// How well the learned models explain the cells of the window, for the estimate's confidence: 255 minus

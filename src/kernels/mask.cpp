@@ -63,32 +63,32 @@ void write_row(const std::uint8_t* boundary, const std::uint8_t* safe, int row, 
     out[x] = row >= safe[x] ? 255 : row >= boundary[x] ? 128 : 0;
 }
 
-void fill(const MutablePlane& mask, int width, int first, int end, int value) {
+void fill(std::uint8_t* mask, std::ptrdiff_t stride, int width, int first, int end, int value) {
   if (end <= first)
     return;
-  if (mask.stride == width) {
-    std::memset(mask.row(first), value,
+  if (stride == width) {
+    std::memset(mask + first * stride, value,
                 static_cast<std::size_t>(width) * static_cast<std::size_t>(end - first));
     return;
   }
   for (int y = first; y < end; ++y)
-    std::memset(mask.row(y), value, static_cast<std::size_t>(width));
+    std::memset(mask + y * stride, value, static_cast<std::size_t>(width));
 }
 
 void write_mask(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
-                const MutablePlane& mask, std::uint8_t* work) {
+                std::uint8_t* mask, std::ptrdiff_t stride, std::uint8_t* work) {
   const int top = std::clamp(span_of(boundary, width).least, first, end);
   const int bottom = std::clamp(span_of(safe, width).most, top, end);
-  fill(mask, width, first, top, 0);
+  fill(mask, stride, width, first, top, 0);
   std::uint8_t* near = work;
   std::uint8_t* far = work + width;
   for (int slab = top; slab < bottom; slab += slab_rows) {
     relative(boundary, width, slab, near);
     relative(safe, width, slab, far);
     for (int y = slab; y < std::min(slab + slab_rows, bottom); ++y)
-      write_row(near, far, y - slab, width, mask.row(y));
+      write_row(near, far, y - slab, width, mask + y * stride);
   }
-  fill(mask, width, bottom, end, 255);
+  fill(mask, stride, width, bottom, end, 255);
 }
 
 } // namespace HWY_NAMESPACE
@@ -101,9 +101,9 @@ namespace terrainseg::kernels {
 HWY_EXPORT(write_mask);
 
 void write_mask_rows(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
-                     const MutablePlane& mask, std::uint8_t* work) {
+                     std::uint8_t* mask, std::ptrdiff_t stride, std::uint8_t* work) {
   if (width > 0 && first < end)
-    HWY_DYNAMIC_DISPATCH(write_mask)(boundary, safe, width, first, end, mask, work);
+    HWY_DYNAMIC_DISPATCH(write_mask)(boundary, safe, width, first, end, mask, stride, work);
 }
 
 } // namespace terrainseg::kernels

@@ -2,9 +2,8 @@
 // The loop that writes the mask of the default pipeline: two curves over the columns, three values.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-
-#include "terrainseg/frame.hpp"
 
 namespace terrainseg::kernels {
 
@@ -13,6 +12,6 @@ namespace terrainseg::kernels {
 /// at row 0. `work` holds 2 * width bytes. Rows in which all columns agree are filled without looking at the
 /// curves.
 void write_mask_rows(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
-                     const MutablePlane& mask, std::uint8_t* work);
+                     std::uint8_t* mask, std::ptrdiff_t stride, std::uint8_t* work);
 
 } // namespace terrainseg::kernels

@@ -2,6 +2,6 @@
 // Which of Highway's targets the kernels are compiled for; included before Highway.
 #pragma once
 
-// The target for SVE of exactly 32 bytes gives wrong three-byte pixels with GCC 12 (tests/aarch64.sh found it); SVE
-// of any length is right there and serves the same machines.
+// The target for SVE of exactly 32 bytes gives wrong three-byte pixels with GCC 12 (tests/aarch64.sh found
+// it); SVE of any length is right there and serves the same machines.
 #define HWY_DISABLED_TARGETS HWY_SVE_256

@@ -9,10 +9,10 @@
 #include "kernels/blend.hpp"
 #include "kernels/mask.hpp"
 #include "kernels/reduce.hpp"
+#include "kernels/score_parts.hpp"
 
 namespace {
 
-using namespace terrainseg;
 using namespace terrainseg::kernels;
 using namespace terrainseg::testing;
 
@@ -171,7 +171,7 @@ void check_mask(int width, int height, int stride, int spread, std::mt19937& ran
   std::fill(mask.begin(), mask.end(), 77);
   const int cut = height / 3;
   for (const auto& [first, end] : {std::pair{0, cut}, {cut, height}})
-    write_mask_rows(boundary.data(), safe.data(), width, first, end, {mask.data(), stride}, work.data());
+    write_mask_rows(boundary.data(), safe.data(), width, first, end, mask.data(), stride, work.data());
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < stride; ++x) {
       if (y == height - 1 && x >= width)
@@ -310,6 +310,71 @@ TEST(Kernels, Coverage) {
         ASSERT_EQ(pooled[i], (sum + parts / 2) / parts);
       }
     }
+  });
+}
+
+// Both ways to score a row, against the definition, in every layout that frames have.
+TEST(Kernels, ClassifyRow) {
+  struct Layout {
+    int bytes_a_pair; // of the plane that holds the first component
+    int first_step, chroma_step, chroma_shift;
+    int offset[3]; // of the components; chroma in a plane of its own where chroma_own is set
+    bool chroma_own;
+  };
+  constexpr Layout layouts[] = {
+      {2, 1, 1, 0, {0, 0, 0}, true},  {2, 1, 1, 1, {0, 0, 0}, true},  {2, 1, 2, 1, {0, 0, 1}, true},
+      {2, 1, 2, 1, {0, 1, 0}, true},  {4, 2, 4, 1, {0, 1, 3}, false}, {4, 2, 4, 1, {1, 0, 2}, false},
+      {6, 3, 3, 0, {0, 1, 2}, false}, {6, 3, 3, 0, {2, 1, 0}, false}, {8, 4, 4, 0, {0, 1, 2}, false},
+      {8, 4, 4, 0, {3, 2, 1}, false}, {8, 4, 4, 0, {1, 2, 3}, false}, {8, 4, 4, 0, {2, 1, 0}, false}};
+  on_every_target([&] {
+    std::mt19937 random(7);
+    ComponentScores scores;
+    for (int width = 1; width <= 200; ++width)
+      for (int bit_shift = 3; bit_shift <= 7; ++bit_shift) {
+        const Layout& l = layouts[random() % std::size(layouts)];
+        scores.models = static_cast<int>(random() % 9);
+        scores.bit_shift = bit_shift;
+        for (auto& model : scores.entries)
+          for (auto& component : model)
+            for (auto& e : component)
+              e = static_cast<std::uint8_t>(random() % 4 == 0 ? 255 : random() % 140);
+        const bool at_end = width % 2 == 0;
+        const int pairs = (width + 1) / 2;
+        const int chroma = l.chroma_shift ? pairs : width;
+        const auto first_bytes = static_cast<std::size_t>(
+            l.chroma_own ? width : (l.chroma_shift ? pairs * l.bytes_a_pair : width * l.first_step));
+        const auto chroma_bytes = static_cast<std::size_t>(l.chroma_own ? chroma * l.chroma_step : 1);
+        const Guarded<std::uint8_t> first(first_bytes, at_end), second(chroma_bytes, at_end),
+            third(chroma_bytes, at_end), out(static_cast<std::size_t>(width), at_end);
+        fill(first, Fill::noise, random);
+        fill(second, Fill::noise, random);
+        fill(third, Fill::noise, random);
+        const bool semi_planar = l.chroma_own && l.chroma_step == 2;
+        const PixelRow row{{first.data() + l.offset[0],
+                            (l.chroma_own ? second.data() : first.data()) + l.offset[1],
+                            (!l.chroma_own ? first.data()
+                             : semi_planar ? second.data()
+                                           : third.data()) +
+                                l.offset[2]},
+                           l.first_step,
+                           l.chroma_step,
+                           l.chroma_shift};
+        const std::uint32_t counted = classify_row_by_parts(row, scores, out.data(), width);
+        std::uint32_t expected_count = 0;
+        for (int x = 0; x < width; ++x) {
+          const int c = (x >> l.chroma_shift) * l.chroma_step;
+          int least = 255;
+          for (int n = 0; n < scores.models; ++n)
+            least = std::min(least, scores.entries[n][0][row.component[0][x * l.first_step] >> bit_shift] +
+                                        scores.entries[n][1][row.component[1][c] >> bit_shift] +
+                                        scores.entries[n][2][row.component[2][c] >> bit_shift]);
+          const int expected = least <= score_limit ? 255 : 0;
+          expected_count += expected ? 1 : 0;
+          ASSERT_EQ(out[static_cast<std::size_t>(x)], expected)
+              << "width " << width << " bit shift " << bit_shift << " step " << l.first_step << " at " << x;
+        }
+        ASSERT_EQ(counted, expected_count);
+      }
   });
 }
 
