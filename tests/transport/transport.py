@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""usage: transport.py file|file-bframes|udp-loss|srt|rtp-ts|rtp-klv
+"""usage: transport.py file|file-bframes|file-after-encoder|udp-loss|srt|rtp-ts|rtp-klv
 
 A rover's pipeline and a ground station's on loopback, with real elements in between. Frames and units are counted at
 both ends, and each frame's line (mask, boundary, horizon, models) on the ground must be the one on the rover."""
@@ -8,6 +8,7 @@ import json
 import os
 import random
 import socket
+import subprocess
 import sys
 import tempfile
 import threading
@@ -38,6 +39,13 @@ def source(live):
 def rover_ts(live, sink, encoder=ENCODER):
     return (source(live) + f't. ! queue ! {encoder} ! queue ! mux. '
             't. ! queue ! terrainextract ! meta/x-klv,parsed=true ! queue ! mux. '
+            f'mpegtsmux name=mux alignment=7 ! {sink}')
+
+
+def rover_ts_after_encoder(sink):
+    """The units are taken from encoded frames, in coding order."""
+    return (source(False) + 't. ! queue ! x264enc bframes=2 b-adapt=false key-int-max=25 ! h264parse ! tee name=e '
+            'e. ! queue ! mux. e. ! queue ! terrainextract ! meta/x-klv,parsed=true ! queue ! mux. '
             f'mpegtsmux name=mux alignment=7 ! {sink}')
 
 
@@ -237,16 +245,17 @@ DEMUX = ('tsdemux name=d d. ! queue ! h264parse ! avdec_h264 ! combine.sink '
          'd. ! meta/x-klv ! queue ! combine.meta ' + GROUND)
 
 
-def ts_file(encoder=ENCODER, after_encoder=False):
+def ts_file(make_rover):
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, 'rover.ts')
-        text = rover_ts(False, f'filesink location={path}', encoder)
-        rover = Pipeline(text)
+        rover = Pipeline(make_rover(f'filesink location={path}'))
         rover.play()
         if not rover.check(TIMEOUT):
             raise SystemExit('the rover does not come to its end')
+        streams = subprocess.run(['ffprobe', '-v', 'error', '-show_entries', 'stream=codec_name', '-of', 'csv=p=0', path],
+                                 capture_output=True, text=True, check=True).stdout.split()
+        good = report(sorted(streams) == ['h264', 'klv'], f'ffprobe lists {streams}')
         # With queues, and as a short pipeline writes it, one thread for both streams.
-        good = True
         for demux in (DEMUX, 'tsdemux name=d d. ! h264parse ! avdec_h264 ! combine.sink '
                              'd. ! meta/x-klv ! combine.meta ' + GROUND):
             ground = Pipeline(f'filesrc location={path} ! {demux}')
@@ -288,9 +297,11 @@ def rtp_klv():
 def main(kind):
     Gst.init(None)
     if kind == 'file':
-        return ts_file()
+        return ts_file(lambda sink: rover_ts(False, sink))
     if kind == 'file-bframes':
-        return ts_file('x264enc bframes=2 key-int-max=25 ! h264parse')
+        return ts_file(lambda sink: rover_ts(False, sink, 'x264enc bframes=2 key-int-max=25 ! h264parse'))
+    if kind == 'file-after-encoder':
+        return ts_file(rover_ts_after_encoder)
     if kind == 'rtp-klv':
         return rtp_klv()
     port = free_port()
