@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "boundary.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include <gtest/gtest.h>
+
+namespace terrainseg {
+namespace {
+
+using Curve = std::vector<std::uint16_t>;
+
+CoarseGrid random_grid(int width, int height, std::mt19937& dice) {
+  CoarseGrid g;
+  g.width = width;
+  g.height = height;
+  for (auto* plane : {&g.y, &g.u, &g.v})
+    for (int i = 0; i < width * height; ++i)
+      plane->push_back(static_cast<std::uint8_t>(dice() % 3 ? 128 + dice() % 8 : dice() % 256));
+  g.ignored.assign(static_cast<std::size_t>(width * height), 0);
+  for (auto& i : g.ignored)
+    i = dice() % 9 == 0;
+  return g;
+}
+
+// What a curve is worth by the definition, written apart from the search: floor and table apart, in floating
+// point.
+double worth(const CoarseGrid& g, const std::vector<std::int16_t>& score,
+             const std::vector<std::int16_t>& prior, int gain, const Curve& before, const Curve& curve) {
+  const auto step = [&](int i, int j, int k, int l) {
+    const auto a = g.at(i, j), b = g.at(k, l);
+    return std::min(std::floor((std::abs(g.y[a] - g.y[b]) + 2.0 * std::abs(g.u[a] - g.u[b]) +
+                                2.0 * std::abs(g.v[a] - g.v[b])) *
+                               gain / 256),
+                    1023.0);
+  };
+  double sum = 0;
+  for (int j = 0; j < g.width; ++j) {
+    for (int i = 0; i < g.height; ++i) {
+      const double s = score[g.at(i, j)] / 16.0 + prior[i];
+      sum += i >= curve[j] ? s : -s;
+    }
+    const int r = curve[j];
+    if (r > 0 && r < g.height && !g.ignored[g.at(r, j)] && !g.ignored[g.at(r - 1, j)]) {
+      sum += std::min(288.0, 88 * std::log2((step(r, j, r - 1, j) + 4) / 4));
+      sum +=
+          std::clamp(10.0 * std::floor((g.y[g.at(r, j)] - g.y[g.at(r - 1, j)]) * gain / 256.0), 0.0, 160.0);
+    }
+    if (!before.empty())
+      sum -= 24 * std::min(std::abs(r - before[j]), 2);
+    if (j > 0)
+      for (int i = std::min(curve[j], curve[j - 1]); i < std::max(curve[j], curve[j - 1]); ++i)
+        sum -= std::max(16.0, 160 - 72 * std::log2((step(i, j, i, j - 1) + 32) / 32));
+  }
+  return sum;
+}
+
+TEST(Boundary, NoCurveIsBetter) {
+  std::mt19937 dice(7);
+  for (int round = 0; round < 60; ++round) {
+    const int width = 1 + static_cast<int>(dice() % 5), height = 1 + static_cast<int>(dice() % 5);
+    const CoarseGrid g = random_grid(width, height, dice);
+    std::vector<std::int16_t> score, prior;
+    for (int i = 0; i < width * height; ++i)
+      score.push_back(static_cast<std::int16_t>(static_cast<int>(dice() % 1537) - 768));
+    for (int i = 0; i < height; ++i)
+      prior.push_back(static_cast<std::int16_t>(static_cast<int>(dice() % 65) - 32));
+    const int gain = 128 + static_cast<int>(dice() % 512);
+    Curve before, found, curve(static_cast<std::size_t>(width), 0), best;
+    if (round % 2)
+      for (int j = 0; j < width; ++j)
+        before.push_back(static_cast<std::uint16_t>(dice() % (height + 1)));
+    BoundarySearch().find(g, score, prior, gain, before, found);
+    ASSERT_EQ(found.size(), static_cast<std::size_t>(width));
+    double most = -1e18;
+    for (;;) { // all (height + 1)^width curves
+      const double w = worth(g, score, prior, gain, before, curve);
+      if (w > most) {
+        most = w;
+        best = curve;
+      }
+      int j = 0;
+      while (j < width && curve[j] == height)
+        curve[j++] = 0;
+      if (j == width)
+        break;
+      ++curve[j];
+    }
+    // The tables round: a tie may fall either way.
+    EXPECT_NEAR(worth(g, score, prior, gain, before, found), most, 1.0 + 2.0 * width)
+        << width << 'x' << height;
+  }
+}
+
+CoarseGrid flat(int width, int height) {
+  CoarseGrid g;
+  g.width = width;
+  g.height = height;
+  const auto size = static_cast<std::size_t>(width * height);
+  g.y.assign(size, 100);
+  g.u = g.v = std::vector<std::uint8_t>(size, 128);
+  g.ignored.assign(size, 0);
+  return g;
+}
+
+TEST(Boundary, AllAndNothing) {
+  const CoarseGrid g = flat(20, 12);
+  const std::vector<std::int16_t> prior(12, 0);
+  Curve curve;
+  BoundarySearch search;
+  search.find(g, std::vector<std::int16_t>(240, 300), prior, 256, {}, curve);
+  EXPECT_EQ(curve, Curve(20, 0));
+  search.find(g, std::vector<std::int16_t>(240, -300), prior, 256, {}, curve);
+  EXPECT_EQ(curve, Curve(20, 12));
+}
+
+TEST(Boundary, FollowsAnUprightEdgeMoreReadilyThanNone) {
+  // A narrow obstacle with weak scores: found where the picture shows its sides, smoothed away where it does
+  // not.
+  std::vector<std::int16_t> score(20 * 20, 0), prior(20, 0);
+  for (int i = 0; i < 20; ++i)
+    for (int j = 0; j < 20; ++j)
+      score[static_cast<std::size_t>(i * 20 + j)] = i < 8 ? -400 : j >= 8 && j < 11 && i < 14 ? -250 : 400;
+  CoarseGrid seen = flat(20, 20);
+  for (int i = 8; i < 14; ++i)
+    for (int j = 8; j < 11; ++j)
+      seen.u[seen.at(i, j)] = 220;
+  Curve with, without;
+  BoundarySearch().find(flat(20, 20), score, prior, 256, {}, without);
+  BoundarySearch().find(seen, score, prior, 256, {}, with);
+  EXPECT_EQ(without[9], 8);
+  EXPECT_EQ(with[9], 14);
+  EXPECT_EQ(with[2], 8);
+}
+
+} // namespace
+} // namespace terrainseg

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "confidence.hpp"
+
+#include <gtest/gtest.h>
+
+namespace terrainseg {
+namespace {
+
+class Confidence : public testing::Test {
+ protected:
+  Confidence() {
+    grid_.width = 40;
+    grid_.height = 30;
+    grid_.y.assign(1200, 0);
+  }
+  std::uint8_t of(int below, int above, const std::vector<std::uint16_t>& boundary) {
+    std::vector<std::int16_t> score;
+    for (int i = 0; i < 30; ++i)
+      for (int j = 0; j < 40; ++j)
+        score.push_back(static_cast<std::int16_t>(16 * (i >= boundary[j] ? below : above)));
+    return mask_confidence(grid_, score, boundary);
+  }
+  CoarseGrid grid_;
+  const std::vector<std::uint16_t> level_ = std::vector<std::uint16_t>(40, 12);
+};
+
+TEST_F(Confidence, GrowsWithTheSeparation) {
+  EXPECT_EQ(of(48, -48, level_), 255);
+  EXPECT_EQ(of(0, 0, level_), 0);
+  EXPECT_EQ(of(-20, 20, level_), 0);
+  int last = 0;
+  for (int s = 5; s < 48; s += 5) {
+    EXPECT_GT(of(s, 0, level_), last);
+    last = of(s, 0, level_);
+  }
+}
+
+TEST_F(Confidence, FallsWithTheJumpsOfTheCurve) {
+  std::vector<std::uint16_t> jagged = level_;
+  for (std::size_t j = 0; j < jagged.size(); j += 2)
+    jagged[j] = 16;
+  EXPECT_LT(of(40, -20, jagged), of(40, -20, level_) / 2);
+}
+
+TEST_F(Confidence, ACurveThatPartsNothingIsNone) {
+  EXPECT_EQ(of(48, -48, std::vector<std::uint16_t>(40, 0)), 0);
+  EXPECT_EQ(of(48, -48, std::vector<std::uint16_t>(40, 30)), 0);
+}
+
+TEST_F(Confidence, TheHorizonsFallsWithItsSpread) {
+  EXPECT_EQ(horizon_confidence(200, 0, 480), 200);
+  EXPECT_EQ(horizon_confidence(200, 30, 480), 100);
+  EXPECT_EQ(horizon_confidence(0, 0, 480), 0);
+}
+
+} // namespace
+} // namespace terrainseg

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "free_space.hpp"
+
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "workers.hpp"
+
+namespace terrainseg {
+namespace {
+
+TEST(FreeSpace, EveryPixelByTheCurves) {
+  std::mt19937 dice(3);
+  for (const int threads : {1, 3})
+    for (const int level : {0, 1, 2, 4}) {
+      const int frame_width = 97, frame_height = 61;
+      const int width = subsampled(frame_width, level), height = subsampled(frame_height, level);
+      FreeSpaceCurves curves;
+      for (int x = 0; x < width; ++x) {
+        curves.boundary.push_back(static_cast<std::uint16_t>(dice() % (frame_height + 1)));
+        curves.safe.push_back(static_cast<std::uint16_t>(curves.boundary[x] +
+                                                         dice() % (frame_height + 1 - curves.boundary[x])));
+      }
+      const std::vector<Rectangle> ignored{{10, 8, 20, 16}, {-5, 40, 9, 100}};
+      std::vector<std::uint8_t> mask(static_cast<std::size_t>(width * height), 7);
+      Workers workers(threads);
+      const std::uint64_t traversable =
+          FreeSpace().write(curves, level, ignored, {mask.data(), width}, height, workers);
+      std::uint64_t count = 0;
+      for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+          const int px = x << level, py = y << level;
+          int want = py >= curves.safe[x] ? 255 : py >= curves.boundary[x] ? 128 : 0;
+          for (const Rectangle& r : ignored)
+            if (px >= r.x && px < r.x + r.width && py >= r.y && py < r.y + r.height)
+              want = 128;
+          ASSERT_EQ(mask[static_cast<std::size_t>(y * width + x)], want) << x << ' ' << y << ' ' << level;
+          count += want == 255;
+        }
+      EXPECT_EQ(traversable, count);
+    }
+}
+
+std::vector<std::uint16_t> reached(const std::vector<std::uint16_t>& safe) {
+  std::vector<std::uint16_t> out(safe.size());
+  reachable_rows(safe, 0, {4, 80, 3, 10}, 100, out);
+  return out;
+}
+
+TEST(FreeSpace, ReachableUntilTheFirstBreak) {
+  EXPECT_EQ(reached({10, 20, 30, 40, 50, 60, 70, 80, 89, 10}),
+            (std::vector<std::uint16_t>{10, 20, 30, 40, 50, 60, 70, 80, 89, 10}));
+  // Column 2 is closed down to the window's bottom edge: what lies behind it cannot be reached.
+  EXPECT_EQ(reached({10, 20, 90, 40, 50, 60, 70, 100, 10, 10}),
+            (std::vector<std::uint16_t>{100, 100, 100, 40, 50, 60, 70, 100, 100, 100}));
+}
+
+TEST(FreeSpace, AWindowThatIsBlockedLetsOnlyItsOpenColumnsThrough) {
+  EXPECT_EQ(reached({10, 10, 10, 10, 95, 60, 95, 10, 10, 10}),
+            (std::vector<std::uint16_t>{100, 100, 100, 100, 100, 60, 100, 100, 100, 100}));
+  EXPECT_EQ(reached(std::vector<std::uint16_t>(10, 100)), std::vector<std::uint16_t>(10, 100));
+}
+
+} // namespace
+} // namespace terrainseg

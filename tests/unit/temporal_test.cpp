@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "temporal.hpp"
+
+#include <gtest/gtest.h>
+
+#include "support/frames.hpp"
+
+namespace terrainseg {
+namespace {
+
+CoarseGrid scene(int shift, int seed = 0) {
+  CoarseGrid g;
+  g.width = 40;
+  g.height = 30;
+  for (int i = 0; i < 30; ++i)
+    for (int j = 0; j < 40; ++j)
+      g.y.push_back(static_cast<std::uint8_t>(4 * (j + shift) + test::noise_at(0, i + seed, seed, 6)));
+  return g;
+}
+
+constexpr std::int64_t ms = 1'000'000;
+
+TEST(ScoreAverage, LikePicturesInQuickSuccessionContinue) {
+  ScoreAverage a;
+  EXPECT_FALSE(a.continues(scene(0), 0, Temporal::automatic)); // the first
+  EXPECT_TRUE(a.continues(scene(1), 66 * ms, Temporal::automatic));
+  EXPECT_TRUE(a.continues(scene(0), 191 * ms, Temporal::automatic));
+  EXPECT_FALSE(a.continues(scene(1), 317 * ms, Temporal::automatic));     // too late
+  EXPECT_FALSE(a.continues(scene(25, 9), 350 * ms, Temporal::automatic)); // another picture
+  EXPECT_TRUE(a.continues(scene(25, 9), -1, Temporal::automatic));        // time unknown: the picture tells
+  EXPECT_TRUE(a.continues(scene(25, 9), 10 * ms, Temporal::automatic));
+}
+
+TEST(ScoreAverage, OnAndOff) {
+  ScoreAverage a;
+  EXPECT_FALSE(a.continues(scene(0), 0, Temporal::on));
+  EXPECT_TRUE(a.continues(scene(25, 9), 5000 * ms, Temporal::on));
+  EXPECT_FALSE(a.continues(scene(25, 9), 5001 * ms, Temporal::off));
+  a.forget();
+  EXPECT_FALSE(a.continues(scene(25, 9), 5002 * ms, Temporal::on));
+}
+
+TEST(ScoreAverage, MovesByThreeQuarters) {
+  ScoreAverage a;
+  std::vector<std::int16_t> average;
+  a.add({100, -400}, true, average); // nothing to continue
+  EXPECT_EQ(average, (std::vector<std::int16_t>{100, -400}));
+  a.add({500, -400}, true, average);
+  EXPECT_EQ(average, (std::vector<std::int16_t>{400, -400}));
+  a.add({0, 768}, false, average);
+  EXPECT_EQ(average, (std::vector<std::int16_t>{0, 768}));
+  for (int i = 0; i < 40; ++i)
+    a.add({-768, 768}, true, average);
+  EXPECT_EQ(average, (std::vector<std::int16_t>{-768, 768}));
+}
+
+} // namespace
+} // namespace terrainseg
