@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The default pipeline on rendered scenes with their truth: limits on its error, the same answer whatever the
+// size and format, and a confidence that means something. Limits are measured figures with a margin; the
+// scenes were never tuned on.
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "scene/scene.hpp"
+#include "support/frames.hpp"
+#include "terrainseg/segmenter.hpp"
+
+namespace terrainseg {
+namespace {
+
+using scene::Kind;
+using scene::Light;
+using scene::Motion;
+
+struct Score {
+  double error = 0;   ///< percent of the labelled pixels; ground = labels 1 and 2
+  double horizon = 0; ///< median distance to the first row of ground, percent of the height
+  std::vector<double> errors, confidences;
+};
+
+bool is_ground(int label) {
+  return label == scene::driven_terrain || label == scene::other_traversable;
+}
+
+double error_of(const Estimate& e, const GrayView& labels) {
+  long wrong = 0, known = 0;
+  for (int y = 0; y < labels.height; ++y)
+    for (int x = 0; x < labels.width; ++x) {
+      const int label = labels.plane.row(y)[x];
+      if (label == scene::not_labelled)
+        continue;
+      ++known;
+      wrong += (e.mask.plane.row(y)[x] == mask_traversable) != is_ground(label);
+    }
+  return 100.0 * static_cast<double>(wrong) / static_cast<double>(known);
+}
+
+int first_ground_row(const GrayView& labels) {
+  for (int y = 0; y < labels.height; ++y) {
+    const std::uint8_t* row = labels.plane.row(y);
+    if (50 * std::count_if(row, row + labels.width, is_ground) >= labels.width)
+      return y;
+  }
+  return -1;
+}
+
+Score drive(const scene::Settings& world, int frames = 16, int stride = 6, const Settings& settings = {}) {
+  scene::Renderer renderer(world, 320, 240);
+  scene::Picture picture(PixelFormat::I420, 320, 240);
+  Segmenter segmenter(settings);
+  Score score;
+  std::vector<double> horizons;
+  for (int k = 0; k < frames; ++k) {
+    renderer.render(static_cast<std::uint64_t>(k * stride), picture);
+    EXPECT_TRUE(segmenter.process(picture.frame()).ok());
+    const Estimate& e = segmenter.estimate();
+    if (k < 2)
+      continue;
+    score.errors.push_back(error_of(e, picture.labels()));
+    score.confidences.push_back(e.confidence);
+    const int truth = first_ground_row(picture.labels());
+    if (truth >= 0 && e.horizon_row >= 0)
+      horizons.push_back(100.0 * std::abs(truth - e.horizon_row) / 240);
+  }
+  score.error = std::accumulate(score.errors.begin(), score.errors.end(), 0.0) /
+                static_cast<double>(score.errors.size());
+  std::sort(horizons.begin(), horizons.end());
+  score.horizon = horizons.empty() ? 100 : horizons[horizons.size() / 2];
+  return score;
+}
+
+struct Case {
+  const char* name;
+  scene::Settings world;
+  double error_limit, horizon_limit;
+};
+
+class SceneAccuracy : public testing::TestWithParam<Case> {};
+
+TEST_P(SceneAccuracy, StaysWithinItsLimits) {
+  const Case& c = GetParam();
+  const Score score = drive(c.world);
+  RecordProperty("error_percent", std::to_string(score.error));
+  RecordProperty("horizon_percent", std::to_string(score.horizon));
+  EXPECT_LE(score.error, c.error_limit);
+  EXPECT_LE(score.horizon, c.horizon_limit);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, SceneAccuracy,
+    testing::Values(Case{"road_day", {Kind::road, Light::day, Motion::straight, 1}, 17, 36},
+                    Case{"road_dusk", {Kind::road, Light::dusk, Motion::straight, 1}, 7, 6},
+                    Case{"road_turn", {Kind::road, Light::day, Motion::turn, 2}, 17, 5},
+                    Case{"trail_day", {Kind::trail, Light::day, Motion::straight, 1}, 14, 3},
+                    Case{"trail_bumpy", {Kind::trail, Light::day, Motion::bumpy, 2}, 4.5, 4},
+                    Case{"trail_drift", {Kind::trail, Light::drift, Motion::straight, 2}, 6.5, 3},
+                    Case{"corridor_dusk", {Kind::corridor, Light::dusk, Motion::straight, 2}, 6, 4},
+                    Case{"plain_day", {Kind::plain, Light::day, Motion::straight, 1}, 4.5, 2.5},
+                    Case{"plain_dusk", {Kind::plain, Light::dusk, Motion::turn, 2}, 3.5, 2.5},
+                    Case{"plain_bumpy", {Kind::plain, Light::day, Motion::bumpy, 1}, 7.5, 5}),
+    [](const auto& info) { return std::string(info.param.name); });
+
+// The mask after a few frames of the same moment, as a share of pixels that agree with another's.
+class Answer {
+ public:
+  Answer(const scene::Settings& world, PixelFormat format, int width, int height)
+      : width_(width), height_(height) {
+    const ColorRange range = layout_of(format).rgb ? ColorRange::full : ColorRange::limited;
+    scene::Renderer renderer(world, width, height);
+    scene::Picture picture(format, width, height, {range, ColorMatrix::bt601});
+    Segmenter segmenter{Settings()};
+    renderer.render(30, picture);
+    for (int k = 0; k < 3; ++k)
+      EXPECT_TRUE(segmenter.process(picture.frame()).ok());
+    const Estimate& e = segmenter.estimate();
+    for (int y = 0; y < height; ++y)
+      mask_.insert(mask_.end(), e.mask.plane.row(y), e.mask.plane.row(y) + width);
+    horizon = static_cast<double>(e.horizon_row) / height;
+    free = e.traversable_permille;
+  }
+  double agreement(const Answer& other) const {
+    long same = 0;
+    for (int y = 0; y < height_; ++y)
+      for (int x = 0; x < width_; ++x)
+        same += (mask_[static_cast<std::size_t>(y) * width_ + x] == 255) ==
+                (other.mask_[static_cast<std::size_t>(y * other.height_ / height_) * other.width_ +
+                             x * other.width_ / width_] == 255);
+    return 100.0 * static_cast<double>(same) / width_ / height_;
+  }
+  double horizon = 0;
+  int free = 0;
+
+ private:
+  int width_, height_;
+  std::vector<std::uint8_t> mask_;
+};
+
+TEST(SameScene, FourSizesGiveOneAnswer) {
+  for (const Kind kind : {Kind::trail, Kind::plain}) {
+    const scene::Settings world{kind, Light::day, Motion::straight, 3};
+    const Answer reference(world, PixelFormat::I420, 640, 360);
+    for (const auto& [w, h] : {std::pair{192, 108}, {1280, 720}, {3840, 2160}}) {
+      const Answer a(world, PixelFormat::I420, w, h);
+      EXPECT_GE(reference.agreement(a), w < 640 ? 93.0 : 96.0) << w;
+      EXPECT_NEAR(a.horizon, reference.horizon, w < 640 ? 0.05 : 0.01) << w;
+    }
+  }
+}
+
+TEST(SameScene, AllFormatsGiveOneAnswer) {
+  for (const Kind kind : {Kind::road, Kind::trail, Kind::plain}) {
+    const scene::Settings world{kind, Light::day, Motion::straight, 2};
+    const Answer reference(world, PixelFormat::I420, 480, 270);
+    for (const PixelFormat format : {PixelFormat::NV12, PixelFormat::Y444, PixelFormat::YUY2,
+                                     PixelFormat::RGB, PixelFormat::BGRx, PixelFormat::ARGB}) {
+      const Answer a(world, format, 480, 270);
+      EXPECT_GE(reference.agreement(a), 98.0) << static_cast<int>(format);
+      EXPECT_NEAR(a.horizon, reference.horizon, 0.02);
+    }
+  }
+}
+
+double rank_correlation(const std::vector<double>& a, const std::vector<double>& b) {
+  const auto ranks = [](const std::vector<double>& v) {
+    std::vector<double> r;
+    for (const double x : v) // the middle of equals
+      r.push_back(static_cast<double>(std::count_if(v.begin(), v.end(), [x](double y) { return y < x; })) +
+                  static_cast<double>(std::count(v.begin(), v.end(), x)) / 2);
+    return r;
+  };
+  const auto x = ranks(a), y = ranks(b);
+  const double mean = static_cast<double>(x.size()) / 2;
+  double xy = 0, xx = 0, yy = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xy += (x[i] - mean) * (y[i] - mean);
+    xx += (x[i] - mean) * (x[i] - mean);
+    yy += (y[i] - mean) * (y[i] - mean);
+  }
+  return xy / std::sqrt(xx * yy);
+}
+
+TEST(Confidence, FallsWhereTheErrorGrows) {
+  std::vector<double> errors, confidences;
+  for (const Kind kind : {Kind::road, Kind::trail, Kind::corridor, Kind::plain})
+    for (const Light light : {Light::day, Light::dusk, Light::drift}) {
+      const Score score = drive({kind, light, Motion::straight, 1}, 8, 25);
+      errors.insert(errors.end(), score.errors.begin(), score.errors.end());
+      confidences.insert(confidences.end(), score.confidences.begin(), score.confidences.end());
+    }
+  const double correlation = rank_correlation(errors, confidences);
+  RecordProperty("rank_correlation", std::to_string(correlation));
+  EXPECT_LT(correlation, -0.6);
+}
+
+// What no label tells: situations in which nothing should be believed. A drive over noisy ground, then
+// `after`.
+class Situation {
+ public:
+  explicit Situation(const test::Painter& after, int frames = 3) {
+    const test::OwnedFrame ground(PixelFormat::I420, 320, 240, road),
+        then(PixelFormat::I420, 320, 240, after);
+    for (int k = 0; k < 10; ++k)
+      EXPECT_TRUE(segmenter_.process(ground.frame()).ok());
+    before = segmenter_.estimate();
+    for (int k = 0; k < frames; ++k)
+      EXPECT_TRUE(segmenter_.process(then.frame()).ok());
+    now = segmenter_.estimate();
+  }
+  static test::Components road(int x, int y) {
+    if (y < 96)
+      return {static_cast<std::uint8_t>(190 + test::noise_at(x / 3, y / 3, 5, 5)), 140, 116};
+    return {static_cast<std::uint8_t>(90 + test::noise_at(x, y, 0, 4)), 120, 134};
+  }
+  Estimate before, now;
+
+ private:
+  Segmenter segmenter_{Settings()};
+};
+
+TEST(NothingToBelieve, TheDriveBeforehandIsBelieved) {
+  const Situation s(Situation::road);
+  EXPECT_GT(s.before.confidence, 128);
+  EXPECT_NEAR(s.before.horizon_row, 96, 4);
+  EXPECT_EQ(s.now.flags, flag_learned);
+}
+
+TEST(NothingToBelieve, ALensCap) {
+  const Situation s([](int x, int y) {
+    return test::Components{static_cast<std::uint8_t>(16 + test::noise_at(x, y, 2, 1)), 128, 128};
+  });
+  EXPECT_TRUE(s.now.flags & flag_unknown);
+  EXPECT_TRUE(s.now.flags & flag_blocked);
+  EXPECT_EQ(s.now.horizon_row, -1);
+  EXPECT_EQ(s.now.confidence, 0);
+}
+
+TEST(NothingToBelieve, AWall) {
+  const Situation s(
+      [](int x, int y) {
+        return test::Components{static_cast<std::uint8_t>(150 + test::noise_at(x / 2, y / 2, 3, 5)), 118,
+                                140};
+      },
+      20);
+  EXPECT_EQ(s.now.horizon_row, -1);
+  EXPECT_LT(s.now.confidence, s.before.confidence / 2);
+}
+
+TEST(NothingToBelieve, ALeadCarInTheWindow) {
+  const Situation s([](int x, int y) {
+    const bool car = x >= 90 && x < 230 && y >= 110;
+    return car ? test::Components{static_cast<std::uint8_t>(60 + 30 * (y / 20 % 2)), 90, 190}
+               : Situation::road(x, y);
+  });
+  EXPECT_TRUE(s.now.flags & flag_starved); // it is not learned
+  EXPECT_TRUE(s.now.flags & flag_blocked);
+  EXPECT_LT(s.now.confidence, s.before.confidence * 2 / 3);
+}
+
+} // namespace
+} // namespace terrainseg
