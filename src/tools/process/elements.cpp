@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "tools/process/elements.hpp"
+
+#include <filesystem>
+#include <set>
+#include <vector>
+
+#include "tools/process/handles.hpp"
+
+namespace terrainseg::process {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* plugin_file = "libgstterrainseg.so";
+
+struct Needed {
+  const char* element;
+  const char* package;
+};
+
+constexpr const char* own_package =
+    "gstreamer1.0-terrainseg, or set GST_PLUGIN_PATH to the folder of libgstterrainseg.so";
+
+bool exists(const char* element) {
+  return FactoryPointer(gst_element_factory_find(element)) != nullptr;
+}
+
+std::string range_of(GParamSpec* spec) {
+  std::string text;
+  if (G_IS_PARAM_SPEC_INT(spec))
+    return std::to_string(G_PARAM_SPEC_INT(spec)->minimum) + ".." +
+           std::to_string(G_PARAM_SPEC_INT(spec)->maximum);
+  if (G_IS_PARAM_SPEC_UINT(spec))
+    return std::to_string(G_PARAM_SPEC_UINT(spec)->minimum) + ".." +
+           std::to_string(G_PARAM_SPEC_UINT(spec)->maximum);
+  if (G_IS_PARAM_SPEC_DOUBLE(spec) || G_IS_PARAM_SPEC_FLOAT(spec)) {
+    const bool is_double = G_IS_PARAM_SPEC_DOUBLE(spec);
+    const double least = is_double ? G_PARAM_SPEC_DOUBLE(spec)->minimum : G_PARAM_SPEC_FLOAT(spec)->minimum;
+    const double most = is_double ? G_PARAM_SPEC_DOUBLE(spec)->maximum : G_PARAM_SPEC_FLOAT(spec)->maximum;
+    char low[G_ASCII_DTOSTR_BUF_SIZE], high[G_ASCII_DTOSTR_BUF_SIZE];
+    return std::string(g_ascii_formatd(low, sizeof low, "%g", least)) + ".." +
+           g_ascii_formatd(high, sizeof high, "%g", most);
+  }
+  if (G_IS_PARAM_SPEC_BOOLEAN(spec))
+    return "true or false";
+  if (G_IS_PARAM_SPEC_ENUM(spec)) {
+    const GEnumClass* all = G_PARAM_SPEC_ENUM(spec)->enum_class;
+    for (guint i = 0; i < all->n_values; ++i)
+      text += (i ? ", " : "one of ") + std::string(all->values[i].value_nick);
+    return text;
+  }
+  return std::string("a ") + g_type_name(spec->value_type);
+}
+
+} // namespace
+
+void point_to_own_plugin() {
+  std::error_code error;
+  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  if (error)
+    return;
+  // In a build tree: BUILD/src/tools/terrainseg-process and BUILD/gst; installed: the folder of the
+  // installation as it was configured, and the same relative to a prefix that was moved.
+  const fs::path here = program.parent_path();
+  const fs::path candidates[] = {here / "../../gst", here / TERRAINSEG_PLUGINS_FROM_BINDIR,
+                                 TERRAINSEG_PLUGINS_DIR};
+  for (const fs::path& candidate : candidates) {
+    if (!fs::is_regular_file(candidate / plugin_file, error))
+      continue;
+    std::string path = fs::canonical(candidate, error).string();
+    if (const char* given = g_getenv("GST_PLUGIN_PATH_1_0"); given && *given)
+      g_setenv("GST_PLUGIN_PATH_1_0", (std::string(given) + ":" + path).c_str(), TRUE);
+    else if (const char* plain = g_getenv("GST_PLUGIN_PATH"); plain && *plain)
+      g_setenv("GST_PLUGIN_PATH", (std::string(plain) + ":" + path).c_str(), TRUE);
+    else
+      g_setenv("GST_PLUGIN_PATH", path.c_str(), TRUE);
+    return;
+  }
+}
+
+const char* h264_encoder() {
+  return exists("x264enc") ? "x264enc" : "openh264enc";
+}
+
+std::optional<std::string> missing_elements(const Options& options) {
+  std::vector<Needed> needed = {{"terrainseg", own_package},
+                                {"uridecodebin", "gstreamer1.0-plugins-base"},
+                                {"decodebin", "gstreamer1.0-plugins-base"},
+                                {"appsrc", "gstreamer1.0-plugins-base"},
+                                {"videoconvert", "gstreamer1.0-plugins-base"},
+                                {"deinterlace", "gstreamer1.0-plugins-good"},
+                                {"videoflip", "gstreamer1.0-plugins-good"}};
+  const auto wants = [&options](Output kind) { return options.wanted[static_cast<int>(kind)]; };
+  if (wants(Output::annotated)) {
+    needed.insert(needed.end(), {{"terrainoverlay", own_package},
+                                 {"videoscale", "gstreamer1.0-plugins-base"},
+                                 {"videobox", "gstreamer1.0-plugins-good"},
+                                 {"mp4mux", "gstreamer1.0-plugins-good"}});
+    if (!exists("x264enc")) {
+      needed.push_back(
+          {"openh264enc", "gstreamer1.0-plugins-ugly (for x264enc) or gstreamer1.0-plugins-bad"});
+      needed.push_back({"h264parse", "gstreamer1.0-plugins-bad"});
+    }
+  }
+  if (wants(Output::masks))
+    needed.insert(needed.end(), {{"terrainextract", own_package},
+                                 {"avenc_ffv1", "gstreamer1.0-libav"},
+                                 {"matroskamux", "gstreamer1.0-plugins-good"}});
+  if (wants(Output::json))
+    needed.push_back({"terrainextract", own_package});
+
+  std::set<std::string> named;
+  std::string text;
+  for (const Needed& each : needed) {
+    if (exists(each.element) || !named.insert(each.element).second)
+      continue;
+    text += text.empty() ? "the GStreamer element '" : "\nthe GStreamer element '";
+    text += each.element;
+    text += "' is missing: install ";
+    text += each.package;
+  }
+  if (text.empty())
+    return std::nullopt;
+  return text + "\n('gst-inspect-1.0 --print-blacklist' lists plugins that are installed but do not load)";
+}
+
+std::optional<std::string> set_property(GstElement* element, const std::string& name,
+                                        const std::string& value) {
+  const std::string type = gst_plugin_feature_get_name(GST_PLUGIN_FEATURE(gst_element_get_factory(element)));
+  GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), name.c_str());
+  if (!spec || !(spec->flags & G_PARAM_WRITABLE) || spec->owner_type == GST_TYPE_OBJECT)
+    return type + " has no property '" + name + "' that can be set (gst-inspect-1.0 " + type + " lists them)";
+  GValue converted = G_VALUE_INIT;
+  g_value_init(&converted, spec->value_type);
+  const bool read = gst_value_deserialize_with_pspec(&converted, value.c_str(), spec);
+  // Validation clamps; a clamped value is not what the user asked for.
+  const bool fits = read && !g_param_value_validate(spec, &converted);
+  if (fits)
+    g_object_set_property(G_OBJECT(element), name.c_str(), &converted);
+  g_value_unset(&converted);
+  if (!fits)
+    return name + " = '" + value + "': must be " + range_of(spec);
+  return std::nullopt;
+}
+
+std::optional<std::string> apply_settings(const Options& options, GstElement* terrainseg,
+                                          GstElement* overlay) {
+  if (terrainseg && !options.preset.empty())
+    if (auto problem = set_property(terrainseg, "preset", options.preset))
+      return problem;
+  for (const auto& [name, value] : options.settings) {
+    // Drawing is the overlay's business here, so that the masks and lines come from untouched frames.
+    const bool drawing = name == "overlay" || name.starts_with("overlay-");
+    if (name == "overlay")
+      return "overlay = '" + value + "': the annotated video is always drawn on; choose with --outputs";
+    GstElement* target = drawing ? overlay : terrainseg;
+    if (target)
+      if (auto problem = set_property(target, name, value))
+        return problem;
+  }
+  return std::nullopt;
+}
+
+} // namespace terrainseg::process

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Owners for the C handles that the tool holds.
+#pragma once
+
+#include <gst/gst.h>
+
+#include <memory>
+#include <string>
+
+namespace terrainseg::process {
+
+template <auto release> struct Releaser {
+  template <typename T> void operator()(T* pointer) const { release(pointer); }
+};
+
+using CharPointer = std::unique_ptr<char, Releaser<g_free>>;
+using StringArray = std::unique_ptr<char*, Releaser<g_strfreev>>;
+using ElementPointer = std::unique_ptr<GstElement, Releaser<gst_object_unref>>;
+using FactoryPointer = std::unique_ptr<GstElementFactory, Releaser<gst_object_unref>>;
+using PadPointer = std::unique_ptr<GstPad, Releaser<gst_object_unref>>;
+using BusPointer = std::unique_ptr<GstBus, Releaser<gst_object_unref>>;
+using CapsPointer = std::unique_ptr<GstCaps, Releaser<gst_caps_unref>>;
+using MessagePointer = std::unique_ptr<GstMessage, Releaser<gst_message_unref>>;
+
+/// A string that a C call gave away, or nothing.
+inline std::string take(char* text) {
+  const CharPointer owner(text);
+  return text ? text : "";
+}
+
+} // namespace terrainseg::process

@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "tools/process/outputs.hpp"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+namespace terrainseg::process {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+constexpr std::size_t buffer_limit = 64 * 1024;
+
+std::string because(const std::string& what, const fs::path& path, int error) {
+  return "cannot " + what + " " + path.string() + ": " + std::strerror(error);
+}
+
+/// The rename itself must reach the disk too.
+void sync_folder(const fs::path& file) {
+  const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+  const int fd = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd >= 0) {
+    fsync(fd);
+    close(fd);
+  }
+}
+
+bool same_file(int fd, const fs::path& path) {
+  struct stat by_fd, by_name;
+  return fstat(fd, &by_fd) == 0 && stat(path.c_str(), &by_name) == 0 && by_fd.st_dev == by_name.st_dev &&
+         by_fd.st_ino == by_name.st_ino;
+}
+
+} // namespace
+
+AtomicFile::~AtomicFile() {
+  discard();
+}
+
+void AtomicFile::discard() {
+  if (fd_ < 0)
+    return;
+  unlink(part_path_.c_str());
+  close(fd_);
+  fd_ = -1;
+}
+
+std::optional<std::string> AtomicFile::open(const fs::path& final_path) {
+  discard();
+  final_path_ = final_path;
+  part_path_ = final_path;
+  part_path_ += ".part";
+  std::error_code ignored;
+  if (fs::is_directory(final_path, ignored))
+    return because("write", final_path, EISDIR);
+  // The owner of a .part file may rename or delete it between open and flock: then look again.
+  for (int attempt = 0; attempt < 100; ++attempt) {
+    const int fd = ::open(part_path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    if (fd < 0)
+      return because("write", part_path_, errno);
+    if (flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+      close(fd);
+      return "cannot write " + part_path_.string() + ": another run is writing it";
+    }
+    if (same_file(fd, part_path_)) {
+      if (ftruncate(fd, 0) != 0) {
+        const int error = errno;
+        close(fd);
+        return because("write", part_path_, error);
+      }
+      fd_ = fd;
+      failure_ = 0;
+      buffer_.clear();
+      return std::nullopt;
+    }
+    close(fd);
+  }
+  return because("lock", part_path_, EAGAIN);
+}
+
+void AtomicFile::write(const std::string& text) {
+  buffer_ += text;
+  if (buffer_.size() >= buffer_limit)
+    flush();
+}
+
+bool AtomicFile::flush() {
+  std::size_t done = 0;
+  while (failure_ == 0 && done < buffer_.size()) {
+    const ssize_t count = ::write(fd_, buffer_.data() + done, buffer_.size() - done);
+    if (count >= 0)
+      done += static_cast<std::size_t>(count);
+    else if (errno != EINTR)
+      failure_ = errno;
+  }
+  buffer_.clear();
+  return failure_ == 0;
+}
+
+std::optional<std::string> AtomicFile::commit(const fs::path& path) {
+  if (flush() && fsync(fd_) != 0 && errno != EINVAL) // EINVAL: a special file, nothing to wait for
+    failure_ = errno;
+  if (failure_ != 0) {
+    const int error = failure_;
+    discard();
+    return because("write", path, error);
+  }
+  if (rename(part_path_.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    discard();
+    return because("rename to", path, error);
+  }
+  close(fd_);
+  fd_ = -1;
+  sync_folder(path);
+  return std::nullopt;
+}
+
+std::uint64_t AtomicFile::size() const {
+  struct stat status;
+  return fd_ >= 0 && fstat(fd_, &status) == 0 ? static_cast<std::uint64_t>(status.st_size) + buffer_.size()
+                                              : 0;
+}
+
+fs::path Naming::named(const std::string& suffix, const char* bare, bool partial) const {
+  const std::string tail = (partial ? "partial." : "") + (stem_.empty() ? std::string(bare) : suffix);
+  return folder_ / (stem_.empty() ? tail : stem_ + "." + tail);
+}
+
+fs::path Naming::output(Output kind, bool partial) const {
+  constexpr const char* bare[output_count] = {"annotated.mp4", "masks.mkv", "terrain.jsonl", "terrain.csv"};
+  const int index = static_cast<int>(kind);
+  return named(output_kinds[index].suffix, bare[index], partial);
+}
+
+fs::path Naming::record(bool partial) const {
+  return named("summary.json", "summary.json", partial);
+}
+
+std::string Record::to_json() const {
+  ordered_json json;
+  json["tool"] = "terrainseg-process";
+  json["version"] = TERRAINSEG_VERSION;
+  json["input"] = {{"name", input}, {"bytes", identity.bytes}, {"changed", identity.changed}};
+  json["settings"] = settings;
+  json["complete"] = problem.empty();
+  json["problem"] = problem.empty() ? ordered_json() : ordered_json(problem);
+  json["frames"] = frames;
+  json["width"] = width;
+  json["height"] = height;
+  json["seconds"] = seconds;
+  json["fps"] = fps();
+  json["traversable"] = traversable();
+  json["blocked_frames"] = blocked;
+  json["horizon_frames"] = horizon_frames;
+  ordered_json files = ordered_json::object();
+  for (int i = 0; i < output_count; ++i)
+    if (outputs[i])
+      files[output_kinds[i].name] = {{"file", outputs[i]->file}, {"bytes", outputs[i]->bytes}};
+  json["outputs"] = files;
+  // File names are bytes; what is no UTF-8 in them must not stop the run.
+  return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+std::string describe(const Options& options, const Input& input) {
+  std::string text = "preset=" + (options.preset.empty() ? std::string("default") : options.preset);
+  for (const auto& [name, value] : options.settings)
+    text += " " + name + "=" + value;
+  if (options.wanted[static_cast<int>(Output::annotated)])
+    text += " quality=" + std::to_string(options.quality);
+  if (options.json_mask)
+    text += " json-mask";
+  if (options.max_frames)
+    text += " frames=" + std::to_string(options.max_frames);
+  if (input.kind == Input::Kind::images)
+    text += " fps=" + std::to_string(options.fps_numerator) + "/" + std::to_string(options.fps_denominator);
+  return text;
+}
+
+bool is_complete(const Naming& naming, const Input& input, const Options& options) {
+  const Input::Identity identity = input.identity();
+  if (identity == Input::Identity{})
+    return false;
+  std::ifstream file(naming.record());
+  const nlohmann::json json = nlohmann::json::parse(file, nullptr, false);
+  if (!json.is_object())
+    return false;
+  try {
+    if (!json.at("complete").get<bool>() || json.at("version") != TERRAINSEG_VERSION ||
+        json.at("settings") != describe(options, input) || json.at("input").at("bytes") != identity.bytes ||
+        json.at("input").at("changed") != identity.changed)
+      return false;
+    for (int i = 0; i < output_count; ++i) {
+      if (!options.wanted[i])
+        continue;
+      std::error_code error;
+      const std::uint64_t bytes = fs::file_size(naming.output(static_cast<Output>(i)), error);
+      if (error || json.at("outputs").at(output_kinds[i].name).at("bytes") != bytes)
+        return false;
+    }
+    return true;
+  } catch (const nlohmann::json::exception&) { // a record of another shape
+    return false;
+  }
+}
+
+std::optional<std::string> prepare_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error)
+    return "cannot make the output folder " + folder.string() + ": " + error.message();
+  std::string probe = (folder / ".terrainseg-process-XXXXXX").string();
+  const int fd = mkstemp(probe.data());
+  if (fd < 0)
+    return "cannot write in the output folder " + folder.string() + ": " + std::strerror(errno);
+  close(fd);
+  unlink(probe.c_str());
+  return std::nullopt;
+}
+
+} // namespace terrainseg::process

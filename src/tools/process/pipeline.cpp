@@ -1,0 +1,596 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "tools/process/pipeline.hpp"
+
+#include <gst/pbutils/missing-plugins.h>
+#include <gst/terrainseg/terrainsegmeta.h>
+#include <gst/video/video.h>
+
+#include <array>
+#include <chrono>
+
+#include "tools/process/container.hpp"
+#include "tools/process/elements.hpp"
+#include "tools/process/handles.hpp"
+#include "tools/process/source.hpp"
+
+namespace terrainseg::process {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+/// Nothing moved for so long: the decoder hangs.
+constexpr std::chrono::seconds patience{60};
+/// A source that failed has this long to end its stream by itself.
+constexpr std::chrono::seconds grace{2};
+
+constexpr GstClockTime poll_interval = 50 * GST_MSECOND;
+
+constexpr const char* csv_header =
+    "frame,pts,width,height,horizon_row,horizon_confidence,traversable,confidence,"
+    "blocked,learned,generation\n";
+
+/// The text of an error message for a person: what GStreamer says to users and the detail it keeps for
+/// developers, without the places in its sources.
+std::string text_of(GstMessage* message) {
+  GError* error = nullptr;
+  gchar* debug = nullptr;
+  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
+    gst_message_parse_warning(message, &error, &debug);
+  else
+    gst_message_parse_error(message, &error, &debug);
+  std::string text = error->message;
+  const std::string detail = take(debug);
+  g_error_free(error);
+  if (const std::size_t line = detail.find('\n'); line != std::string::npos && line + 1 < detail.size())
+    text += " (" + detail.substr(line + 1) + ")";
+  while (!text.empty() && (text.back() == '\n' || text.back() == ' '))
+    text.pop_back();
+  return text;
+}
+
+bool is_decoding_problem(GstMessage* warning) {
+  GError* error = nullptr;
+  gst_message_parse_warning(warning, &error, nullptr);
+  const bool result = error->domain == GST_STREAM_ERROR;
+  g_error_free(error);
+  return result;
+}
+
+class Run {
+ public:
+  Run(const Input& input, const Naming& naming, const Options& options, Progress& progress)
+      : input_(input), naming_(naming), options_(options), progress_(progress), source_(input, options) {
+    pipeline_ = gst_pipeline_new(nullptr);
+    gst_bin_add(GST_BIN(pipeline_), source_.bin());
+  }
+  ~Run() {
+    gst_element_set_state(pipeline_, GST_STATE_NULL);
+    gst_object_unref(pipeline_);
+  }
+  Run(const Run&) = delete;
+  Run& operator=(const Run&) = delete;
+
+  Outcome run(const std::atomic<int>& interrupted);
+
+ private:
+  bool wants(Output kind) const { return options_.wanted[static_cast<int>(kind)]; }
+  AtomicFile& file(Output kind) { return files_[static_cast<int>(kind)]; }
+
+  std::optional<std::string> open_files();
+  std::optional<std::string> build();
+  GstElement* add(const char* factory);
+  GstElement* branch(GstElement* tee);
+  GstElement* add_sink(Output kind);
+  void add_annotated(GstElement* tee);
+  void add_masks(GstElement* tee);
+  void add_json(GstElement* tee);
+  void count(GstElement* element, const char* pad, Output kind);
+
+  void play(const std::atomic<int>& interrupted);
+  void handle(GstMessage* message);
+  void update_progress();
+  std::uint64_t moved() const;
+  Outcome conclude();
+  std::string damage() const;
+  std::string emptiness() const;
+  std::optional<std::string> miscount() const;
+  Outcome keep(const std::string& damage);
+
+  GstPadProbeReturn entering(GstPadProbeInfo* info);
+  void size_known(GstCaps* caps);
+  void frame_done(GstBuffer* buffer);
+  static GstPadProbeReturn on_entering(GstPad*, GstPadProbeInfo* info, gpointer self);
+  static GstPadProbeReturn on_labelled(GstPad*, GstPadProbeInfo* info, gpointer self);
+  static GstPadProbeReturn on_written(GstPad*, GstPadProbeInfo*, gpointer counter);
+
+  const Input& input_;
+  const Naming& naming_;
+  const Options& options_;
+  Progress& progress_;
+  std::array<AtomicFile, output_count> files_;
+  Record record_;
+  Source source_;
+  GstElement* pipeline_ = nullptr;
+  GstElement* overlay_ = nullptr;
+  GstElement* terrainseg_ = nullptr;
+  GstElement* annotated_caps_ = nullptr; ///< nullptr where the output is not wanted, like the next two
+  GstElement* annotated_box_ = nullptr;
+  GstElement* masks_caps_ = nullptr;
+  std::array<std::atomic<std::uint64_t>, output_count> written_{};
+
+  // The streaming thread's, read by the others when the pipeline has stopped.
+  std::uint64_t entered_ = 0;
+  GstClockTime next_pts_ = 0;
+  std::uint64_t without_metadata_ = 0;
+  std::atomic<std::uint64_t> labelled_{0};
+  std::atomic<GstClockTime> position_{0};
+
+  // The controlling thread's.
+  gint64 duration_ = -1;
+  bool ended_ = false;
+  bool stopped_ = false;       ///< by the user
+  std::string source_error_;   ///< the input's fault
+  std::string source_warning_; ///< the first that the decoder gave
+  std::string missing_decoder_;
+  std::string filter_error_; ///< behind the decoder: settings, encoders, disk
+};
+
+GstElement* Run::add(const char* factory) {
+  GstElement* element = gst_element_factory_make(factory, nullptr);
+  gst_bin_add(GST_BIN(pipeline_), element);
+  return element;
+}
+
+/// A queue behind the tee: every branch works in a thread of its own.
+GstElement* Run::branch(GstElement* tee) {
+  GstElement* queue = add("queue");
+  g_object_set(queue, "max-size-buffers", 4, "max-size-bytes", 0, "max-size-time", guint64{0}, nullptr);
+  gst_element_link(tee, queue);
+  return queue;
+}
+
+/// Writes to the output's file. Without preroll: an encoder may look at 50 frames before it gives the first.
+GstElement* Run::add_sink(Output kind) {
+  GstElement* sink = add("fdsink");
+  g_object_set(sink, "fd", file(kind).fd(), "sync", FALSE, "async", FALSE, nullptr);
+  return sink;
+}
+
+void Run::count(GstElement* element, const char* name, Output kind) {
+  PadPointer pad(gst_element_get_static_pad(element, name));
+  gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, on_written, &written_[static_cast<int>(kind)],
+                    nullptr);
+}
+
+void Run::add_annotated(GstElement* tee) {
+  GstElement* queue = branch(tee);
+  overlay_ = add("terrainoverlay");
+  GstElement* convert = add("videoconvert");
+  GstElement* scale = add("videoscale"); // only where a stream changes its size: a file has one
+  annotated_caps_ = add("capsfilter");
+  annotated_box_ = add("videobox"); // H.264 4:2:0 wants even sizes
+  const std::string encoder_name = h264_encoder();
+  GstElement* encoder = add(encoder_name.c_str());
+  GstElement* mux = add("mp4mux");
+  g_object_set(scale, "add-borders", TRUE, nullptr);
+  gst_element_link_many(queue, overlay_, convert, scale, annotated_caps_, annotated_box_, encoder, nullptr);
+  if (encoder_name == "x264enc") {
+    gst_util_set_object_arg(G_OBJECT(encoder), "pass", "qual");
+    gst_util_set_object_arg(G_OBJECT(encoder), "speed-preset", "veryfast");
+    g_object_set(encoder, "quantizer", static_cast<guint>(options_.quality), nullptr);
+    gst_element_link(encoder, mux);
+  } else {
+    gst_util_set_object_arg(G_OBJECT(encoder), "rate-control", "quality");
+    g_object_set(encoder, "bitrate", 8'000'000u, "qp-max",
+                 static_cast<guint>(std::min(options_.quality + 8, 51)), nullptr);
+    GstElement* parse = add("h264parse");
+    gst_element_link_many(encoder, parse, mux, nullptr);
+  }
+  gst_element_link(mux, add_sink(Output::annotated));
+  count(encoder, "src", Output::annotated);
+}
+
+void Run::add_masks(GstElement* tee) {
+  GstElement* queue = branch(tee);
+  GstElement* extract = add("terrainextract");
+  masks_caps_ = add("capsfilter");
+  GstElement* encoder = add("avenc_ffv1");
+  GstElement* mux = add("matroskamux");
+  const CapsPointer caps(gst_caps_new_simple("video/x-raw", "format", G_TYPE_STRING, "GRAY8", nullptr));
+  g_object_set(masks_caps_, "caps", caps.get(), nullptr);
+  gst_element_link_many(queue, extract, masks_caps_, encoder, mux, add_sink(Output::masks), nullptr);
+  count(encoder, "src", Output::masks);
+}
+
+void Run::add_json(GstElement* tee) {
+  GstElement* queue = branch(tee);
+  GstElement* extract = add("terrainextract");
+  g_object_set(extract, "json-mask", static_cast<gboolean>(options_.json_mask), nullptr);
+  GstElement* lines = add("capsfilter");
+  const CapsPointer caps(gst_caps_new_empty_simple("application/x-ndjson"));
+  g_object_set(lines, "caps", caps.get(), nullptr);
+  GstElement* sink = add_sink(Output::json);
+  gst_element_link_many(queue, extract, lines, sink, nullptr);
+  count(sink, "sink", Output::json);
+}
+
+std::optional<std::string> Run::open_files() {
+  for (int i = 0; i < output_count; ++i) {
+    if (!options_.wanted[i])
+      continue;
+    const fs::path path = naming_.output(static_cast<Output>(i));
+    std::error_code ignored;
+    if (input_.kind == Input::Kind::file && fs::equivalent(path, input_.path, ignored))
+      return "the output " + path.string() + " would replace the input; choose another --output-dir";
+    if (auto problem = files_[i].open(path))
+      return problem;
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> Run::build() {
+  terrainseg_ = add("terrainseg");
+  GstElement* tee = add("tee");
+  if (!gst_element_link_many(source_.bin(), terrainseg_, tee, nullptr))
+    return "cannot connect the decoder with terrainseg";
+  if (wants(Output::annotated))
+    add_annotated(tee);
+  if (wants(Output::masks))
+    add_masks(tee);
+  if (wants(Output::json))
+    add_json(tee);
+  if (!wants(Output::annotated) && !wants(Output::masks) && !wants(Output::json)) {
+    GstElement* sink = add("fakesink"); // the CSV comes from the metadata
+    g_object_set(sink, "sync", FALSE, "async", FALSE, nullptr);
+    gst_element_link(tee, sink);
+  }
+  const PadPointer in(gst_element_get_static_pad(source_.bin(), "src"));
+  gst_pad_add_probe(in.get(), GST_PAD_PROBE_TYPE_BUFFER, on_entering, this, nullptr);
+  const PadPointer out(gst_element_get_static_pad(terrainseg_, "src"));
+  gst_pad_add_probe(
+      out.get(),
+      static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM),
+      on_labelled, this, nullptr);
+  return apply_settings(options_, terrainseg_, overlay_);
+}
+
+/// Frames beyond --frames end the stream; frames without a time get one, because files need it.
+GstPadProbeReturn Run::entering(GstPadProbeInfo* info) {
+  GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
+  if (options_.max_frames && entered_ >= options_.max_frames) {
+    gst_buffer_unref(buffer);
+    GST_PAD_PROBE_INFO_DATA(info) = nullptr;
+    GST_PAD_PROBE_INFO_FLOW_RETURN(info) = GST_FLOW_EOS;
+    return GST_PAD_PROBE_HANDLED;
+  }
+  ++entered_;
+  if (!GST_BUFFER_PTS_IS_VALID(buffer)) {
+    buffer = gst_buffer_make_writable(buffer);
+    GST_BUFFER_PTS(buffer) = next_pts_;
+    GST_PAD_PROBE_INFO_DATA(info) = buffer;
+  }
+  const GstClockTime length = GST_BUFFER_DURATION_IS_VALID(buffer) && GST_BUFFER_DURATION(buffer) > 0
+                                  ? GST_BUFFER_DURATION(buffer)
+                                  : GST_SECOND / 30;
+  next_pts_ = GST_BUFFER_PTS(buffer) + length;
+  return GST_PAD_PROBE_OK;
+}
+
+/// Files have one size: the first frame's. Later frames of another size are scaled to it.
+void Run::size_known(GstCaps* caps) {
+  GstVideoInfo info;
+  if (record_.width > 0 || !gst_video_info_from_caps(&info, caps))
+    return;
+  record_.width = info.width;
+  record_.height = info.height;
+  if (annotated_caps_) {
+    const CapsPointer filter(gst_caps_new_simple(
+        "video/x-raw", "format", G_TYPE_STRING, "I420", "width", G_TYPE_INT, info.width, "height", G_TYPE_INT,
+        info.height, "pixel-aspect-ratio", GST_TYPE_FRACTION, info.par_n, info.par_d, "colorimetry",
+        G_TYPE_STRING, info.height >= 720 ? "bt709" : "bt601", nullptr));
+    g_object_set(annotated_caps_, "caps", filter.get(), nullptr);
+    g_object_set(annotated_box_, "right", -(info.width & 1), "bottom", -(info.height & 1), nullptr);
+  }
+  if (masks_caps_) {
+    const CapsPointer filter(gst_caps_new_simple("video/x-raw", "format", G_TYPE_STRING, "GRAY8", "width",
+                                                 G_TYPE_INT, info.width, "height", G_TYPE_INT, info.height,
+                                                 nullptr));
+    g_object_set(masks_caps_, "caps", filter.get(), nullptr);
+  }
+}
+
+void Run::frame_done(GstBuffer* buffer) {
+  position_ = GST_BUFFER_PTS(buffer);
+  const GstStructure* meta = gst_buffer_get_terrain_seg_structure(buffer);
+  if (meta) {
+    const guint permille = gst_terrain_seg_meta_get_traversable_permille(meta);
+    const guint flags = gst_terrain_seg_meta_get_flags(meta);
+    const gint horizon = gst_terrain_seg_meta_get_horizon_row(meta);
+    record_.traversable_sum += permille;
+    record_.blocked += (flags & GST_TERRAIN_SEG_FLAG_BLOCKED) != 0;
+    record_.horizon_frames += horizon >= 0;
+    if (wants(Output::csv)) {
+      char row[256];
+      g_snprintf(
+          row, sizeof row, "%" G_GUINT64_FORMAT ",%" G_GUINT64_FORMAT ",%d,%d,%s,%u,%u.%03u,%u,%d,%d,%u\n",
+          gst_terrain_seg_meta_get_frame(meta), GST_BUFFER_PTS(buffer),
+          gst_terrain_seg_meta_get_frame_width(meta), gst_terrain_seg_meta_get_frame_height(meta),
+          horizon >= 0 ? std::to_string(horizon).c_str() : "",
+          gst_terrain_seg_meta_get_horizon_confidence(meta), permille / 1000, permille % 1000,
+          gst_terrain_seg_meta_get_confidence(meta), (flags & GST_TERRAIN_SEG_FLAG_BLOCKED) != 0,
+          (flags & GST_TERRAIN_SEG_FLAG_LEARNED) != 0, gst_terrain_seg_meta_get_model_generation(meta));
+      file(Output::csv).write(row);
+      ++written_[static_cast<int>(Output::csv)];
+    }
+  } else {
+    ++without_metadata_;
+  }
+  ++labelled_;
+}
+
+GstPadProbeReturn Run::on_entering(GstPad*, GstPadProbeInfo* info, gpointer self) {
+  return static_cast<Run*>(self)->entering(info);
+}
+
+GstPadProbeReturn Run::on_labelled(GstPad*, GstPadProbeInfo* info, gpointer self) {
+  Run* run = static_cast<Run*>(self);
+  if (GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER) {
+    run->frame_done(GST_PAD_PROBE_INFO_BUFFER(info));
+  } else if (GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info); GST_EVENT_TYPE(event) == GST_EVENT_CAPS) {
+    GstCaps* caps = nullptr;
+    gst_event_parse_caps(event, &caps);
+    run->size_known(caps);
+  }
+  return GST_PAD_PROBE_OK;
+}
+
+GstPadProbeReturn Run::on_written(GstPad*, GstPadProbeInfo*, gpointer counter) {
+  ++*static_cast<std::atomic<std::uint64_t>*>(counter);
+  return GST_PAD_PROBE_OK;
+}
+
+void Run::handle(GstMessage* message) {
+  const bool decoding = message->src == GST_OBJECT(source_.bin()) ||
+                        gst_object_has_as_ancestor(message->src, GST_OBJECT(source_.bin()));
+  switch (GST_MESSAGE_TYPE(message)) {
+  case GST_MESSAGE_EOS:
+    ended_ = true;
+    break;
+  case GST_MESSAGE_ERROR: {
+    std::string& error = decoding ? source_error_ : filter_error_;
+    if (error.empty())
+      error = text_of(message);
+    break;
+  }
+  case GST_MESSAGE_WARNING:
+    if (decoding && source_warning_.empty() && is_decoding_problem(message))
+      source_warning_ = text_of(message);
+    break;
+  case GST_MESSAGE_ELEMENT:
+    if (gst_is_missing_plugin_message(message) && missing_decoder_.empty())
+      missing_decoder_ = take(gst_missing_plugin_message_get_description(message));
+    break;
+  default:
+    break;
+  }
+}
+
+std::uint64_t Run::moved() const {
+  std::uint64_t sum = labelled_;
+  for (const auto& written : written_)
+    sum += written;
+  return sum;
+}
+
+void Run::update_progress() {
+  progress_.frames = labelled_.load();
+  std::uint64_t done = position_, whole = 0;
+  if (options_.max_frames || input_.kind == Input::Kind::images) {
+    done = labelled_;
+    whole = input_.images.empty() ? options_.max_frames : input_.images.size();
+    if (options_.max_frames)
+      whole = std::min(whole, options_.max_frames);
+  } else {
+    if (duration_ <= 0)
+      gst_element_query_duration(source_.bin(), GST_FORMAT_TIME, &duration_);
+    whole = static_cast<std::uint64_t>(std::max<gint64>(duration_, 0));
+  }
+  if (whole)
+    progress_.permille =
+        static_cast<int>(std::min<std::uint64_t>(gst_util_uint64_scale(done, 1000, whole), 1000));
+}
+
+void Run::play(const std::atomic<int>& interrupted) {
+  const BusPointer bus(gst_element_get_bus(pipeline_));
+  if (gst_element_set_state(pipeline_, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) {
+    const MessagePointer message(gst_bus_timed_pop_filtered(bus.get(), 0, GST_MESSAGE_ERROR));
+    if (message)
+      handle(message.get());
+    if (source_error_.empty() && filter_error_.empty())
+      filter_error_ = "the pipeline does not start";
+    return;
+  }
+  auto last_move = Clock::now();
+  std::uint64_t last_moved = 0;
+  bool asked_to_end = false;
+  while (!ended_ && filter_error_.empty()) {
+    if (const MessagePointer message(gst_bus_timed_pop_filtered(
+            bus.get(), poll_interval,
+            static_cast<GstMessageType>(GST_MESSAGE_ERROR | GST_MESSAGE_EOS | GST_MESSAGE_WARNING |
+                                        GST_MESSAGE_ELEMENT)));
+        message)
+      handle(message.get());
+    update_progress();
+
+    const auto now = Clock::now();
+    if (const std::uint64_t moves = moved(); moves != last_moved) {
+      last_moved = moves;
+      last_move = now;
+    }
+    // A stream has no end of its own: the first interruption is its end. A file is simply not done.
+    if (interrupted && (input_.kind != Input::Kind::uri || interrupted > 1 || labelled_ == 0)) {
+      stopped_ = true;
+      return;
+    }
+    const bool failed = !source_error_.empty() || !source_.problem().empty();
+    if (failed && labelled_ == 0 && now - last_move > grace)
+      return;
+    if (!asked_to_end && labelled_ > 0 && (interrupted || (failed && now - last_move > grace))) {
+      asked_to_end = true;
+      source_.end();
+    }
+    if (now - last_move > patience) {
+      source_error_ = source_error_.empty() ? "nothing came out of the decoder for a minute" : source_error_;
+      if (asked_to_end || labelled_ == 0)
+        return;
+      asked_to_end = true;
+      last_move = now;
+      source_.end();
+    }
+  }
+}
+
+/// Why not a single frame came.
+std::string Run::emptiness() const {
+  if (!missing_decoder_.empty())
+    return "no decoder for it: " + missing_decoder_ + " is missing; install gstreamer1.0-libav and " +
+           "gstreamer1.0-plugins-bad, or see gst-inspect-1.0";
+  if (!source_.problem().empty())
+    return source_.problem();
+  if (!source_error_.empty()) {
+    const std::string image = source_.image_after(0);
+    return (image.empty() ? "" : image + ": ") + source_error_;
+  }
+  if (!source_.other_streams().empty())
+    return "there is no video in it, only " + source_.other_streams();
+  return "there is no video in it";
+}
+
+/// What is wrong with an input of which frames came; empty = nothing.
+std::string Run::damage() const {
+  if (!source_.problem().empty())
+    return source_.problem();
+  if (!source_error_.empty()) {
+    const std::string image = source_.image_after(labelled_);
+    return (image.empty() ? "" : image + ": ") + source_error_;
+  }
+  if (options_.max_frames && labelled_ >= options_.max_frames)
+    return {};
+  if (input_.kind == Input::Kind::images && labelled_ < input_.images.size())
+    return source_.image_after(labelled_) + ": no picture came out of it" +
+           (source_warning_.empty() ? "" : ": " + source_warning_);
+  if (input_.kind == Input::Kind::file)
+    if (const auto length = missing_length(input_.path))
+      return "the file is cut off: " + std::to_string(record_.identity.bytes) + " of " +
+             std::to_string(*length) + " bytes are there";
+  if (!source_warning_.empty())
+    return source_warning_;
+  if (source_.corrupted() > 0)
+    return "the decoder marked " + std::to_string(source_.corrupted()) + " frames as damaged";
+  return {};
+}
+
+/// Every output must hold every frame; if one does not, none is kept.
+std::optional<std::string> Run::miscount() const {
+  if (without_metadata_ > 0)
+    return std::to_string(without_metadata_) + " frames came without metadata out of terrainseg";
+  for (int i = 0; i < output_count; ++i)
+    if (options_.wanted[i] && written_[i] != labelled_)
+      return std::string(output_kinds[i].name) + " holds " + std::to_string(written_[i]) + " of " +
+             std::to_string(labelled_) + " frames";
+  return std::nullopt;
+}
+
+Outcome Run::keep(const std::string& damage) {
+  Outcome outcome;
+  outcome.record = record_;
+  outcome.record.problem = damage;
+  const bool partial = !damage.empty();
+  const auto fail = [&outcome](const std::string& problem) {
+    outcome.kind = Outcome::Kind::failed;
+    outcome.record.problem = problem;
+    return outcome;
+  };
+  // From here until the new record is there, nothing may say that these outputs are complete.
+  std::error_code ignored;
+  fs::remove(naming_.record(partial), ignored);
+  for (int i = 0; i < output_count; ++i) {
+    if (!options_.wanted[i])
+      continue;
+    const fs::path path = naming_.output(static_cast<Output>(i), partial);
+    outcome.record.outputs[i] = Record::Written{path.filename().string(), files_[i].size()};
+    if (auto problem = files_[i].commit(path))
+      return fail(*problem);
+  }
+  AtomicFile summary;
+  if (auto problem = summary.open(naming_.record(partial)))
+    return fail(*problem);
+  summary.write(outcome.record.to_json());
+  if (auto problem = summary.commit(naming_.record(partial)))
+    return fail(*problem);
+  if (!partial) { // what an earlier attempt could save is of no use beside the whole
+    for (int i = 0; i < output_count; ++i)
+      fs::remove(naming_.output(static_cast<Output>(i), true), ignored);
+    fs::remove(naming_.record(true), ignored);
+  }
+  outcome.kind = partial ? Outcome::Kind::partial : Outcome::Kind::complete;
+  return outcome;
+}
+
+Outcome Run::conclude() {
+  Outcome outcome;
+  outcome.record = record_;
+  if (stopped_) {
+    outcome.kind = Outcome::Kind::interrupted;
+    outcome.record.problem = "interrupted";
+  } else if (!filter_error_.empty()) {
+    outcome.record.problem = filter_error_;
+  } else if (labelled_ == 0) {
+    outcome.record.problem = emptiness();
+  } else if (auto problem = miscount()) {
+    outcome.record.problem = source_error_.empty() ? *problem : source_error_ + "; " + *problem;
+  } else {
+    outcome = keep(damage());
+  }
+  return outcome;
+}
+
+Outcome Run::run(const std::atomic<int>& interrupted) {
+  record_.input = input_.label;
+  record_.identity = input_.identity();
+  record_.settings = describe(options_, input_);
+  Outcome outcome;
+  outcome.record = record_;
+  auto problem = open_files();
+  if (!problem)
+    problem = build();
+  if (problem) {
+    outcome.record.problem = *problem;
+    return outcome;
+  }
+  if (wants(Output::csv))
+    file(Output::csv).write(csv_header);
+  const auto begin = Clock::now();
+  play(interrupted);
+  gst_element_set_state(pipeline_, GST_STATE_NULL);
+  update_progress();
+  record_.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+  record_.frames = labelled_;
+  return conclude();
+}
+
+} // namespace
+
+Outcome process(const Input& input, const Naming& naming, const Options& options, Progress& progress,
+                const std::atomic<int>& interrupted) {
+  if (!input.problem.empty()) {
+    Outcome outcome;
+    outcome.record.input = input.label;
+    outcome.record.problem = input.problem;
+    return outcome;
+  }
+  return Run(input, naming, options, progress).run(interrupted);
+}
+
+} // namespace terrainseg::process

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "tools/process/source.hpp"
+
+#include <gst/app/gstappsrc.h>
+#include <gst/base/gsttypefindhelper.h>
+#include <gst/video/video.h>
+
+#include "tools/process/handles.hpp"
+
+namespace terrainseg::process {
+namespace {
+
+bool is_video(const GstCaps* caps) {
+  return !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
+         g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), "video/");
+}
+
+/// True when a tag of the pad asks for the picture to be turned.
+bool is_turned(GstPad* pad) {
+  bool turned = false;
+  for (guint i = 0;; ++i) {
+    GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_TAG, i);
+    if (!event)
+      return turned;
+    GstTagList* tags = nullptr;
+    gst_event_parse_tag(event, &tags);
+    char* orientation = nullptr;
+    if (gst_tag_list_get_string(tags, GST_TAG_IMAGE_ORIENTATION, &orientation))
+      turned = take(orientation) != "rotate-0";
+    gst_event_unref(event);
+  }
+}
+
+} // namespace
+
+Source::Source(const Input& input, const Options& options) : input_(input) {
+  bin_ = gst_bin_new("source");
+  tail_ = gst_element_factory_make("queue", nullptr);
+  g_object_set(tail_, "max-size-buffers", 4, "max-size-bytes", 0, "max-size-time", guint64{0}, nullptr);
+  gst_bin_add(GST_BIN(bin_), tail_);
+  const PadPointer end(gst_element_get_static_pad(tail_, "src"));
+  gst_element_add_pad(bin_, gst_ghost_pad_new("src", end.get()));
+  if (input.kind == Input::Kind::images)
+    build_image_feeder(options);
+  else
+    build_decoder();
+}
+
+void Source::build_decoder() {
+  GstElement* decoder = gst_element_factory_make("uridecodebin", nullptr);
+  const CharPointer uri(input_.kind == Input::Kind::uri ? g_strdup(input_.label.c_str())
+                                                        : gst_filename_to_uri(input_.path.c_str(), nullptr));
+  g_object_set(decoder, "uri", uri.get(), nullptr);
+  g_signal_connect(decoder, "pad-added", G_CALLBACK(on_pad_added), this);
+  g_signal_connect(decoder, "autoplug-continue", G_CALLBACK(on_autoplug_continue), this);
+  gst_bin_add(GST_BIN(bin_), decoder);
+}
+
+void Source::build_image_feeder(const Options& options) {
+  fps_numerator_ = options.fps_numerator;
+  fps_denominator_ = options.fps_denominator;
+  feeder_ = gst_element_factory_make("appsrc", nullptr);
+  GstElement* decoder = gst_element_factory_make("decodebin", nullptr);
+  g_object_set(feeder_, "format", GST_FORMAT_TIME, "max-buffers", guint64{2}, "max-bytes", guint64{0},
+               "block", FALSE, nullptr);
+  g_signal_connect(feeder_, "need-data", G_CALLBACK(on_need_data), this);
+  g_signal_connect(decoder, "pad-added", G_CALLBACK(on_pad_added), this);
+  gst_bin_add_many(GST_BIN(bin_), feeder_, decoder, nullptr);
+  gst_element_link(feeder_, decoder);
+}
+
+/// Hands the next image to the decoder, whole, with its time.
+void Source::feed() {
+  GstAppSrc* feeder = GST_APP_SRC(feeder_);
+  if (next_image_ >= input_.images.size() || !problem().empty()) {
+    gst_app_src_end_of_stream(feeder);
+    return;
+  }
+  const auto& path = input_.images[next_image_];
+  gchar* data = nullptr;
+  gsize size = 0;
+  GError* error = nullptr;
+  if (!g_file_get_contents(path.c_str(), &data, &size, &error)) {
+    set_problem(path.string() + ": " + error->message);
+    g_error_free(error);
+    gst_app_src_end_of_stream(feeder);
+    return;
+  }
+  GstBuffer* buffer = gst_buffer_new_wrapped(data, size);
+  GstCaps* caps = size ? gst_type_find_helper_for_buffer(GST_OBJECT(feeder_), buffer, nullptr) : nullptr;
+  const std::string type = caps ? gst_structure_get_name(gst_caps_get_structure(caps, 0)) : "";
+  if (caps)
+    gst_caps_unref(caps);
+  if (!g_str_has_prefix(type.c_str(), "image/")) {
+    gst_buffer_unref(buffer);
+    set_problem(path.string() + (size ? ": this is no image" : ": the file is empty") +
+                (type.empty() ? "" : " but " + type));
+    gst_app_src_end_of_stream(feeder);
+    return;
+  }
+  if (next_image_ == 0) {
+    image_type_ = type;
+    const CapsPointer full(gst_caps_new_simple(type.c_str(), "framerate", GST_TYPE_FRACTION, fps_numerator_,
+                                               fps_denominator_, nullptr));
+    gst_app_src_set_caps(feeder, full.get());
+  } else if (type != image_type_) {
+    gst_buffer_unref(buffer);
+    set_problem(path.string() + ": the sequence began as " + image_type_ + " but this is " + type);
+    gst_app_src_end_of_stream(feeder);
+    return;
+  }
+  const auto time_of = [this](std::size_t index) {
+    return gst_util_uint64_scale(index, GST_SECOND * static_cast<guint64>(fps_denominator_),
+                                 static_cast<guint64>(fps_numerator_));
+  };
+  GST_BUFFER_PTS(buffer) = time_of(next_image_);
+  GST_BUFFER_DURATION(buffer) = time_of(next_image_ + 1) - time_of(next_image_);
+  ++next_image_;
+  gst_app_src_push_buffer(feeder, buffer);
+}
+
+std::string Source::image_after(std::uint64_t frames) const {
+  return input_.kind == Input::Kind::images && frames < input_.images.size() ? input_.images[frames].string()
+                                                                             : "";
+}
+
+void Source::pad_added(GstPad* pad) {
+  CapsPointer caps(gst_pad_get_current_caps(pad));
+  if (!caps)
+    caps.reset(gst_pad_query_caps(pad, nullptr));
+  if (is_video(caps.get())) {
+    if (!linked_) // a second camera of the same file is left alone
+      linked_ = link_video(pad);
+    return;
+  }
+  if (gst_caps_is_empty(caps.get()) || gst_caps_is_any(caps.get()))
+    return;
+  const std::lock_guard lock(mutex_);
+  other_streams_ += (other_streams_.empty() ? "" : ", ") +
+                    std::string(gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)));
+}
+
+/// videoconvert and deinterlace let everything through that needs neither; videoflip, which does not know all
+/// formats, is there only for pictures that must be turned.
+bool Source::link_video(GstPad* pad) {
+  GstElement* convert = gst_element_factory_make("videoconvert", nullptr);
+  GstElement* deinterlace = gst_element_factory_make("deinterlace", nullptr);
+  gst_bin_add_many(GST_BIN(bin_), convert, deinterlace, nullptr);
+  // One frame out per frame in: the other field of the same moment adds nothing to a mask.
+  gst_util_set_object_arg(G_OBJECT(deinterlace), "fields", "top");
+  bool ok = gst_element_link(convert, deinterlace);
+  GstElement* last = deinterlace;
+  if (is_turned(pad)) {
+    GstElement* flip = gst_element_factory_make("videoflip", nullptr);
+    gst_util_set_object_arg(G_OBJECT(flip), "video-direction", "auto");
+    gst_bin_add(GST_BIN(bin_), flip);
+    ok = ok && gst_element_link(deinterlace, flip);
+    gst_element_sync_state_with_parent(flip);
+    last = flip;
+  }
+  ok = ok && gst_element_link(last, tail_);
+  gst_element_sync_state_with_parent(deinterlace);
+  gst_element_sync_state_with_parent(convert);
+  const PadPointer sink(gst_element_get_static_pad(convert, "sink"));
+  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_decoded, this, nullptr);
+  const GstPadLinkReturn linked = gst_pad_link(pad, sink.get());
+  if (ok && linked == GST_PAD_LINK_OK)
+    return true;
+  const CapsPointer caps(gst_pad_query_caps(pad, nullptr));
+  set_problem("its video cannot be used: " + take(gst_caps_to_string(caps.get())));
+  return false;
+}
+
+void Source::end() {
+  const PadPointer sink(gst_element_get_static_pad(tail_, "sink"));
+  gst_pad_send_event(sink.get(), gst_event_new_eos());
+}
+
+void Source::set_problem(const std::string& problem) {
+  const std::lock_guard lock(mutex_);
+  if (problem_.empty())
+    problem_ = problem;
+}
+
+std::string Source::problem() const {
+  const std::lock_guard lock(mutex_);
+  return problem_;
+}
+
+std::string Source::other_streams() const {
+  const std::lock_guard lock(mutex_);
+  return other_streams_;
+}
+
+void Source::on_pad_added(GstElement*, GstPad* pad, gpointer self) {
+  static_cast<Source*>(self)->pad_added(pad);
+}
+
+/// Sound and subtitles are neither decoded nor asked decoders for.
+gboolean Source::on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer) {
+  const char* name = gst_structure_get_name(gst_caps_get_structure(caps, 0));
+  for (const char* ignored :
+       {"audio/", "text/", "subpicture/", "closedcaption/", "application/x-subtitle", "meta/"})
+    if (g_str_has_prefix(name, ignored))
+      return FALSE;
+  return TRUE;
+}
+
+void Source::on_need_data(GstElement*, guint, gpointer self) {
+  static_cast<Source*>(self)->feed();
+}
+
+GstPadProbeReturn Source::on_decoded(GstPad*, GstPadProbeInfo* info, gpointer self) {
+  if (GST_BUFFER_FLAG_IS_SET(GST_PAD_PROBE_INFO_BUFFER(info), GST_BUFFER_FLAG_CORRUPTED))
+    ++static_cast<Source*>(self)->corrupted_;
+  return GST_PAD_PROBE_OK;
+}
+
+} // namespace terrainseg::process

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The decoding half of a pipeline: a file, a URI or a list of images becomes raw, upright, progressive video.
+#pragma once
+
+#include <gst/gst.h>
+
+#include <atomic>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "tools/process/inputs.hpp"
+#include "tools/process/options.hpp"
+
+namespace terrainseg::process {
+
+class Source {
+ public:
+  Source(const Input& input, const Options& options);
+  Source(const Source&) = delete;
+  Source& operator=(const Source&) = delete;
+
+  /// The bin with one pad "src"; belongs to whoever adds it to a pipeline, and must be stopped (NULL) before
+  /// the Source goes.
+  GstElement* bin() const { return bin_; }
+
+  bool has_video() const { return linked_; }
+  /// What it holds instead of video, for a message; empty when nothing is known.
+  std::string other_streams() const;
+  /// Why feeding or linking failed; empty when it did not.
+  std::string problem() const;
+  /// Frames that the decoder itself marked as damaged.
+  std::uint64_t corrupted() const { return corrupted_; }
+  /// The image that a decoder which has given out `frames` frames was busy with; empty for other inputs.
+  std::string image_after(std::uint64_t frames) const;
+  /// Ends the stream as if the input were over: for a decoder that failed without doing so itself.
+  void end();
+
+ private:
+  void build_decoder();
+  void build_image_feeder(const Options& options);
+  void feed();
+  void pad_added(GstPad* pad);
+  bool link_video(GstPad* pad);
+  void set_problem(const std::string& problem);
+  static void on_pad_added(GstElement*, GstPad* pad, gpointer self);
+  static gboolean on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer);
+  static void on_need_data(GstElement*, guint, gpointer self);
+  static GstPadProbeReturn on_decoded(GstPad*, GstPadProbeInfo* info, gpointer self);
+
+  const Input& input_;
+  GstElement* bin_ = nullptr;
+  GstElement* tail_ = nullptr;   ///< the queue that ends the bin
+  GstElement* feeder_ = nullptr; ///< the appsrc of an image sequence
+  std::size_t next_image_ = 0;   ///< feeder's thread only
+  int fps_numerator_ = 30, fps_denominator_ = 1;
+  std::string image_type_; ///< media type of the first image; feeder's thread only
+  std::atomic<bool> linked_{false};
+  std::atomic<std::uint64_t> corrupted_{0};
+  mutable std::mutex mutex_; ///< guards the two below
+  std::string problem_;
+  std::string other_streams_;
+};
+
+} // namespace terrainseg::process
