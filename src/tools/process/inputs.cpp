@@ -186,8 +186,8 @@ Input from_uri(const std::string& uri) {
   Input input;
   input.kind = Input::Kind::uri;
   input.label = uri;
-  const std::string tail = uri.substr(uri.find_last_of('/') + 1);
-  for (const char letter : tail.substr(0, tail.find_first_of("?#")))
+  const std::string place = uri.substr(0, uri.find_first_of("?#"));
+  for (const char letter : place.substr(place.find_last_of('/') + 1))
     input.stem += (letter & 0x80) || std::isalnum(static_cast<unsigned char>(letter)) || strchr("-_.", letter)
                       ? letter
                       : '_';
