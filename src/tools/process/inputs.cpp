@@ -191,6 +191,8 @@ Input from_uri(const std::string& uri) {
     input.stem += (letter & 0x80) || std::isalnum(static_cast<unsigned char>(letter)) || strchr("-_.", letter)
                       ? letter
                       : '_';
+  if (has_extension(input.stem, video_extensions))
+    input.stem = fs::path(input.stem).stem().string();
   if (input.stem.find_first_not_of('.') == std::string::npos)
     input.stem = "stream";
   return input;

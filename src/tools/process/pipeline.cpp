@@ -277,10 +277,11 @@ GstPadProbeReturn Run::entering(GstPadProbeInfo* info) {
   return GST_PAD_PROBE_OK;
 }
 
-/// Files have one size: the first frame's. Later frames of another size are scaled to it.
+/// Files have one size: the first frame's. Later frames of another size are scaled to it. Caps may come twice
+/// before the first frame: the orientation of a video comes behind them and turns them.
 void Run::size_known(GstCaps* caps) {
   GstVideoInfo info;
-  if (record_.width > 0 || !gst_video_info_from_caps(&info, caps))
+  if (labelled_ > 0 || !gst_video_info_from_caps(&info, caps))
     return;
   record_.width = info.width;
   record_.height = info.height;
@@ -293,9 +294,9 @@ void Run::size_known(GstCaps* caps) {
     g_object_set(annotated_box_, "right", -(info.width & 1), "bottom", -(info.height & 1), nullptr);
   }
   if (masks_caps_) {
-    const CapsPointer filter(gst_caps_new_simple("video/x-raw", "format", G_TYPE_STRING, "GRAY8", "width",
-                                                 G_TYPE_INT, info.width, "height", G_TYPE_INT, info.height,
-                                                 nullptr));
+    const CapsPointer filter(gst_caps_new_simple(
+        "video/x-raw", "format", G_TYPE_STRING, "GRAY8", "width", G_TYPE_INT, info.width, "height",
+        G_TYPE_INT, info.height, "pixel-aspect-ratio", GST_TYPE_FRACTION, info.par_n, info.par_d, nullptr));
     g_object_set(masks_caps_, "caps", filter.get(), nullptr);
   }
 }
@@ -434,7 +435,7 @@ void Run::play(const std::atomic<int>& interrupted) {
       return;
     }
     const bool failed = !source_error_.empty() || !source_.problem().empty();
-    if (failed && labelled_ == 0 && now - last_move > grace)
+    if (failed && labelled_ == 0 && (!source_.has_video() || now - last_move > grace))
       return;
     if (!asked_to_end && labelled_ > 0 && (interrupted || (failed && now - last_move > grace))) {
       asked_to_end = true;
@@ -458,12 +459,12 @@ std::string Run::emptiness() const {
            "gstreamer1.0-plugins-bad, or see gst-inspect-1.0";
   if (!source_.problem().empty())
     return source_.problem();
+  if (!source_.has_video() && !source_.other_streams().empty())
+    return "there is no video in it, only " + source_.other_streams();
   if (!source_error_.empty()) {
     const std::string image = source_.image_after(0);
     return (image.empty() ? "" : image + ": ") + source_error_;
   }
-  if (!source_.other_streams().empty())
-    return "there is no video in it, only " + source_.other_streams();
   return "there is no video in it";
 }
 
@@ -486,6 +487,8 @@ std::string Run::damage() const {
              std::to_string(*length) + " bytes are there";
   if (!source_warning_.empty())
     return source_warning_;
+  if (const std::uint64_t lost = source_.lost(); lost > 0)
+    return std::to_string(lost) + " frames in it could not be decoded";
   if (source_.corrupted() > 0)
     return "the decoder marked " + std::to_string(source_.corrupted()) + " frames as damaged";
   return {};

@@ -5,6 +5,9 @@
 #include <gst/base/gsttypefindhelper.h>
 #include <gst/video/video.h>
 
+#include <algorithm>
+#include <iterator>
+
 #include "tools/process/handles.hpp"
 
 namespace terrainseg::process {
@@ -15,20 +18,11 @@ bool is_video(const GstCaps* caps) {
          g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), "video/");
 }
 
-/// True when a tag of the pad asks for the picture to be turned.
-bool is_turned(GstPad* pad) {
-  bool turned = false;
-  for (guint i = 0;; ++i) {
-    GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_TAG, i);
-    if (!event)
-      return turned;
-    GstTagList* tags = nullptr;
-    gst_event_parse_tag(event, &tags);
-    char* orientation = nullptr;
-    if (gst_tag_list_get_string(tags, GST_TAG_IMAGE_ORIENTATION, &orientation))
-      turned = take(orientation) != "rotate-0";
-    gst_event_unref(event);
-  }
+/// videoflip, which turns a video upright by its tag, does not know 4:2:2 in planes; only cameras that are
+/// not turned make that, and converting it would cost every frame.
+bool can_be_turned(const GstCaps* caps) {
+  const char* format = gst_structure_get_string(gst_caps_get_structure(caps, 0), "format");
+  return !format || !g_str_equal(format, "Y42B");
 }
 
 } // namespace
@@ -53,6 +47,7 @@ void Source::build_decoder() {
   g_object_set(decoder, "uri", uri.get(), nullptr);
   g_signal_connect(decoder, "pad-added", G_CALLBACK(on_pad_added), this);
   g_signal_connect(decoder, "autoplug-continue", G_CALLBACK(on_autoplug_continue), this);
+  g_signal_connect(decoder, "deep-element-added", G_CALLBACK(on_element_added), this);
   gst_bin_add(GST_BIN(bin_), decoder);
 }
 
@@ -140,8 +135,7 @@ void Source::pad_added(GstPad* pad) {
                     std::string(gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)));
 }
 
-/// videoconvert and deinterlace let everything through that needs neither; videoflip, which does not know all
-/// formats, is there only for pictures that must be turned.
+/// All of these let frames through untouched that do not need them.
 bool Source::link_video(GstPad* pad) {
   GstElement* convert = gst_element_factory_make("videoconvert", nullptr);
   GstElement* deinterlace = gst_element_factory_make("deinterlace", nullptr);
@@ -150,7 +144,8 @@ bool Source::link_video(GstPad* pad) {
   gst_util_set_object_arg(G_OBJECT(deinterlace), "fields", "top");
   bool ok = gst_element_link(convert, deinterlace);
   GstElement* last = deinterlace;
-  if (is_turned(pad)) {
+  const CapsPointer caps(gst_pad_query_caps(pad, nullptr));
+  if (can_be_turned(caps.get())) {
     GstElement* flip = gst_element_factory_make("videoflip", nullptr);
     gst_util_set_object_arg(G_OBJECT(flip), "video-direction", "auto");
     gst_bin_add(GST_BIN(bin_), flip);
@@ -166,7 +161,6 @@ bool Source::link_video(GstPad* pad) {
   const GstPadLinkReturn linked = gst_pad_link(pad, sink.get());
   if (ok && linked == GST_PAD_LINK_OK)
     return true;
-  const CapsPointer caps(gst_pad_query_caps(pad, nullptr));
   set_problem("its video cannot be used: " + take(gst_caps_to_string(caps.get())));
   return false;
 }
@@ -210,9 +204,59 @@ void Source::on_need_data(GstElement*, guint, gpointer self) {
   static_cast<Source*>(self)->feed();
 }
 
-GstPadProbeReturn Source::on_decoded(GstPad*, GstPadProbeInfo* info, gpointer self) {
-  if (GST_BUFFER_FLAG_IS_SET(GST_PAD_PROBE_INFO_BUFFER(info), GST_BUFFER_FLAG_CORRUPTED))
-    ++static_cast<Source*>(self)->corrupted_;
+void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self) {
+  GstElementFactory* factory = gst_element_get_factory(element);
+  if (!factory || !gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_DECODER |
+                                                                 GST_ELEMENT_FACTORY_TYPE_MEDIA_VIDEO))
+    return;
+  const PadPointer sink(gst_element_get_static_pad(element, "sink"));
+  if (sink)
+    gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, self, nullptr);
+}
+
+GstPadProbeReturn Source::on_encoded(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
+  Source* source = static_cast<Source*>(self);
+  GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
+  if (source->encoded_.empty()) {
+    const CapsPointer caps(gst_pad_get_current_caps(pad));
+    const char* name = caps ? gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)) : "";
+    for (const char* hiding : {"video/x-vp8", "video/x-vp9", "video/x-av1"})
+      source->countable_ = source->countable_ && !g_str_equal(name, hiding);
+  }
+  source->countable_ = source->countable_ && GST_BUFFER_PTS_IS_VALID(buffer);
+  if (source->countable_ && !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DECODE_ONLY))
+    source->encoded_.push_back(GST_BUFFER_PTS(buffer));
+  return GST_PAD_PROBE_OK;
+}
+
+std::uint64_t Source::lost() const {
+  if (!countable_ || decoded_.empty() || encoded_.empty())
+    return 0;
+  std::vector<GstClockTime> in = encoded_, out = decoded_;
+  std::sort(in.begin(), in.end());
+  std::sort(out.begin(), out.end());
+  // Before the first and behind the last that came out lies what the file itself trims.
+  in.erase(in.begin(), std::lower_bound(in.begin(), in.end(), out.front()));
+  in.erase(std::upper_bound(in.begin(), in.end(), out.back()), in.end());
+  std::vector<GstClockTime> lost;
+  std::set_difference(in.begin(), in.end(), out.begin(), out.end(), std::back_inserter(lost));
+  // When nothing matches the decoder made times of its own, and nothing can be told.
+  return lost.size() + 1 < in.size() ? lost.size() : 0;
+}
+
+GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
+  Source* source = static_cast<Source*>(self);
+  GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
+  source->corrupted_ += GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_CORRUPTED);
+  if (source->decoded_.empty()) {
+    const CapsPointer caps(gst_pad_get_current_caps(pad));
+    const char* mode =
+        caps ? gst_structure_get_string(gst_caps_get_structure(caps.get(), 0), "interlace-mode") : "";
+    if (mode && *mode && !g_str_equal(mode, "progressive"))
+      source->countable_ = false;
+  }
+  if (source->countable_)
+    source->decoded_.push_back(GST_BUFFER_PTS(buffer));
   return GST_PAD_PROBE_OK;
 }
 

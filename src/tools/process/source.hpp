@@ -9,6 +9,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "tools/process/inputs.hpp"
 #include "tools/process/options.hpp"
@@ -32,6 +33,9 @@ class Source {
   std::string problem() const;
   /// Frames that the decoder itself marked as damaged.
   std::uint64_t corrupted() const { return corrupted_; }
+  /// Frames that went into the decoder behind the first that came out, and never came out themselves. 0 where
+  /// that cannot be told: hidden frames (VP8, VP9, AV1), fields, files without times. When stopped only.
+  std::uint64_t lost() const;
   /// The image that a decoder which has given out `frames` frames was busy with; empty for other inputs.
   std::string image_after(std::uint64_t frames) const;
   /// Ends the stream as if the input were over: for a decoder that failed without doing so itself.
@@ -47,6 +51,8 @@ class Source {
   static void on_pad_added(GstElement*, GstPad* pad, gpointer self);
   static gboolean on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer);
   static void on_need_data(GstElement*, guint, gpointer self);
+  static void on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self);
+  static GstPadProbeReturn on_encoded(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_decoded(GstPad*, GstPadProbeInfo* info, gpointer self);
 
   const Input& input_;
@@ -58,6 +64,9 @@ class Source {
   std::string image_type_; ///< media type of the first image; feeder's thread only
   std::atomic<bool> linked_{false};
   std::atomic<std::uint64_t> corrupted_{0};
+  bool countable_ = true; ///< one frame out per frame in; streaming threads
+  /// Times of the frames that went into the decoder and came out; a streaming thread each.
+  std::vector<GstClockTime> encoded_, decoded_;
   mutable std::mutex mutex_; ///< guards the two below
   std::string problem_;
   std::string other_streams_;
