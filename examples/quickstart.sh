@@ -28,7 +28,7 @@ gst-inspect-1.0 terrainseg >/dev/null || fail "GStreamer does not find the plugi
 
 if [ -n "$video" ]; then
   uri=$(/usr/bin/python3 -c 'import pathlib, sys; print(pathlib.Path(sys.argv[1]).as_uri())' "$video")
-  source=(uridecodebin "uri=$uri" caps=video/x-raw expose-all-streams=false ! deinterlace ! videoflip method=automatic
+  source=(uridecodebin "uri=$uri" 'caps=video/x-raw(ANY)' expose-all-streams=false ! deinterlace ! videoflip method=automatic
           ! videoconvert)
   echo "running the filter on $video ..."
 else
