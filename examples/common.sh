@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# What the scripts beside this one share; they source it.
+#
+#   SOURCE  where the pictures come from, a piece of a pipeline    (default: the first camera)
+#   VIEW    where they are shown                                    (default: a window)
+#   LINES_TO  a file for one JSON object per frame                  (default: none)
+#   SETTINGS  properties of terrainseg, as in gst-launch-1.0        (default: none)
+set -euo pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+# A build in the source tree is used when the plugin is not installed.
+if [ -z "${GST_PLUGIN_PATH:-}" ] && [ -e "$here/../build/gst/libgstterrainseg.so" ]; then
+  export GST_PLUGIN_PATH=$here/../build/gst
+fi
+SOURCE=${SOURCE:-v4l2src ! decodebin}
+VIEW=${VIEW:-videoconvert ! autovideosink}
+SETTINGS=${SETTINGS:-}
+
+fail() { echo "$(basename "$0"): $*" >&2; exit 1; }
+usage() { sed -n '3,/^[^#]/s/^# \{0,1\}//p' "$0"; exit "${1:-0}"; }
+
+# lines_branch: behind a tee named t, one JSON object per frame into the file LINES_TO, when that is set.
+lines_branch() {
+  [ -z "${LINES_TO:-}" ] || printf '%s' 't. ! queue ! terrainextract ! application/x-ndjson ! filesink location="\"$LINES_TO\"" \
+    buffer-mode=unbuffered sync=false async=false'
+}
+
+# pipeline TEXT: runs it; Ctrl-C ends it properly. The text is one string, so that it can be copied to a terminal.
+pipeline() { eval "exec gst-launch-1.0 -q -e $1"; }
+
+# A rendered rover, as slow as a real one, in place of the camera.
+test_frames=90
+test_source="terrainscenesrc is-live=true num-buffers=$test_frames ! video/x-raw,format=I420,width=320,height=180,framerate=30/1"
+
+# stop PID: what Ctrl-C does, to a pipeline that has no end of its own.
+stop() { kill -INT "$1" 2>/dev/null || true; wait "$1" || true; }
+
+# Closing an SRT connection throws away what is younger than its latency: a stream may lose that much at its end.
+may_lose_at_end=0
+
+# link_test RECEIVER_URI SENDER ARGUMENTS...: runs a sender against ground_station.sh on this machine; every frame that
+# was sent must come through with the metadata that it left with.
+link_test() {
+  local uri=$1 folder receiver
+  shift
+  folder=$(mktemp -d)
+  VIEW="fakesink sync=false" LINES_TO=$folder/received "$here/ground_station.sh" "$uri" &
+  receiver=$!
+  sleep 1
+  if ! SOURCE=$test_source SETTINGS="mask-level=1" LINES_TO=$folder/sent "$@"; then
+    stop "$receiver"
+    rm -r "$folder"
+    fail "the sender failed"
+  fi
+  for _ in $(seq 50); do # the last frames wait in jitter buffers and in terraincombine
+    [ "$(wc -l <"$folder/received")" -lt "$(wc -l <"$folder/sent")" ] || break
+    sleep 0.1
+  done
+  stop "$receiver"
+  /usr/bin/python3 - "$(basename "$0")" "$may_lose_at_end" "$folder/sent" "$folder/received" <<'PYTHON' || { rm -r "$folder"; exit 1; }
+import json, sys
+name, may_lose_at_end, *files = sys.argv[1:]
+what = ('frame', 'width', 'height', 'horizon', 'traversable', 'boundary')
+sent, received = ([{key: line[key] for key in what} for line in map(json.loads, open(file))] for file in files)
+print(f'{name}: sent {len(sent)} frames, received {len(received)} with their metadata')
+if len(sent) < 60 or sent[:len(received)] != received or len(sent) - len(received) > int(may_lose_at_end):
+    differ = sum(a != b for a, b in zip(sent, received))
+    sys.exit(f'{name}: {len(sent) - len(received)} are missing, {differ} of the others differ')
+PYTHON
+  rm -r "$folder"
+}

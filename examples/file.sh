@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# A video with the traversable ground tinted, as H.264 in MP4. (Many files, masks, resuming: terrainseg-process.)
+# usage: examples/file.sh VIDEO OUTPUT.mp4 | --self-test
+. "$(dirname "$0")/common.sh"
+uri_of() { /usr/bin/python3 -c 'import pathlib, sys; print(pathlib.Path(sys.argv[1]).resolve().as_uri())' "$1"; }
+case "${1:-}" in
+  --help) usage ;;
+  --self-test)
+    folder=$(mktemp -d)
+    trap 'rm -r "$folder"' EXIT
+    gst-launch-1.0 -q -e terrainscenesrc num-buffers=45 ! video/x-raw,format=I420,width=320,height=180 ! x264enc ! mp4mux \
+      ! filesink "location=$folder/in put.mp4"
+    "$0" "$folder/in put.mp4" "$folder/out put.mp4"
+    frames=$(ffprobe -v error -count_frames -show_entries stream=nb_read_frames -of csv=p=0 "$folder/out put.mp4")
+    echo "file.sh: 45 frames in, $frames frames out"
+    [ "$frames" -eq 45 ] || fail "frames are missing"
+    exit ;;
+esac
+[ $# -eq 2 ] || usage 2
+[ -r "$1" ] || fail "$1 cannot be read"
+pipeline "uridecodebin uri=$(uri_of "$1") ! deinterlace fields=top \
+  ! videoflip video-direction=auto ! videoconvert ! terrainseg overlay=true $SETTINGS ! videoconvert \
+  ! video/x-raw,format=I420 ! x264enc pass=qual speed-preset=veryfast ! mp4mux ! filesink location=\"$2\""

@@ -1,0 +1,27 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# The ground's end of a link: video and KLV become video with metadata again, drawn in a window.
+# usage: examples/ground_station.sh srt://ROVER:PORT | udp://:PORT | rtp://:PORT | --self-test
+#   LINES_TO=FILE writes one JSON object per frame
+. "$(dirname "$0")/common.sh"
+case "${1:-}" in
+  --help) usage ;;
+  "") usage 2 ;;
+  --self-test) exec "$here/stream_srt.sh" --self-test ;;
+esac
+uri=$1
+port=${uri##*:}
+case "$uri" in
+  srt://*)
+    secret=${SRT_PASSPHRASE:+"passphrase=\"\$SRT_PASSPHRASE\" pbkeylen=16"}
+    input="srtsrc uri=$uri?mode=caller $secret ! tsdemux name=d  d. ! h264parse ! video.  d. ! meta/x-klv ! klv." ;;
+  udp://*)
+    input="udpsrc port=$port buffer-size=2000000 caps=video/mpegts,systemstream=true,packetsize=188 ! tsdemux name=d \
+      d. ! h264parse ! video.  d. ! meta/x-klv ! klv." ;;
+  rtp://*)
+    input="udpsrc port=$port buffer-size=2000000 caps=application/x-rtp,media=video,clock-rate=90000,encoding-name=MP2T,payload=33 \
+      ! rtpjitterbuffer latency=100 ! rtpmp2tdepay ! tsdemux name=d  d. ! h264parse ! video.  d. ! meta/x-klv ! klv." ;;
+  *) usage 2 ;;
+esac
+pipeline "$input queue name=video ! avdec_h264 ! c.sink  queue name=klv ! c.meta \
+  terraincombine name=c ! tee name=t  t. ! queue ! terrainoverlay ! $VIEW  $(lines_branch)"

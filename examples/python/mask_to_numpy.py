@@ -1,0 +1,117 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Masks as numpy arrays, with the stock bindings of Debian: python3-gi, gir1.2-gst-plugins-base-1.0, python3-numpy.
+
+usage: mask_to_numpy.py [VIDEO]        without a video: a rendered scene of 60 frames
+
+Copy frames() into your program. It reads the metadata of every frame; the picture itself comes with it when asked for.
+"""
+import pathlib
+import sys
+
+import gi
+
+gi.require_version('Gst', '1.0')
+gi.require_version('GstVideo', '1.0')
+from gi.repository import Gst, GstVideo  # noqa: E402  (the versions must be chosen before)
+import numpy as np  # noqa: E402
+
+Gst.init(None)
+
+FLAGS = {1: 'learned', 2: 'frozen', 4: 'starved', 8: 'unknown', 16: 'horizon held', 32: 'blocked'}
+
+
+def bytes_of(buffer):
+    return buffer.extract_dup(0, buffer.get_size())
+
+
+def array_of_mask(mask):
+    """The GRAY8 buffer of a mask as an array of (rows, columns); rows may be padded in memory."""
+    layout = GstVideo.buffer_get_video_meta(mask)
+    pixels = np.frombuffer(bytes_of(mask), np.uint8, offset=layout.offset[0])
+    rows = np.lib.stride_tricks.as_strided(pixels, (layout.height, layout.width), (layout.stride[0], 1))
+    return rows.copy()
+
+
+def estimate_of(buffer):
+    """What terrainseg knows of the picture in `buffer` as a dictionary, None when it carries no metadata."""
+    meta = buffer.get_custom_meta('GstTerrainSegMeta')
+    if meta is None:
+        return None
+    fields = meta.get_structure()
+    flags = fields.get_value('flags')
+    horizon = fields.get_value('horizon-row')
+    return {
+        'frame': fields.get_value('frame'),
+        'pts': buffer.pts,
+        'width': fields.get_value('frame-width'),
+        'height': fields.get_value('frame-height'),
+        'horizon': None if horizon < 0 else horizon,
+        'confidence': fields.get_value('confidence') / 255,
+        'traversable': fields.get_value('traversable-permille') / 1000,
+        # 0 not traversable, 128 doubtful or unknown, 255 traversable
+        'mask': array_of_mask(fields.get_value('mask')),
+        # per mask column the highest row of the free space ahead; the frame's height = none
+        'boundary': np.frombuffer(bytes_of(fields.get_value('boundary')), '<u2'),
+        'flags': {name for bit, name in FLAGS.items() if flags & bit},
+    }
+
+
+def samples(pipeline):
+    """What the appsink `out` of a playing pipeline gives. An error of any element ends it: an appsink alone would wait
+    for ever."""
+    out, bus = pipeline.get_by_name('out'), pipeline.get_bus()
+    while True:
+        sample = out.emit('try-pull-sample', Gst.SECOND // 10)
+        if sample:
+            yield sample
+            continue
+        message = bus.pop_filtered(Gst.MessageType.ERROR)
+        if message:
+            error, _ = message.parse_error()
+            raise RuntimeError(f'{message.src.get_name()}: {error.message}')
+        if out.get_property('eos'):
+            return
+
+
+def frames(source, settings='', picture=False):
+    """Yields the estimate of every frame of `source`, a piece of a pipeline that gives raw video.
+
+    With picture=True each has 'picture', an array of (height, width, 3) in RGB."""
+    caps = 'videoconvert ! video/x-raw,format=RGB !' if picture else ''
+    pipeline = Gst.parse_launch(f'{source} ! terrainseg {settings} ! {caps} '
+                                'appsink name=out sync=false max-buffers=4')
+    pipeline.set_state(Gst.State.PLAYING)
+    try:
+        for sample in samples(pipeline):
+            estimate = estimate_of(sample.get_buffer())
+            if estimate is None:
+                continue
+            if picture:
+                buffer, size = sample.get_buffer(), (estimate['height'], estimate['width'])
+                stride = buffer.get_size() // size[0]
+                rows = np.frombuffer(bytes_of(buffer), np.uint8).reshape(size[0], stride)
+                estimate['picture'] = rows[:, :size[1] * 3].reshape(*size, 3)
+            yield estimate
+    finally:
+        pipeline.set_state(Gst.State.NULL)
+
+
+def source_of(arguments):
+    if not arguments:
+        return 'terrainscenesrc num-buffers=60 ! video/x-raw,width=320,height=180'
+    return f'uridecodebin uri="{pathlib.Path(arguments[0]).resolve().as_uri()}" ! videoconvert'
+
+
+def main():
+    for each in frames(source_of(sys.argv[1:])):
+        share = np.mean(each['mask'] == 255)
+        print(f"frame {each['frame']}: {each['mask'].shape[1]}x{each['mask'].shape[0]} mask, "
+              f"{100 * share:.1f} % traversable, horizon {each['horizon']}")
+
+
+if __name__ == '__main__':
+    try:
+        main()
+    except RuntimeError as error:
+        sys.exit(f'mask_to_numpy: {error}')

@@ -1,0 +1,113 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Steers towards the widest free space ahead: one command per frame, from the boundary alone. No ROS, no numpy.
+
+usage: steer.py [--depth 0.25] [VIDEO]        without a video: a rendered scene of 90 frames
+
+Prints   frame 12 steer +0.130 speed 0.72   (steer: -1 full left .. 1 full right; speed: 0 stop .. 1)
+and      frame 13 stop: blocked             when the way is blocked or nothing is known.
+
+A mask is no proof that the ground carries: the near-range sensor stays in charge of stopping.
+"""
+import argparse
+import array
+import pathlib
+import sys
+
+import gi
+
+gi.require_version('Gst', '1.0')
+from gi.repository import Gst  # noqa: E402
+
+BLOCKED = 32
+
+
+def widest_run(free):
+    """Begin and end (exclusive) of the longest run of true values, the one nearest to the middle of equals."""
+    runs, begin = [], None
+    for column, is_free in enumerate([*free, False]):
+        if is_free and begin is None:
+            begin = column
+        elif not is_free and begin is not None:
+            runs.append((begin, column))
+            begin = None
+    middle = len(free) / 2
+    return max(runs, key=lambda run: (run[1] - run[0], -abs(sum(run) / 2 - middle)), default=None)
+
+
+def steer(boundary, height, depth):
+    """(steer, speed) towards the widest space that is free for `depth` of the frame's height; None = stop.
+
+    boundary: per column the highest free row, `height` where there is none."""
+    needed = height * (1 - depth)
+    run = widest_run([row <= needed for row in boundary])
+    if run is None:
+        return None
+    begin, end = run
+    middle = (begin + end) / 2
+    width = (end - begin) / len(boundary)
+    deepest = (height - min(boundary[begin:end])) / height
+    return 2 * middle / len(boundary) - 1, min(1.0, 0.5 * width + deepest)
+
+
+def boundary_of(fields):
+    """uint16 little-endian, one a column."""
+    buffer = fields.get_value('boundary')
+    rows = array.array('H', buffer.extract_dup(0, buffer.get_size()))
+    if sys.byteorder == 'big':
+        rows.byteswap()
+    return rows
+
+
+class Driver:
+    """Smooths the commands: a boundary jumps more than a wheel may."""
+
+    def __init__(self, depth):
+        self.depth = depth
+        self.angle = 0.0
+
+    def command(self, fields):
+        if fields.get_value('flags') & BLOCKED:
+            return 'stop: blocked'
+        aim = steer(boundary_of(fields), fields.get_value('frame-height'), self.depth)
+        if aim is None:
+            return 'stop: no free space'
+        self.angle += 0.4 * (aim[0] - self.angle)
+        return f'steer {self.angle:+.3f} speed {aim[1]:.2f}'
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--depth', type=float, default=0.25, help='of the frame height that must be free (0.25)')
+    parser.add_argument('--settings', default='', help='properties of terrainseg, as in gst-launch-1.0')
+    parser.add_argument('video', nargs='?')
+    options = parser.parse_args()
+
+    Gst.init(None)
+    source = 'terrainscenesrc num-buffers=90 ! video/x-raw,width=320,height=180'
+    if options.video:
+        source = f'uridecodebin uri="{pathlib.Path(options.video).resolve().as_uri()}" ! videoconvert'
+    # On a rover the newest frame counts: there put  queue leaky=downstream max-size-buffers=1  before terrainseg.
+    pipeline = Gst.parse_launch(f'{source} ! terrainseg mask-level=2 {options.settings} ! '
+                                'appsink name=out sync=false max-buffers=1')
+    out, bus = pipeline.get_by_name('out'), pipeline.get_bus()
+    driver = Driver(options.depth)
+    pipeline.set_state(Gst.State.PLAYING)
+    while True:
+        sample = out.emit('try-pull-sample', Gst.SECOND // 10)
+        if sample:
+            meta = sample.get_buffer().get_custom_meta('GstTerrainSegMeta')
+            fields = meta.get_structure() if meta else None
+            if fields:
+                print(f"frame {fields.get_value('frame')} {driver.command(fields)}", flush=True)
+            continue
+        message = bus.pop_filtered(Gst.MessageType.ERROR)
+        if message or out.get_property('eos'):
+            break
+    pipeline.set_state(Gst.State.NULL)
+    if message:
+        sys.exit(f'steer: {message.parse_error()[0].message}')
+
+
+if __name__ == '__main__':
+    main()
