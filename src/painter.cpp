@@ -11,7 +11,7 @@ namespace {
 
 // Everything drawn is a blend: a coverage of 0..256 per pixel and one colour. Frames are walked in tiles, so
 // that the coverage stays in the first cache and nothing is allocated.
-constexpr int tile_width = 1024;
+constexpr int tile_width = 2048;
 constexpr int opaque = 256;
 
 using Ink = std::array<std::uint8_t, 3>;
@@ -100,9 +100,10 @@ class Canvas {
     // One blend for all four sides: a chroma sample at a corner is then blended once.
     blend(r, ink, [&](int y, int x, int count, Coverage* out) {
       const bool edge_row = y < r.y + thickness || y >= r.y + r.height - thickness;
-      for (int i = 0; i < count; ++i) {
-        const bool edge = edge_row || x + i < r.x + thickness || x + i >= r.x + r.width - thickness;
-        out[i] = static_cast<Coverage>(edge ? strength : 0);
+      std::fill_n(out, count, static_cast<Coverage>(edge_row ? strength : 0));
+      for (const int side : {r.x, r.x + r.width - thickness}) {
+        const int first = std::clamp(side - x, 0, count), end = std::clamp(side + thickness - x, 0, count);
+        std::fill(out + first, out + end, static_cast<Coverage>(strength));
       }
     });
   }
@@ -176,6 +177,14 @@ class StretchedMask {
 
   const Rectangle& region() const { return region_; }
 
+  /// The same values as read(), where they lie when the mask has the frame's width, else in `room`.
+  const std::uint8_t* values(int y, int x, int count, std::uint8_t* room) const {
+    if (mask_.width == region_.width)
+      return mask_.plane.row(nearest(y - region_.y, region_.height, mask_.height)) + (x - region_.x);
+    read(y, x, count, room);
+    return room;
+  }
+
   /// Mask values of `count` pixels of row y from x on; both inside the region.
   void read(int y, int x, int count, std::uint8_t* out) const {
     const std::uint8_t* row = mask_.plane.row(nearest(y - region_.y, region_.height, mask_.height));
@@ -216,9 +225,8 @@ int half_of(int strength) {
 void paint_tint(const Canvas& canvas, const StretchedMask& mask, const Ink& ink, int strength) {
   const auto full = static_cast<Coverage>(strength), half = static_cast<Coverage>(half_of(strength));
   canvas.blend(mask.region(), ink, [&](int y, int x, int count, Coverage* out) {
-    std::array<std::uint8_t, tile_width> values;
-    mask.read(y, x, count, values.data());
-    kernels::cover_mask(values.data(), count, full, half, out);
+    std::array<std::uint8_t, tile_width> room;
+    kernels::cover_mask(mask.values(y, x, count, room.data()), count, full, half, out);
   });
 }
 

@@ -21,18 +21,6 @@ HWY_INLINE std::uint8_t mixed(unsigned sample, unsigned coverage, unsigned ink) 
 // 255 * 256 + 128: sixteen bits are enough.
 static_assert(255 * 256 + 128 <= 65535);
 
-// Plain loops that compilers turn into vectors of the target by themselves.
-bool cover(const std::uint8_t* mask, int count, Coverage full, Coverage half, Coverage* out) {
-  std::uint8_t most = 0;
-  for (int i = 0; i < count; ++i) {
-    const std::uint8_t v = mask[i];
-    most = most > v ? most : v;
-    const Coverage strong = v >= 192 ? full : half;
-    out[i] = v >= 64 ? strong : Coverage{0};
-  }
-  return most >= 64;
-}
-
 bool any(const Coverage* coverage, int count) {
   Coverage all = 0;
   for (int i = 0; i < count; ++i)
@@ -40,22 +28,15 @@ bool any(const Coverage* coverage, int count) {
   return all != 0;
 }
 
-void pool(const Coverage* top, const Coverage* bottom, int pixels, Coverage* out) {
-  const int pairs = pixels / 2;
-  if (bottom)
-    for (int i = 0; i < pairs; ++i)
-      out[i] =
-          static_cast<Coverage>((top[2 * i] + top[2 * i + 1] + bottom[2 * i] + bottom[2 * i + 1] + 2) >> 2);
-  else
-    for (int i = 0; i < pairs; ++i)
-      out[i] = static_cast<Coverage>((top[2 * i] + top[2 * i + 1] + 1) >> 1);
-  if (pixels % 2) {
-    const int last = pixels - 1;
-    out[pairs] = bottom ? static_cast<Coverage>((top[last] + bottom[last] + 1) >> 1) : top[last];
-  }
-}
-
 #if HWY_TARGET != HWY_SCALAR
+
+// Samples are asked for this far ahead: the processor's own prefetch stops at pages, that is every second
+// row.
+constexpr int bytes_ahead = 1024;
+
+HWY_INLINE void ask_ahead(const std::uint8_t* samples) {
+  __builtin_prefetch(samples + bytes_ahead, 1);
+}
 
 // Calls compute(i) for vectors that cover 0..count-1 and store(i) right after it. The last vector overlaps
 // the one before it: it is computed first, from samples that are still old, and stored last. False when there
@@ -72,22 +53,88 @@ HWY_INLINE bool in_place(int lanes, int count, const Compute& compute, const Sto
   return true;
 }
 
-// Mixes 16-bit lanes; the result is in the upper byte, the lower one is to be dropped.
+// Mixes 16-bit lanes by one multiplication: (s (256 - a) + i a + 128) >> 8 = s + (((i - s) a + 128) >> 8),
+// and the rounded product of (i - s) << 7 and a in Q15 is the second term. |i - s| << 7 and a fit 16 signed
+// bits.
+static_assert(255 << 7 <= 32767);
 template <class D16, class V = hn::Vec<D16>> HWY_INLINE V mix(D16 d16, V sample, V coverage, V ink) {
-  const V kept = hn::Mul(sample, hn::Sub(hn::Set(d16, 256), coverage));
-  return hn::Add(hn::Add(kept, hn::Mul(ink, coverage)), hn::Set(d16, 128));
+  const hn::RebindToSigned<D16> di16;
+  const auto difference = hn::ShiftLeft<7>(hn::BitCast(di16, hn::Sub(ink, sample)));
+  return hn::Add(sample, hn::BitCast(d16, hn::MulFixedPoint15(difference, hn::BitCast(di16, coverage))));
 }
 
 // Both bytes of 16-bit lanes, each with a coverage and an ink of its own.
 template <class D16, class V = hn::Vec<D16>>
 HWY_INLINE V mix_both(D16 d16, V samples, V low_coverage, V high_coverage, V low_ink, V high_ink) {
-  const V byte = hn::Set(d16, 255);
-  const V low = hn::ShiftRight<8>(mix(d16, hn::And(samples, byte), low_coverage, low_ink));
-  const V high = hn::AndNot(byte, mix(d16, hn::ShiftRight<8>(samples), high_coverage, high_ink));
-  return hn::Or(low, high);
+  const V low = mix(d16, hn::And(samples, hn::Set(d16, 255)), low_coverage, low_ink);
+  const V high = mix(d16, hn::ShiftRight<8>(samples), high_coverage, high_ink);
+  return hn::Or(low, hn::ShiftLeft<8>(high));
 }
 
 #endif
+
+bool cover(const std::uint8_t* mask, int count, Coverage full, Coverage half, Coverage* out) {
+  int i = 0;
+  bool some = false;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint16_t, 32> d16;
+  const hn::Rebind<std::uint8_t, decltype(d16)> d8;
+  const hn::RebindToSigned<decltype(d16)> di16;
+  const int lanes = static_cast<int>(hn::Lanes(d16));
+  const auto strong = hn::Set(di16, static_cast<std::int16_t>(full));
+  const auto weak = hn::Set(di16, static_cast<std::int16_t>(half));
+  auto most = hn::Zero(d8);
+  for (; i + lanes <= count; i += lanes) {
+    ask_ahead(mask + i);
+    const auto v8 = hn::LoadU(d8, mask + i);
+    const auto v = hn::BitCast(di16, hn::PromoteTo(d16, v8));
+    most = hn::Or(most, v8);
+    const auto at_least_half = hn::IfThenElseZero(hn::Gt(v, hn::Set(di16, 63)), weak);
+    const auto coverage = hn::IfThenElse(hn::Gt(v, hn::Set(di16, 191)), strong, at_least_half);
+    hn::StoreU(hn::BitCast(d16, coverage), d16, out + i);
+  }
+  // A value of 64 or more has one of its two upper bits.
+  const auto upper_bits = hn::And(most, hn::Set(d8, 192));
+  some = !hn::AllTrue(d8, hn::Eq(upper_bits, hn::Zero(d8)));
+#endif
+  for (; i < count; ++i) {
+    out[i] = mask[i] >= 192 ? full : mask[i] >= 64 ? half : Coverage{0};
+    some = some || mask[i] >= 64;
+  }
+  return some;
+}
+
+void pool(const Coverage* top, const Coverage* bottom, int pixels, Coverage* out) {
+  const int pairs = pixels / 2;
+  int i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint16_t, 32> d16;
+  const hn::Repartition<std::uint32_t, decltype(d16)> d32;
+  const hn::Repartition<std::int32_t, decltype(d16)> di32;
+  const hn::Rebind<std::uint16_t, decltype(d32)> dh;
+  const int lanes = static_cast<int>(hn::Lanes(d32));
+  const auto pair_sums = [&](const Coverage* row) HWY_ATTR {
+    const auto both = hn::BitCast(d32, hn::LoadU(d16, row));
+    return hn::Add(hn::And(both, hn::Set(d32, 0xffff)), hn::ShiftRight<16>(both));
+  };
+  for (; i + lanes <= pairs; i += lanes) {
+    const auto row = pair_sums(top + 2 * i);
+    const auto mean =
+        bottom ? hn::ShiftRight<2>(hn::Add(hn::Add(row, pair_sums(bottom + 2 * i)), hn::Set(d32, 2)))
+               : hn::ShiftRight<1>(hn::Add(row, hn::Set(d32, 1)));
+    hn::StoreU(hn::DemoteTo(dh, hn::BitCast(di32, mean)), dh, out + i);
+  }
+#endif
+  for (; i < pairs; ++i) {
+    const int row = top[2 * i] + top[2 * i + 1];
+    out[i] =
+        static_cast<Coverage>(bottom ? (row + bottom[2 * i] + bottom[2 * i + 1] + 2) >> 2 : (row + 1) >> 1);
+  }
+  if (pixels % 2) {
+    const int last = pixels - 1;
+    out[pairs] = bottom ? static_cast<Coverage>((top[last] + bottom[last] + 1) >> 1) : top[last];
+  }
+}
 
 void plane(std::uint8_t* samples, const Coverage* coverage, int count, std::uint8_t ink) {
 #if HWY_TARGET != HWY_SCALAR
@@ -98,9 +145,10 @@ void plane(std::uint8_t* samples, const Coverage* coverage, int count, std::uint
   if (in_place(
           static_cast<int>(hn::Lanes(d16)), count,
           [&](int i) HWY_ATTR {
+            ask_ahead(samples + i);
             const auto sample = hn::PromoteTo(d16, hn::LoadU(d8, samples + i));
             const auto sum = mix(d16, sample, hn::LoadU(d16, coverage + i), colour);
-            return hn::DemoteTo(d8, hn::BitCast(di16, hn::ShiftRight<8>(sum)));
+            return hn::DemoteTo(d8, hn::BitCast(di16, sum));
           },
           [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + i); }))
     return;
@@ -118,6 +166,7 @@ void pairs(std::uint8_t* samples, const Coverage* coverage, int count,
   if (in_place(
           static_cast<int>(hn::Lanes(d16)), count,
           [&](int i) HWY_ATTR {
+            ask_ahead(samples + 2 * i);
             const auto both = hn::BitCast(d16, hn::LoadU(d8, samples + 2 * i));
             const auto a = hn::LoadU(d16, coverage + i);
             return hn::BitCast(d8, mix_both(d16, both, a, a, first, second));
@@ -141,9 +190,10 @@ void triples(std::uint8_t* samples, const Coverage* coverage, int count,
   const auto ink0 = hn::Set(d16, ink[0]), ink1 = hn::Set(d16, ink[1]), ink2 = hn::Set(d16, ink[2]);
   const auto mix_one = [&](hn::Vec<decltype(d8)> v, hn::Vec<decltype(d16)> a,
                            hn::Vec<decltype(d16)> colour) HWY_ATTR {
-    return hn::DemoteTo(d8, hn::BitCast(di16, hn::ShiftRight<8>(mix(d16, hn::PromoteTo(d16, v), a, colour))));
+    return hn::DemoteTo(d8, hn::BitCast(di16, mix(d16, hn::PromoteTo(d16, v), a, colour)));
   };
   for (; i + lanes <= count; i += lanes) {
+    ask_ahead(samples + 3 * i);
     hn::Vec<decltype(d8)> v0, v1, v2;
     hn::LoadInterleaved3(d8, samples + 3 * i, v0, v1, v2);
     const auto a = hn::LoadU(d16, coverage + i);
@@ -172,6 +222,7 @@ void quads(std::uint8_t* samples, const Coverage* coverage, int count, const std
   if (in_place(
           static_cast<int>(hn::Lanes(d32)), count,
           [&](int i) HWY_ATTR {
+            ask_ahead(samples + 4 * i);
             const auto both = hn::BitCast(d16, hn::LoadU(d8, samples + 4 * i));
             const auto a32 = hn::PromoteTo(d32, hn::LoadU(dc, coverage + i));
             const auto a = hn::BitCast(d16, hn::Or(a32, hn::ShiftLeft<16>(a32)));
@@ -200,6 +251,7 @@ void packed_422(std::uint8_t* samples, const Coverage* coverage, int count,
       d16, hn::Set(d32, static_cast<std::uint32_t>(ink[1]) | static_cast<std::uint32_t>(ink[2]) << 16));
   const int lanes = static_cast<int>(hn::Lanes(d16));
   for (; i + lanes <= count; i += lanes) {
+    ask_ahead(samples + 2 * i);
     const auto both = hn::BitCast(d16, hn::LoadU(d8, samples + 2 * i));
     const auto a = hn::LoadU(d16, coverage + i);
     const auto a32 = hn::BitCast(d32, a);
