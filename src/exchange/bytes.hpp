@@ -2,6 +2,7 @@
 // Checksums and run lengths that the ways out share.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -29,8 +30,13 @@ inline const std::uint8_t* run_end(const std::uint8_t* from, const std::uint8_t*
   for (; end - p >= 8; p += 8) {
     std::uint64_t w;
     std::memcpy(&w, p, 8);
-    if (w != pattern)
-      break;
+    const std::uint64_t difference = w ^ pattern;
+    if (difference == 0)
+      continue;
+    // The first byte in memory is the lowest or the highest of the number.
+    const int bits = std::endian::native == std::endian::little ? std::countr_zero(difference)
+                                                                : std::countl_zero(difference);
+    return p + bits / 8;
   }
   while (p < end && *p == value)
     ++p;
