@@ -121,7 +121,7 @@ class Ground {
   Color grass(const Spot& spot, const Footprint& foot, const Color& base) const {
     const float blades = octave(0, spot, foot), tufts = octave(1, spot, foot), clumps = octave(2, spot, foot);
     const float patches = octave(3, spot, foot), meadow = octave(4, spot, foot);
-    const float v = 1 + 0.75F * blades + 0.4F * tufts + 0.3F * clumps + 0.2F * patches + 0.2F * meadow;
+    const float v = 1 + 1.0F * blades + 0.75F * tufts + 0.45F * clumps + 0.22F * patches + 0.2F * meadow;
     const Color dry = mix(base, Color{0.22F, 0.18F, 0.08F}, clamp01(0.25F + 0.5F * patches + 0.5F * meadow));
     return dry * std::max(v, 0.15F);
   }
@@ -196,7 +196,7 @@ class Ground {
     if (on_path > 0) {
       const float grit = octave(0, spot, foot), pebble = octave(1, spot, foot), lumps = octave(2, spot, foot);
       const float patch = octave(3, spot, foot), wide = octave(4, spot, foot);
-      float v = 1 + 0.3F * grit + 0.25F * pebble + p.clumps * (0.12F * lumps + 0.14F * patch + 0.14F * wide);
+      float v = 1 + 0.45F * grit + 0.45F * pebble + p.clumps * (0.24F * lumps + 0.14F * patch + 0.12F * wide);
       const float rut = smooth(0.26F, 0.06F, std::abs(std::abs(s) - 0.55F));
       v *= 1 - 0.13F * rut;
       color = p.surface * v;
@@ -242,7 +242,7 @@ class Ground {
     const float wide = octave(3, spot, foot);
     switch (p.flooring) {
     case 0: // linoleum, speckled
-      return p.surface * (1 + 0.14F * grain + 0.07F * speck + 0.05F * wear + 0.06F * wide);
+      return p.surface * (1 + 0.11F * grain + 0.06F * speck + 0.04F * wear + 0.05F * wide);
     case 1: { // tiles of 0.5 m
       const float u = spot.x * 2, v = spot.z * 2;
       const float joint = std::max(Footprint::stripe(fraction(u) - 0.5F, 0.012F, foot.x * 2),
@@ -371,15 +371,15 @@ class Outdoors {
       Color body = p.skyline_color;
       if (s_.settings.kind == Kind::plain) {
         const float ridge = s_.noise.cloudy(b * 70, elevation * 160);
-        body = body * (1 + 0.35F * ridge);
-        body = mix(body * s_.light.on({0, 0.7F, 0}), s_.light.haze, 0.45F);
+        body = body * std::max(1 + 0.8F * ridge + 0.35F * s_.noise.at(b * 300, elevation * 500), 0.2F);
+        body = mix(body * s_.light.on({0, 0.7F, 0}), s_.light.haze, 0.5F);
       } else {
         const float leaves =
             s_.noise.at(b * 420, elevation * 210) * 0.6F + s_.noise.at(b * 110, elevation * 60) * 0.5F;
         const float trunk =
             0.35F * smooth(0.35F, 0.55F, s_.noise.at(b * 330, 8.5F)) * smooth(0.6F, 0.1F, elevation / top);
         const float lit = 0.55F + 0.45F * clamp01(elevation / (top + 1e-4F));
-        body = mix(body * std::max(1 + 0.9F * leaves, 0.2F) * lit, Color{0.06F, 0.045F, 0.035F}, trunk);
+        body = mix(body * std::max(1 + 1.9F * leaves, 0.12F) * lit, Color{0.06F, 0.045F, 0.035F}, trunk);
         body = hazed(body * s_.light.on({0, 0.6F, 0}, 0.8F), p.clearing * 1.4F);
       }
       light = cover < 1 ? mix(light, body, cover) : body;
@@ -494,8 +494,12 @@ class Indoors {
     const float size = t / c.focal, along = size * (1 + std::abs(ray.z) / (std::abs(ray.x) + 1e-3F));
     const std::uint32_t side = ray.x > 0 ? 1 : 0;
     const float detail = 1 / (1 + 30 * along);
-    Color color = p.wall * (1 + 0.05F * s_.noise.at(z * 2 + 100.0F * static_cast<float>(side), height * 2) +
-                            0.06F * detail * s_.noise.at(z * 32, height * 32));
+    const float low = clamp01((0.92F - height) / size + 0.5F);
+    Color color = mix(p.wall, p.dado, low) *
+                  (1 + 0.06F * s_.noise.at(z * 2 + 100.0F * static_cast<float>(side), height * 2) +
+                   0.1F * detail * s_.noise.at(z * 32, height * 32));
+    const float rail = clamp01((0.05F - std::abs(height - 0.92F)) / size + 0.5F); // against carts and beds
+    color = mix(color, p.wall * 0.55F, 0.8F * rail);
     // A door in most stretches of 4 m, 0.95 m wide, framed; its place differs from stretch to stretch.
     const int stretch = floor_of(z * 0.25F);
     const std::uint32_t key = hash(s_.settings.seed, side + 61, static_cast<std::uint32_t>(stretch & 511));
@@ -510,10 +514,27 @@ class Indoors {
       const float handle = clamp01((0.07F - std::abs(u - 0.36F)) / along + 0.5F) *
                            clamp01((0.02F - std::abs(height - 1.02F)) / size + 0.5F);
       panel = mix(panel, Color{0.6F, 0.6F, 0.6F}, handle);
+      const float pane =
+          clamp01((0.16F - u) / along + 0.5F) * clamp01((0.42F - std::abs(height - 1.45F)) / size + 0.5F);
+      const float behind = 0.25F + 0.6F * clamp01(s_.noise.at(z * 7, height * 5));
+      panel = mix(panel, p.wall * behind, pane * (unit(hash(key, 2)) < 0.6F ? 1.0F : 0.0F));
       color = mix(color, panel, leaf);
+    } else if (unit(key) < 0.85F) { // a notice board with its papers
+      const float middle = 1 + 2 * unit(hash(key, 1)), u = z - 4 * static_cast<float>(stretch) - middle;
+      const float board = clamp01((0.62F - std::abs(u)) / along + 0.5F) *
+                          clamp01((0.42F - std::abs(height - 1.5F)) / size + 0.5F);
+      if (board > 0) {
+        const std::uint32_t sheet = hash(key, static_cast<std::uint32_t>(floor_of((u + 1) * 4)),
+                                         static_cast<std::uint32_t>(floor_of(height * 3)));
+        const float writing = detail * s_.noise.at(z * 40, height * 90);
+        const float tint = 0.25F * unit(hash(sheet, 3));
+        const Color paper = Color{0.65F, 0.63F - 0.6F * tint, 0.6F - 2 * tint} *
+                            ((0.6F + 0.4F * unit(sheet)) * (1 + 0.8F * writing));
+        color = mix(color, unit(hash(sheet, 5)) < 0.7F ? paper : Color{0.2F, 0.12F, 0.06F}, board);
+      }
     }
     const float skirting = clamp01((0.09F - height) / size + 0.5F);
-    color = mix(color, p.wall * 0.33F, skirting);
+    color = mix(color, p.wall * 0.25F, skirting);
     const float corner = 1 - 0.3F / (1 + 8 * std::max(std::min(height, corridor_height - height), 0.0F));
     return color * s_.light.on({0, 0.35F, 0}, 0.0F) * (pool(z) * corner * 1.25F);
   }

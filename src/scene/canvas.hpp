@@ -14,8 +14,8 @@ namespace terrainseg::scene {
 /// Filled from the front to the back, so that nothing hidden is ever computed: first things, then their
 /// shadows, then the backdrop.
 struct Canvas {
-  static constexpr std::uint8_t unset = 254;  ///< no label yet
-  static constexpr float hidden = 0.015F; ///< less than this share of a pixel is not worth drawing
+  static constexpr std::uint8_t unset = 254; ///< no label yet
+  static constexpr float hidden = 0.015F;    ///< less than this share of a pixel is not worth drawing
 
   int width = 0, height = 0;
   std::vector<Color> light;

@@ -35,7 +35,10 @@ Developer::Developer() {
   for (int i = 0; i <= tone_steps; ++i) {
     const float v = static_cast<float>(i) / tone_steps * 2; // up to twice white
     const float shoulder = v * (1 + v * 0.16F) / (1 + v * 0.42F);
-    tone_[i] = static_cast<std::uint16_t>(std::min(std::sqrt(shoulder) * (255 * 64), 255.0F * 64));
+    const float bright = std::min(std::sqrt(shoulder), 1.0F);
+    // Half of the way to an S: cameras like their pictures crisp.
+    const float crisp = mix(bright, bright * bright * (3 - 2 * bright), 0.55F);
+    tone_[i] = static_cast<std::uint16_t>(crisp * (255 * 64));
   }
   // The sum of four even numbers is close to a bell.
   for (std::uint32_t i = 0; i < grain_.size(); ++i) {

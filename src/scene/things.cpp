@@ -362,8 +362,10 @@ class Painter {
     const float phase = unit(thing.key) * 20;
     box(walls, not_traversable, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
       const float fine = 1 / (1 + 12 * size);
-      Color color = thing.color * (1 + 0.12F * s_.noise.at(u * 0.7F + phase, v * 0.7F) +
-                                   0.25F * fine * s_.noise.at(u * 9 + phase, v * 22));
+      const float coarse = 1 / (1 + 3 * size);
+      Color color = thing.color * (1 + 0.16F * s_.noise.at(u * 0.7F + phase, v * 0.7F) +
+                                   0.16F * coarse * s_.noise.at(u * 3 + phase, v * 3) +
+                                   0.4F * fine * s_.noise.at(u * 12 + phase, v * 24));
       if (f != Face::top) {
         const float wu = std::abs(fraction((u + phase) * 0.4F) - 0.5F) * 2.5F,
                     wv = fraction(v / storey) * storey;
@@ -376,10 +378,18 @@ class Painter {
         const std::uint32_t pane_key =
             hash(thing.key, static_cast<std::uint32_t>(floor_of((u + phase) * 0.4F)),
                  static_cast<std::uint32_t>(floor_of(v / storey)));
+        const float curtain =
+            unit(hash(pane_key, 2)) < 0.6F ? 0.7F * smooth(0.12F, 0.2F, wu - 0.25F * unit(pane_key)) : 0;
         const bool lamp = s_.settings.light == Light::dusk && unit(pane_key) < 0.3F;
         const Color pane =
             lamp ? Color{0.6F, 0.42F, 0.2F}
-                 : Color{0.02F, 0.025F, 0.03F} + s_.light.haze * (0.12F + 0.15F * unit(pane_key));
+                 : Color{0.012F, 0.014F, 0.018F} +
+                       s_.light.haze * (0.02F + 0.2F * unit(pane_key) *
+                                                    clamp01(0.5F + s_.noise.at(u * 1.3F + phase, v * 1.3F))) +
+                       Color{0.4F, 0.38F, 0.34F} * curtain;
+        const float pipe =
+            clamp01((0.06F - std::abs(fraction((u + phase) / 7.5F) - 0.5F) * 7.5F) / size + 0.5F);
+        color = mix(color, color * 0.35F, pipe);
         const float plinth = clamp01((0.5F - v) / size + 0.5F);
         return {mix(mix(color, color * 0.6F, plinth) * lit(normal), pane, glass), 1};
       }
@@ -411,11 +421,11 @@ class Painter {
     const float clump = s_.noise.at(u * 2.2F / radius + shift, v * 2.2F / radius);
     const float leaves = fine > 0 ? s_.noise.at(u * 6 + shift, v * 6) : 0;
     const float twigs = finer > 0 ? s_.noise.at(u * 24 + shift, v * 24) : 0;
-    const float bright = 1 + 0.55F * clump + 0.6F * fine * leaves + 0.7F * finer * twigs;
+    const float bright = 1 + 0.6F * clump + 1.0F * fine * leaves + 1.2F * finer * twigs;
     const float sunny = 0.5F + 0.5F * (dot(s_.light.sun, Vec3{0, v / radius, 0}) +
                                        0.6F * u / radius * dot(s_.light.sun, across_));
     const Color light =
-        s_.light.ambient * 0.6F + s_.light.sun_light * (0.55F * clamp01(sunny) * clamp01(bright - 0.45F));
+        s_.light.ambient * 0.55F + s_.light.sun_light * (0.85F * clamp01(sunny) * clamp01(bright - 0.5F));
     return leaf * light * std::max(bright, 0.12F);
   }
 
@@ -435,6 +445,8 @@ class Painter {
       if (std::abs(body) < 0.33F + 0.5F * rim)
         body += 0.2F * s_.noise.at(u * 5 + shift, v * 5) + 0.12F * s_.noise.at(u * 15, v * 15);
       // Gaps through which the sky shows.
+      if (size < 0.12F)
+        body -= 0.9F * smooth(0.3F, 0.6F, s_.noise.at(u * 3.3F + shift, v * 3.3F)) * clamp01(0.8F + y);
       const float alpha = clamp01(body / rim + 0.5F);
       const float wood =
           clamp01((trunk * (1.2F - v / thing.height) - std::abs(u)) / size + 0.5F) * (v < cy ? 1.0F : 0.0F);
@@ -481,12 +493,15 @@ class Painter {
                return {{}, 0};
              // The side of an egg, roughened.
              const float facing = std::sqrt(std::max(1 - r2, 0.05F));
-             const float nx = x + 0.55F * lumps, ny = y + 0.5F * chips + 0.35F * lumps;
+             const float nx = x + 0.8F * lumps, ny = y + 0.9F * chips + 0.5F * lumps;
              const Vec3 normal = across_ * nx + Vec3{0, ny, 0} + toward_ * facing;
              const float length = std::sqrt(dot(normal, normal)) + 1e-3F;
              const float fine = 1 / (1 + 20 * size);
              const Color color =
-                 thing.color * (1 + 0.35F * fine * s_.noise.at(u * 28 + shift, v * 28) + 0.2F * chips);
+                 thing.color *
+                 std::max(1 + 0.4F * fine * s_.noise.at((u + 0.4F * v) * 31 + shift, (v - 0.4F * u) * 31) +
+                              0.4F * fine * s_.noise.at(u * 11 + shift, v * 11) + 0.35F * chips,
+                          0.1F);
              return {color * s_.light.on(normal * (1 / length)) * (0.55F + 0.45F * clamp01(v / (0.6F * ry))),
                      alpha};
            });

@@ -315,15 +315,15 @@ Lighting lighting_of(const Settings& settings, double seconds) {
     light.ambient = dusk ? Color{0.1F, 0.095F, 0.085F} : Color{0.46F, 0.46F, 0.45F};
     light.haze = light.ambient * 0.55F;
     light.haze_distance = 45;
-    light.exposure = grey(dusk ? 1.15F : 1.3F);
+    light.exposure = grey(dusk ? 1.6F : 1.3F);
   } else if (dusk) {
     light.sun = toward_sun(dice.roll(0.02F, 0.035F), azimuth);
     light.sun_light = {0.5F, 0.24F, 0.1F};
     light.ambient = {0.17F, 0.18F, 0.24F};
     light.haze = {0.32F, 0.22F, 0.19F};
     light.zenith = {0.08F, 0.11F, 0.22F};
-    light.haze_distance = 350;
-    light.exposure = grey(1.1F);
+    light.haze_distance = 700;
+    light.exposure = grey(1.4F);
   } else {
     light.sun = toward_sun(dice.roll(0.09F, 0.17F), azimuth);
     const float veil = smooth(0.55F, 0.75F, light.clouds); // overcast: weak shadows
@@ -331,14 +331,14 @@ Lighting lighting_of(const Settings& settings, double seconds) {
     light.ambient = mix(Color{0.38F, 0.44F, 0.54F}, Color{0.62F, 0.65F, 0.7F}, veil);
     light.haze = mix(Color{0.66F, 0.74F, 0.86F}, Color{0.78F, 0.79F, 0.8F}, veil);
     light.zenith = mix(Color{0.16F, 0.32F, 0.7F}, Color{0.5F, 0.54F, 0.6F}, veil);
-    light.haze_distance = mix(750.0F, 380.0F, veil);
-    light.exposure = grey(1.2F);
+    light.haze_distance = mix(1400.0F, 700.0F, veil);
+    light.exposure = grey(1.32F);
   }
   if (settings.kind == Kind::plain && !dusk) {
     light.haze = mix(light.haze, Color{0.75F, 0.62F, 0.48F}, 0.6F);
     light.zenith = mix(light.zenith, Color{0.45F, 0.42F, 0.42F}, 0.5F);
   }
-  light.sensor_noise = dusk ? 3.5F : 1.6F;
+  light.sensor_noise = (dusk ? 3.2F : 1.4F) * (settings.kind == Kind::corridor ? 0.7F : 1.0F);
   if (settings.light == Light::drift) {
     const double phase = unit(hash(settings.seed, 42));
     const auto brightness =
@@ -377,7 +377,7 @@ Place place_of(const Settings& settings) {
     place.half_width = dice.roll(1.1F, 1.5F);
     place.flooring = static_cast<int>(dice.next() % 4);
     constexpr Color floors[] = {
-        {0.28F, 0.3F, 0.27F}, {0.42F, 0.4F, 0.36F}, {0.33F, 0.19F, 0.09F}, {0.13F, 0.14F, 0.2F}};
+        {0.17F, 0.18F, 0.16F}, {0.25F, 0.235F, 0.2F}, {0.25F, 0.13F, 0.06F}, {0.085F, 0.09F, 0.13F}};
     constexpr float glosses[] = {0.3F, 0.35F, 0.25F, 0};
     place.surface = floors[place.flooring] * tone;
     place.gloss = glosses[place.flooring];
@@ -385,6 +385,10 @@ Place place_of(const Settings& settings) {
     place.wall = walls[dice.next() % 3];
     constexpr Color doors[] = {{0.3F, 0.16F, 0.07F}, {0.12F, 0.2F, 0.3F}, {0.5F, 0.48F, 0.42F}};
     place.door = doors[dice.next() % 3];
+    constexpr Color dados[] = {
+        {0.14F, 0.26F, 0.34F}, {0.46F, 0.36F, 0.13F}, {0.34F, 0.17F, 0.12F}, {0.2F, 0.3F, 0.16F}};
+    const std::uint32_t dado = dice.next();
+    place.dado = dice.chance(0.75F) ? dados[dado % 4] : place.wall * 0.9F;
     break;
   }
   case Kind::plain:

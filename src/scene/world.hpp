@@ -37,6 +37,7 @@ struct Place {
   Color surface;           ///< what is driven on
   Color beside;            ///< grass, far ground
   Color wall;              ///< corridor
+  Color dado;              ///< corridor: the wall up to the rail
   Color door;              ///< corridor
   int flooring = 0;        ///< corridor: 0 linoleum, 1 tiles, 2 boards, 3 carpet
   float gloss = 0;         ///< corridor: share of mirrored light
