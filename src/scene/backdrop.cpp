@@ -121,8 +121,8 @@ class Ground {
   Color grass(const Spot& spot, const Footprint& foot, const Color& base) const {
     const float blades = octave(0, spot, foot), tufts = octave(1, spot, foot), clumps = octave(2, spot, foot);
     const float patches = octave(3, spot, foot), meadow = octave(4, spot, foot);
-    const float v = 1 + 1.0F * blades + 0.75F * tufts + 0.45F * clumps + 0.22F * patches + 0.2F * meadow;
-    const Color dry = mix(base, Color{0.22F, 0.18F, 0.08F}, clamp01(0.25F + 0.5F * patches + 0.5F * meadow));
+    const float v = 1 + 1.0F * blades + 0.5F * tufts + 0.26F * clumps + 0.2F * patches + 0.18F * meadow;
+    const Color dry = mix(base, Color{0.21F, 0.18F, 0.1F}, clamp01(0.35F + 0.5F * patches + 0.5F * meadow));
     return dry * std::max(v, 0.15F);
   }
 
@@ -196,7 +196,7 @@ class Ground {
     if (on_path > 0) {
       const float grit = octave(0, spot, foot), pebble = octave(1, spot, foot), lumps = octave(2, spot, foot);
       const float patch = octave(3, spot, foot), wide = octave(4, spot, foot);
-      float v = 1 + 0.45F * grit + 0.45F * pebble + p.clumps * (0.24F * lumps + 0.14F * patch + 0.12F * wide);
+      float v = 1 + 0.45F * grit + 0.45F * pebble + p.clumps * (0.34F * lumps + 0.14F * patch + 0.12F * wide);
       const float rut = smooth(0.26F, 0.06F, std::abs(std::abs(s) - 0.55F));
       v *= 1 - 0.13F * rut;
       color = p.surface * v;
@@ -229,10 +229,10 @@ class Ground {
     const float crest = std::abs(phase - 0.5F) * 4 - 1;
     v += 0.14F * deep * crest * clamp01(1.2F - 6 * foot.z);
     // Pebbles, too small to mind.
-    const float pebble = smooth(0.42F, 0.6F, stone + 0.35F * lumps) * foot.amplitude[1];
+    const float pebble = smooth(0.45F, 0.7F, stone + 0.3F * lumps) * foot.amplitude[1];
     const Color dust = mix(p.surface, p.surface * Color{0.8F, 0.9F, 1.05F}, clamp01(0.5F + 0.8F * wide));
     label = driven_terrain;
-    return mix(dust * v, p.surface * (0.45F * (1 + 0.5F * grit)), 0.8F * pebble);
+    return mix(dust * v, p.surface * (0.6F * (1 + 0.6F * grit)), 0.75F * pebble);
   }
 
   Color floor(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
@@ -372,7 +372,7 @@ class Outdoors {
       if (s_.settings.kind == Kind::plain) {
         const float ridge = s_.noise.cloudy(b * 70, elevation * 160);
         body = body * std::max(1 + 0.8F * ridge + 0.35F * s_.noise.at(b * 300, elevation * 500), 0.2F);
-        body = mix(body * s_.light.on({0, 0.7F, 0}), s_.light.haze, 0.5F);
+        body = mix(body * s_.light.on({0, 0.7F, 0}), s_.light.haze * Color{0.82F, 0.9F, 1.05F}, 0.5F);
       } else {
         const float leaves =
             s_.noise.at(b * 420, elevation * 210) * 0.6F + s_.noise.at(b * 110, elevation * 60) * 0.5F;

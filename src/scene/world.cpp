@@ -360,15 +360,15 @@ Place place_of(const Settings& settings) {
     place.half_width = place.urban ? 5.7F : 3.75F;
     place.pavement = place.urban ? 8 : 0;
     place.surface = Color{0.105F, 0.105F, 0.11F} * tone;
-    place.beside = mix(Color{0.1F, 0.17F, 0.035F}, Color{0.24F, 0.2F, 0.08F}, dice.roll() * 0.8F);
+    place.beside = mix(Color{0.105F, 0.15F, 0.05F}, Color{0.22F, 0.19F, 0.1F}, dice.roll() * 0.8F);
     place.skyline = place.urban ? 0.07F : 0.09F;
     place.clearing = 130;
     place.skyline_color = {0.05F, 0.075F, 0.03F};
     break;
   case Kind::trail:
     place.half_width = dice.roll(1.05F, 1.35F);
-    place.surface = mix(Color{0.25F, 0.19F, 0.13F}, Color{0.28F, 0.26F, 0.23F}, dice.roll()) * tone;
-    place.beside = mix(Color{0.09F, 0.16F, 0.03F}, Color{0.2F, 0.19F, 0.07F}, dice.roll());
+    place.surface = mix(Color{0.235F, 0.19F, 0.125F}, Color{0.26F, 0.24F, 0.2F}, dice.roll()) * tone;
+    place.beside = mix(Color{0.115F, 0.15F, 0.06F}, Color{0.2F, 0.18F, 0.1F}, dice.roll());
     place.skyline = 0.2F;
     place.clearing = 55;
     place.skyline_color = {0.045F, 0.07F, 0.025F};
@@ -398,7 +398,7 @@ Place place_of(const Settings& settings) {
     place.beside = place.surface;
     place.skyline = 0.05F;
     place.clearing = 400;
-    place.skyline_color = place.surface * 0.8F;
+    place.skyline_color = place.surface * 0.6F;
     break;
   }
   return place;
