@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs the Debian packages that a purpose needs and that are missing; asks nothing, does nothing when all are there.
-# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | build | run | preview | test | slow | list
+# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | build | run | preview | test | browser | slow | list
 set -euo pipefail
 
 # What compiling the plugin and the library takes; what the tools take on top.
@@ -17,8 +17,10 @@ run=(gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstr
 test=(libgtest-dev libgmock-dev libbenchmark-dev clang libclang-rt-14-dev llvm clang-format clang-tidy ffmpeg git
       python3-opencv python3-jsonschema binutils procps libgstreamer-plugins-bad1.0-dev libgstrtspserver-1.0-dev
       mosquitto mosquitto-clients)
+# What the check in a real browser takes on top.
+browser=(chromium gstreamer1.0-nice gir1.2-gst-plugins-bad-1.0)
 # What the slow checks take on top.
-slow=(debootstrap devscripts debhelper lintian fakeroot dpkg-dev chromium gstreamer1.0-nice gstreamer1.0-opencv
+slow=(debootstrap devscripts debhelper lintian fakeroot dpkg-dev gstreamer1.0-opencv
       g++-aarch64-linux-gnu qemu-user linux-perf)
 
 # Names that only one of the Debian releases has.
@@ -36,9 +38,10 @@ for purpose in "$@"; do
     build) wanted+=("${build[@]}") ;;
     run) wanted+=("${run[@]}") ;;
     test) wanted+=("${build[@]}" "${run[@]}" "${test[@]}") ;;
-    slow) wanted+=("${slow[@]}") ;;
-    list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${slow[@]}"; exit 0 ;;
-    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, build, run, preview, test, slow, list" >&2; exit 2 ;;
+    browser) wanted+=("${run[@]}" "${browser[@]}") ;;
+    slow) wanted+=("${browser[@]}" "${slow[@]}") ;;
+    list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${browser[@]}" "${slow[@]}"; exit 0 ;;
+    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, build, run, preview, test, browser, slow, list" >&2; exit 2 ;;
   esac
 done
 

@@ -2,8 +2,7 @@
 /* Reads the metadata of terrainseg in C: prints, per frame, the horizon, the share that is traversable
  * (counted in the mask), and the free rows ahead in the middle column.
  *
- * cc read_mask.c -o read_mask $(pkg-config --cflags --libs gstreamer-terrainseg-1.0 gstreamer-app-1.0
- * gstreamer-video-1.0)
+ * cc read_mask.c -o read_mask $(pkg-config --cflags --libs gstreamer-terrainseg-1.0 gstreamer-app-1.0)
  * ./read_mask [VIDEO]          without a video: a rendered scene of 60 frames
  */
 #include <gst/app/gstappsink.h>
@@ -70,8 +69,11 @@ static GstElement* make_pipeline(const gchar* video) {
 
   if (video) {
     gchar* uri = gst_filename_to_uri(video, &error);
-    if (uri == NULL)
-      g_error("%s", error->message);
+    if (uri == NULL) {
+      g_printerr("read_mask: %s\n", error->message);
+      g_error_free(error);
+      return NULL;
+    }
     text = g_strdup_printf("uridecodebin uri=\"%s\" ! videoconvert ! %s", uri, tail);
     g_free(uri);
   } else {
