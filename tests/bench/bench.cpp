@@ -1,15 +1,23 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The whole filter and its stages against what bounds them, in one run.
-// usage: terrainseg-bench [--json FILE] [--quick] [SECTION...]
-//   sections: goal formats stages paper streams     without one: all
+// usage: terrainseg-bench [--json FILE] [--quick] [--target NAME] [SECTION...]
+//   --target: forces a vector target of Highway (AVX3, AVX2, SSE4, SSSE3, SCALAR, NEON, ...)
+//   sections: kernels goal formats stages paper streams     without one: all
 #include <cstring>
 #include <memory>
 #include <set>
 #include <thread>
 
+#include "kernels/targets.hpp"
+
+#include <hwy/highway.h>
 #include <opencv2/imgproc.hpp>
 
 #include "frame_set.hpp"
+#include "kernels/blend.hpp"
+#include "kernels/mask.hpp"
+#include "kernels/reduce.hpp"
+#include "kernels/score_parts.hpp"
 #include "lanes.hpp"
 #include "painter.hpp"
 #include "pyramid.hpp"
@@ -32,6 +40,26 @@ constexpr const char* format_names[pixel_format_count] = {"I420", "YV12", "NV12"
                                                           "xRGB", "xBGR", "RGBA", "BGRA", "ARGB", "ABGR"};
 const char* name_of(PixelFormat format) {
   return format_names[static_cast<int>(format)];
+}
+
+std::int64_t best_of(std::int64_t targets) {
+  return targets & -targets;
+}
+
+// What the kernels run on.
+const char* target_name() {
+  const std::int64_t there = (hwy::SupportedTargets() | HWY_STATIC_TARGET) & HWY_TARGETS;
+  return hwy::TargetName(best_of(there));
+}
+
+bool force_target(const std::string& name) {
+  for (std::int64_t left = (hwy::SupportedTargets() | HWY_STATIC_TARGET) & HWY_TARGETS; left;
+       left &= left - 1)
+    if (name == hwy::TargetName(best_of(left))) {
+      hwy::SetSupportedTargetsForTest(best_of(left));
+      return true;
+    }
+  return false;
 }
 
 // Optimisers must believe that results are used.
@@ -72,6 +100,7 @@ class Bench {
  public:
   Bench(Report& report, bool quick) : report_(report), quick_(quick), rotation_(rotation_bytes()) {}
 
+  void kernel_rows();
   void goal();
   void formats();
   void stages();
@@ -206,6 +235,84 @@ void Bench::two_threads() {
                      times[1], 0.6));
 }
 
+// Each kernel on rows that lie in the cache, against a copy there of as many bytes as it reads and writes.
+// The best tenth counts: what disturbs a loop this short only ever adds.
+void Bench::kernel_rows() {
+  constexpr int width = 1920, repeats = 100;
+  constexpr auto size = static_cast<std::size_t>(width) * 8;
+  std::vector<std::uint8_t> a(size), b(size), out(size), copy(size * 8), source(size * 8);
+  std::vector<std::uint16_t> partial(size), held(size), coverage(size);
+  std::uint32_t state = 1;
+  for (auto* row : {&a, &b, &source})
+    for (auto& v : *row)
+      v = static_cast<std::uint8_t>((state = state * 1664525U + 1013904223U) >> 24);
+  for (std::size_t i = 0; i < size; ++i)
+    coverage[i] = static_cast<std::uint16_t>(i / 100 % 3 * 51);
+  kernels::ComponentScores scores;
+  scores.models = 5;
+  for (auto& model : scores.entries)
+    for (auto& component : model)
+      for (auto& e : component)
+        e = static_cast<std::uint8_t>((state = state * 1664525U + 1013904223U) >> 25);
+  const auto row = [&](const char* name, std::size_t bytes_moved, const std::function<void()>& work) {
+    const auto times = run_lanes({[&](int) {
+                                    for (int i = 0; i < repeats; ++i)
+                                      work();
+                                  },
+                                  [&](int) {
+                                    for (int i = 0; i < repeats; ++i) {
+                                      std::memcpy(copy.data(), source.data(), bytes_moved / 2);
+                                      asm volatile("" : : "r"(copy.data()) : "memory");
+                                    }
+                                  }},
+                                 {40, 400, std::chrono::milliseconds(quick_ ? 30 : 200)});
+    const double ms = times[0].quantile(100) / repeats / 1e6, floor = times[1].quantile(100) / repeats / 1e6;
+    report_.add({std::string("kernels, ") + target_name(), name, "", width, 1, ms,
+                 times[0].p99() / repeats / 1e6, "memcpy of the bytes moved", floor, ms / floor, 0});
+  };
+  const kernels::Waiting waiting{partial.data(), held.data()};
+  for (int step = 1; step <= 4; ++step) {
+    // Two rows in, half a row out, and the two sums read and written.
+    const std::size_t in = static_cast<std::size_t>(width) * static_cast<std::size_t>(step);
+    const std::string name = "reduce_pair, " + std::to_string(step) + " bytes a pixel";
+    row(name.c_str(), 2 * in + in / 2 * 9, [&, step] {
+      kernels::reduce_pair(static_cast<kernels::Interleave>(step), a.data(), b.data(), width, waiting,
+                           out.data());
+    });
+  }
+  row("reduce_pair_vertically", 2 * width + width * 9,
+      [&] { kernels::reduce_pair_vertically(a.data(), b.data(), width, waiting, out.data()); });
+  row("split_422", 4 * width, [&] { kernels::split_422(a.data(), width, true, out.data(), b.data()); });
+  std::vector<std::uint16_t> boundary(width), safe(width);
+  for (int x = 0; x < width; ++x) {
+    boundary[static_cast<std::size_t>(x)] = static_cast<std::uint16_t>(x % 7);
+    safe[static_cast<std::size_t>(x)] = static_cast<std::uint16_t>(7 + x % 3);
+  }
+  row("write_mask_rows, 8 rows", 2 * 8 * width, [&] {
+    kernels::write_mask_rows(boundary.data(), safe.data(), width, 0, 8, source.data(), width, out.data());
+  });
+  row("cover_mask", 3 * width, [&] { kernels::cover_mask(a.data(), width, 102, 51, partial.data()); });
+  row("pool_coverage", 5 * width,
+      [&] { kernels::pool_coverage(coverage.data(), held.data(), width, partial.data()); });
+  row("blend_plane", 4 * width, [&] { kernels::blend_plane(a.data(), coverage.data(), width, 60); });
+  row("blend_pairs", 6 * width, [&] { kernels::blend_pairs(a.data(), coverage.data(), width, {60, 70}); });
+  row("blend_triples", 8 * width, [&] {
+    kernels::blend_triples(a.data(), coverage.data(), width, {60, 70, 80});
+  });
+  row("blend_quads", 10 * width, [&] {
+    kernels::blend_quads(a.data(), coverage.data(), width, {60, 70, 80, 0}, 3);
+  });
+  row("blend_422", 6 * width, [&] {
+    kernels::blend_422(a.data(), coverage.data(), width, {60, 70, 80}, true);
+  });
+  const kernels::PixelRow pixels{{a.data(), b.data(), b.data() + 1}, 1, 2, 1};
+  for (const int shift : {4, 3}) {
+    scores.bit_shift = shift;
+    const std::string name = "classify_row_by_parts, 5 models, bit shift " + std::to_string(shift);
+    row(name.c_str(), 3 * width, [&] { kernels::classify_row_by_parts(pixels, scores, out.data(), width); });
+  }
+}
+
 void Bench::goal() {
   for (const PixelFormat format : {PixelFormat::NV12, PixelFormat::I420})
     for (const Size size : {hd, uhd}) {
@@ -329,17 +436,24 @@ int main(int argc, char** argv) {
   std::string json;
   bool quick = false;
   std::set<std::string> wanted;
-  const std::set<std::string> known{"goal", "formats", "stages", "paper", "streams"};
+  const std::set<std::string> known{"kernels", "goal", "formats", "stages", "paper", "streams"};
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     if (word == "--json" && i + 1 < argc) {
       json = argv[++i];
     } else if (word == "--quick") {
       quick = true;
+    } else if (word == "--target" && i + 1 < argc) {
+      if (!force_target(argv[++i])) {
+        std::fprintf(stderr, "target %s is not compiled or not of this machine\n", argv[i]);
+        return 2;
+      }
     } else if (known.count(word)) {
       wanted.insert(word);
     } else {
-      std::fprintf(stderr, "usage: %s [--json FILE] [--quick] [goal] [formats] [stages] [paper] [streams]\n",
+      std::fprintf(stderr,
+                   "usage: %s [--json FILE] [--quick] [--target NAME] [kernels] [goal] [formats] [stages] "
+                   "[paper] [streams]\n",
                    argv[0]);
       return 2;
     }
@@ -347,12 +461,13 @@ int main(int argc, char** argv) {
   cv::setNumThreads(1);
   Report report(json);
   Bench bench(report, quick);
-  std::printf("last-level cache %zu MB, frames rotate through %zu MB\n", last_level_cache_bytes() >> 20,
-              rotation_bytes() >> 20);
+  std::printf("last-level cache %zu MB, frames rotate through %zu MB, kernels on %s\n",
+              last_level_cache_bytes() >> 20, rotation_bytes() >> 20, target_name());
   const auto section = [&](const char* name, void (Bench::*run)()) {
     if (wanted.empty() || wanted.count(name))
       (bench.*run)();
   };
+  section("kernels", &Bench::kernel_rows);
   section("goal", &Bench::goal);
   section("formats", &Bench::formats);
   section("stages", &Bench::stages);

@@ -20,6 +20,9 @@ import gi
 gi.require_version('Gst', '1.0')
 from gi.repository import Gst  # noqa: E402
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', 'unit'))
+import klv_decoder  # noqa: E402
+
 FRAMES = 100
 RATE = 50
 TIMEOUT = 12  # seconds for a whole run
@@ -65,6 +68,18 @@ def free_port():
         finally:
             for s in sockets:
                 s.close()
+
+
+def check_with_ffmpeg(path):
+    """Another demuxer and another decoder: what ffmpeg takes out of the file are the units, whole and in order."""
+    data = subprocess.run(['ffmpeg', '-v', 'error', '-i', path, '-map', '0:d:0', '-c', 'copy', '-f', 'data', '-'],
+                          capture_output=True, check=True).stdout
+    frames = []
+    while data:
+        length, start = klv_decoder.ber(data, 16)
+        frames.append(klv_decoder.decode(data[:start + length])['frame'])
+        data = data[start + length:]
+    return report(sorted(frames) == list(range(FRAMES)), f'ffmpeg takes {len(frames)} units out of the file')
 
 
 class Pipeline:
@@ -255,6 +270,7 @@ def ts_file(make_rover):
         streams = subprocess.run(['ffprobe', '-v', 'error', '-show_entries', 'stream=codec_name', '-of', 'csv=p=0', path],
                                  capture_output=True, text=True, check=True).stdout.split()
         good = report(set(streams) == {'h264', 'klv'}, f'ffprobe lists {set(streams)}')
+        good &= check_with_ffmpeg(path)
         # With queues, and as a short pipeline writes it, one thread for both streams.
         for demux in (DEMUX, 'tsdemux name=d d. ! h264parse ! avdec_h264 ! combine.sink '
                              'd. ! meta/x-klv ! combine.meta ' + GROUND):
