@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// How right a sequence of masks is.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tools/eval/engines.hpp"
+#include "tools/eval/sequence.hpp"
+
+namespace terrainseg::eval {
+
+/// Pixels of one frame, or pooled.
+struct Counts {
+  long long true_ground = 0, false_ground = 0, missed_ground = 0, true_rest = 0;
+  long long unsafe = 0, near_obstacles = 0; ///< obstacle pixels in the bottom third: called ground, and all
+  Counts& operator+=(const Counts& other);
+  long long known() const { return true_ground + false_ground + missed_ground + true_rest; }
+  double error() const;     ///< percent of the labelled pixels that are wrong
+  double iou() const;       ///< percent
+  double precision() const; ///< percent
+  double recall() const;    ///< percent
+  double f_measure() const; ///< percent
+  double
+  unsafe_share() const; ///< percent of the obstacle pixels in the bottom third that are called traversable
+  double false_safe_share() const; ///< percent of all pixels that are no ground and called traversable
+};
+
+/// A median and a 90th percentile, or nothing.
+struct Spread {
+  std::optional<double> median, p90;
+};
+Spread spread_of(std::vector<double> values);
+
+struct FrameFigures {
+  double error = 0, unsafe = 0;  ///< percent
+  std::optional<double> horizon; ///< percent of the height off
+  int confidence = -1;
+  std::size_t index = 0;
+};
+
+struct Figures {
+  std::string sequence, engine, input = "as it is";
+  int width = 0, height = 0;
+  Counts ground;                      ///< positive = labels 1 and 2
+  Counts terrain;                     ///< positive = label 1; label 2 ignored
+  Counts without_doubt_zone;          ///< as ground, but doubtful counts as traversable
+  Spread horizon;                     ///< |row - truth|, percent of the height
+  std::optional<double> horizon_null; ///< percent of the frames with a horizon that got none
+  std::optional<double>
+      boundary_within; ///< percent of the columns whose boundary lies within 2 % of the height
+  std::optional<double> boundary_over; ///< percent of the columns that reach more than 2 % beyond it
+  std::optional<double> flicker;       ///< percent of the pixels that change from frame to frame
+  Spread frame_error;
+  std::optional<double> confidence_rank; ///< Spearman, confidence against error
+  Spread latency;                        ///< milliseconds; p90 holds the 99th percentile
+  std::vector<FrameFigures> frames;
+};
+
+/// Collects one pass.
+class Scorer {
+ public:
+  Scorer(std::string sequence, std::string engine, std::string input);
+  void add(const Answer& answer, const cv::Mat1b& labels);
+  Figures finish();
+
+ private:
+  Figures figures_;
+  std::vector<double> horizons_, latencies_, flicker_;
+  long long frames_with_horizon_ = 0, nulls_ = 0;
+  bool knows_horizon_ = false;
+  long long columns_ = 0, columns_within_ = 0, columns_over_ = 0;
+  cv::Mat1b previous_;
+};
+
+/// First row in which at least 2 % of the columns are ground; -1 = none.
+int true_horizon(const cv::Mat1b& labels);
+
+/// Spearman's rank correlation; nothing when a side is constant.
+std::optional<double> rank_correlation(const std::vector<double>& a, const std::vector<double>& b);
+
+} // namespace terrainseg::eval
