@@ -403,7 +403,7 @@ void paint(const MutableFrame& frame, const Estimate& estimate, const PaintStyle
 
   if (have_mask) {
     if (style.style == OverlayStyle::contour)
-      paint_contour(canvas, mask, color, line_strength, thickness);
+      paint_contour(canvas, mask, color, line_strength, std::clamp((frame.height + 120) / 240, 1, 16));
     else
       paint_tint(canvas, mask, color, strength);
   }

@@ -242,7 +242,7 @@ TEST(Painter, ContourIsTheInnerEdge) {
         const int depth = std::min({x, y, width - 1 - x, height + 20 - y});
         nested.values[static_cast<std::size_t>(y) * width + x] = depth > 12 ? 255 : depth > 6 ? 128 : 0;
       }
-    const int reach = std::clamp((height + 180) / 360, 1, 16);
+    const int reach = std::clamp((height + 120) / 240, 1, 16);
     for (const Mask& mask : {nested, Mask(width, height, 9)}) {
       Picture before(PixelFormat::RGB, width, height), after(PixelFormat::RGB, width, height);
       paint(after.frame, estimate_of(mask, width, height), {OverlayStyle::contour, 60, 0xff00ff00});
