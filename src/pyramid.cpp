@@ -390,10 +390,12 @@ void Pyramid::State::fill_level_0(int component, int index) {
   const ComponentLayout& l = layout(component);
   const Rows rows = own_rows(0, index);
   for (int y = rows.first; y < rows.end; ++y) {
-    const std::uint8_t* in = frame.planes[l.plane].row(y >> l.y_shift) + l.offset;
     std::uint8_t* out = planes[0][component].row(y);
-    for (int x = 0; x < shape.width; ++x)
-      out[x] = in[(x >> l.x_shift) * l.step];
+    if (l.y_shift && y % 2 && y > rows.first)
+      std::memcpy(out, planes[0][component].row(y - 1), static_cast<std::size_t>(shape.width));
+    else
+      kernels::spread(frame.planes[l.plane].row(y >> l.y_shift), l.offset, l.step, l.x_shift, shape.width,
+                      out);
   }
 }
 

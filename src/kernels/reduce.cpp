@@ -323,6 +323,38 @@ void pick_bytes(const std::uint8_t* row, int offset, int step, int count, std::u
       out[i] = row[4 * i + offset];
 }
 
+template <int step, int shift> void spread_bytes(const std::uint8_t* in, int width, std::uint8_t* out) {
+  if constexpr (shift == 0) {
+    for (int x = 0; x < width; ++x)
+      out[x] = in[x * step];
+  } else {
+    for (int i = 0; i < width / 2; ++i)
+      out[2 * i] = out[2 * i + 1] = in[i * step];
+    if (width % 2)
+      out[width - 1] = in[width / 2 * step];
+  }
+}
+
+template <int shift> void spread_steps(const std::uint8_t* in, int step, int width, std::uint8_t* out) {
+  switch (step) {
+  case 1:
+    return spread_bytes<1, shift>(in, width, out);
+  case 2:
+    return spread_bytes<2, shift>(in, width, out);
+  case 3:
+    return spread_bytes<3, shift>(in, width, out);
+  default:
+    return spread_bytes<4, shift>(in, width, out);
+  }
+}
+
+void spread_row(const std::uint8_t* row, int offset, int step, int shift, int width, std::uint8_t* out) {
+  if (shift == 0)
+    spread_steps<0>(row + offset, step, width, out);
+  else
+    spread_steps<1>(row + offset, step, width, out);
+}
+
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels
 HWY_AFTER_NAMESPACE();
@@ -334,6 +366,7 @@ HWY_EXPORT(reduce);
 HWY_EXPORT(reduce_vertically);
 HWY_EXPORT(split);
 HWY_EXPORT(pick_bytes);
+HWY_EXPORT(spread_row);
 
 void reduce_pair(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
                  const Waiting& waiting, std::uint8_t* out) {
@@ -352,6 +385,10 @@ void split_422(const std::uint8_t* row, int width, bool luma_first, std::uint8_t
 
 void pick(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out) {
   HWY_DYNAMIC_DISPATCH(pick_bytes)(row, offset, step, count, out);
+}
+
+void spread(const std::uint8_t* row, int offset, int step, int shift, int width, std::uint8_t* out) {
+  HWY_DYNAMIC_DISPATCH(spread_row)(row, offset, step, shift, width, out);
 }
 
 } // namespace terrainseg::kernels

@@ -45,4 +45,8 @@ void split_422(const std::uint8_t* row, int width, bool luma_first, std::uint8_t
 /// Every `step`-th byte of a row, from `offset` on: `count` samples. step is 2 or 4.
 void pick(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out);
 
+/// A component at full width: sample offset + step * (x >> shift) of the row for every x below `width`. step
+/// is 1..4, shift 0 or 1.
+void spread(const std::uint8_t* row, int offset, int step, int shift, int width, std::uint8_t* out);
+
 } // namespace terrainseg::kernels

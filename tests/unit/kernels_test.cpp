@@ -159,6 +159,24 @@ TEST(Kernels, Pick) {
   });
 }
 
+TEST(Kernels, Spread) {
+  on_every_target([] {
+    std::mt19937 random(8);
+    for (int width = 1; width <= 160; ++width)
+      for (int step = 1; step <= 4; ++step)
+        for (int shift = 0; shift <= 1; ++shift) {
+          const int offset = static_cast<int>(random() % static_cast<unsigned>(step));
+          const int samples = (width + shift) >> shift;
+          const Guarded<std::uint8_t> row(static_cast<std::size_t>((samples - 1) * step + offset + 1), true);
+          const Guarded<std::uint8_t> out(static_cast<std::size_t>(width), true);
+          fill(row, Fill::noise, random);
+          spread(row.data(), offset, step, shift, width, out.data());
+          for (int x = 0; x < width; ++x)
+            ASSERT_EQ(out[x], row[(x >> shift) * step + offset]) << width << " at " << x;
+        }
+  });
+}
+
 void check_mask(int width, int height, int stride, int spread, std::mt19937& random) {
   std::vector<std::uint16_t> boundary(width), safe(width);
   const int base = static_cast<int>(random() % static_cast<unsigned>(height + 1));
