@@ -223,6 +223,8 @@ void Segmenter::State::find_free_space(const Frame& frame, const Supervision& su
     constexpr std::uint32_t least_variance = 180 << 8;
     const ClusterRule bins{
         settings.training_models, {0, 0, 0}, {least_variance, least_variance, least_variance}, settings.seed};
+    clusters.samples.reserve(window_cells.size()); // what the pre-filter keeps differs from frame to frame
+    clusters.cluster_of.reserve(window_cells.size());
     const TrainingModels training = cluster(colors, kept.cells, bins, clusters);
     clock.lap(Stage::clustering);
     update(training);
