@@ -358,24 +358,14 @@ void forget(gpointer object, const char* why) {
   });
 }
 
-/// False, with an error, when a loaded terrain was learned in another colour space than `space`.
-bool check_loaded(gpointer object, const ColorSpace& space) {
+/// What is wrong when a loaded terrain was learned in another colour space than `space`.
+std::optional<std::string> foreign_terrain(gpointer object, const ColorSpace& space) {
   ElementState& s = state_of(object);
-  std::string name, learned_in;
-  {
-    ObjectLock lock(object);
-    if (!s.initial || s.initial->space == space)
-      return true;
-    name = s.initial_name;
-    learned_in = name_of(s.initial->space);
-  }
-  GST_ELEMENT_ERROR(
-      GST_ELEMENT(object), STREAM, WRONG_TYPE,
-      ("The learned terrain \"%s\" was learned in %s and the video is %s. Convert the video in front of "
-       "terrainseg, or learn anew.",
-       name.c_str(), learned_in.c_str(), name_of(space).c_str()),
-      ("model %s: %s, caps: %s", name.c_str(), learned_in.c_str(), name_of(space).c_str()));
-  return false;
+  ObjectLock lock(object);
+  if (!s.initial || s.initial->space == space)
+    return std::nullopt;
+  return "The learned terrain \"" + s.initial_name + "\" was learned in " + name_of(s.initial->space) +
+         " and the video is " + name_of(space) + ".";
 }
 
 gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
@@ -396,8 +386,19 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
       return FALSE;
     }
     const ColorSpace space = learning_space(s.settings.core, space_of(info));
-    if (!check_loaded(transform, space))
-      return FALSE;
+    if (const auto foreign = foreign_terrain(transform, space)) {
+      if (!s.space) { // what the user asked for cannot be had; later it is the stream that changed
+        GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
+                          ("%s Convert the video in front of terrainseg, or learn anew.", foreign->c_str()),
+                          ("caps %" GST_PTR_FORMAT, printable(caps)));
+        return FALSE;
+      }
+      GST_ELEMENT_WARNING(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
+                          ("%s It is learned anew.", foreign->c_str()),
+                          ("caps %" GST_PTR_FORMAT, printable(caps)));
+      ObjectLock lock(transform);
+      s.initial.reset();
+    }
     if (s.space && *s.space != space)
       forget(transform, "another colour space");
     s.space = space;
