@@ -418,23 +418,25 @@ gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query,
 
 // ---- events ----------------------------------------------------------------------------------------------
 
-void take_near_event(gpointer object, GstEvent* event) {
+/// True when the event was one for this element. It travels on all the same.
+bool take_near_event(gpointer object, GstEvent* event) {
   const GstStructure* fields = gst_event_get_structure(event);
   if (!fields || !gst_structure_has_name(fields, GST_TERRAIN_SEG_NEAR_EVENT))
-    return;
+    return false;
   gboolean clear = FALSE;
   if (!gst_structure_get_boolean(fields, "clear", &clear)) {
     GST_ELEMENT_WARNING(
         GST_ELEMENT(object), STREAM, FAILED,
         ("An event %s without the boolean field \"clear\" was ignored.", GST_TERRAIN_SEG_NEAR_EVENT),
         ("event %" GST_PTR_FORMAT, printable(event)));
-    return;
+    return false;
   }
   {
     ObjectLock lock(object);
     state_of(object).book.set_near_clear(clear);
   }
   g_object_notify(G_OBJECT(object), "near-clear");
+  return true;
 }
 
 void take_stream_start(gpointer object, GstEvent* event) {
@@ -454,7 +456,7 @@ void take_stream_start(gpointer object, GstEvent* event) {
 }
 
 gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
-  guarded(transform, false, [&] {
+  const bool taken = guarded(transform, false, [&] {
     switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_STREAM_START:
       take_stream_start(transform, event);
@@ -469,30 +471,28 @@ gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
     case GST_EVENT_CUSTOM_DOWNSTREAM_OOB:
     case GST_EVENT_CUSTOM_BOTH:
     case GST_EVENT_CUSTOM_BOTH_OOB:
-      take_near_event(transform, event);
-      break;
+      return take_near_event(transform, event);
     default:
       break;
     }
-    return true;
+    return false;
   });
-  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->sink_event(transform, event);
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->sink_event(transform, event) || taken;
 }
 
 gboolean src_event(GstBaseTransform* transform, GstEvent* event) {
-  guarded(transform, false, [&] {
+  const bool taken = guarded(transform, false, [&] {
     switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_CUSTOM_UPSTREAM:
     case GST_EVENT_CUSTOM_BOTH:
     case GST_EVENT_CUSTOM_BOTH_OOB:
-      take_near_event(transform, event);
-      break;
+      return take_near_event(transform, event);
     default:
       break;
     }
-    return true;
+    return false;
   });
-  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->src_event(transform, event);
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->src_event(transform, event) || taken;
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
