@@ -253,7 +253,7 @@ gboolean on_load_model(GstTerrainSeg* self, const gchar* path) {
     std::string error = read.error;
     if (read.terrain) {
       const Status status = between_frames(self, *self->state, [&](Segmenter* segmenter) {
-        const Status adopted = segmenter ? segmenter->adopt(*read.terrain) : Status();
+        Status adopted = segmenter ? segmenter->adopt(*read.terrain) : Status();
         if (adopted.ok()) {
           self->state->initial = std::move(read.terrain);
           self->state->initial_name = path;
