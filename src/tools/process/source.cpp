@@ -46,6 +46,7 @@ void Source::build_decoder() {
                                                         : gst_filename_to_uri(input_.path.c_str(), nullptr));
   g_object_set(decoder, "uri", uri.get(), nullptr);
   g_signal_connect(decoder, "pad-added", G_CALLBACK(on_pad_added), this);
+  g_signal_connect(decoder, "no-more-pads", G_CALLBACK(on_no_more_pads), this);
   g_signal_connect(decoder, "autoplug-continue", G_CALLBACK(on_autoplug_continue), this);
   g_signal_connect(decoder, "deep-element-added", G_CALLBACK(on_element_added), this);
   gst_bin_add(GST_BIN(bin_), decoder);
@@ -188,6 +189,13 @@ std::string Source::other_streams() const {
 
 void Source::on_pad_added(GstElement*, GstPad* pad, gpointer self) {
   static_cast<Source*>(self)->pad_added(pad);
+}
+
+void Source::on_no_more_pads(GstElement*, gpointer self) {
+  Source* source = static_cast<Source*>(self);
+  const std::string others = source->other_streams();
+  if (!source->linked_)
+    source->set_problem("there is no video in it" + (others.empty() ? "" : ", only " + others));
 }
 
 /// Sound and subtitles are neither decoded nor asked decoders for.

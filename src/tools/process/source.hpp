@@ -49,6 +49,7 @@ class Source {
   bool link_video(GstPad* pad);
   void set_problem(const std::string& problem);
   static void on_pad_added(GstElement*, GstPad* pad, gpointer self);
+  static void on_no_more_pads(GstElement*, gpointer self);
   static gboolean on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer);
   static void on_need_data(GstElement*, guint, gpointer self);
   static void on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self);
