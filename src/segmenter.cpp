@@ -117,8 +117,10 @@ void Segmenter::State::find_free_space(const Frame& frame, const Supervision& su
     const TrainingModels training = cluster(colors, kept.cells, bins, clusters);
     clock.lap(Stage::clustering);
     update(training);
-    path.learn(window_cells, kept.cells, settings, terrain);
+    path.learn(window_cells, kept.cells, training, settings, terrain);
     clock.lap(Stage::update);
+  } else {
+    path.rely_on_memory();
   }
   if (heaviest(terrain.models) < 0) {
     label_unknown();
