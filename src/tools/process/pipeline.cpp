@@ -96,6 +96,7 @@ class Run {
   std::uint64_t moved() const;
   Outcome conclude();
   std::string damage() const;
+  std::string cut_off(std::uint64_t length) const;
   std::string emptiness() const;
   std::optional<std::string> miscount() const;
   Outcome keep(const std::string& damage);
@@ -463,6 +464,8 @@ void Run::play(const std::atomic<int>& interrupted) {
       asked_to_end = true;
       source_.end();
     }
+    if (now - last_move > grace && source_.has_given_up())
+      return;
     if (now - last_move > patience) {
       source_error_ = source_error_.empty() ? "nothing came out of the decoder for a minute" : source_error_;
       if (asked_to_end || labelled_ == 0)
@@ -475,6 +478,11 @@ void Run::play(const std::atomic<int>& interrupted) {
   handle_messages(bus.get(), 0); // what was said before the end
 }
 
+std::string Run::cut_off(std::uint64_t length) const {
+  return "the file is cut off: " + std::to_string(record_.identity.bytes) + " of " + std::to_string(length) +
+         " bytes are there";
+}
+
 /// Why not a single frame came.
 std::string Run::emptiness() const {
   if (!missing_decoder_.empty())
@@ -484,6 +492,9 @@ std::string Run::emptiness() const {
     return source_.problem();
   if (!source_.has_video() && !source_.other_streams().empty())
     return "there is no video in it, only " + source_.other_streams();
+  if (input_.kind == Input::Kind::file)
+    if (const auto length = missing_length(input_.path))
+      return cut_off(*length) + (source_error_.empty() ? "" : "; " + source_error_);
   if (!source_error_.empty()) {
     const std::string image = source_.image_after(0);
     return (image.empty() ? "" : image + ": ") + source_error_;
@@ -506,8 +517,7 @@ std::string Run::damage() const {
            (source_warning_.empty() ? "" : ": " + source_warning_);
   if (input_.kind == Input::Kind::file)
     if (const auto length = missing_length(input_.path))
-      return "the file is cut off: " + std::to_string(record_.identity.bytes) + " of " +
-             std::to_string(*length) + " bytes are there";
+      return cut_off(*length);
   if (!source_warning_.empty())
     return source_warning_;
   if (const std::uint64_t lost = source_.lost(); lost > 0)

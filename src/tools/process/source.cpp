@@ -177,6 +177,27 @@ void Source::set_problem(const std::string& problem) {
     problem_ = problem;
 }
 
+bool Source::has_given_up() const {
+  if (linked_ || input_.kind != Input::Kind::file)
+    return false;
+  struct Look {
+    GstElement* tail; // waits for frames all the time
+    bool working = false;
+  } look{tail_};
+  GstIterator* elements = gst_bin_iterate_recurse(GST_BIN(bin_));
+  const auto visit = [](const GValue* value, gpointer data) {
+    Look& state = *static_cast<Look*>(data);
+    GstElement* element = GST_ELEMENT(g_value_get_object(value));
+    GST_OBJECT_LOCK(element);
+    for (GList* pad = element->pads; pad && element != state.tail; pad = pad->next)
+      state.working = state.working || gst_pad_get_task_state(GST_PAD(pad->data)) == GST_TASK_STARTED;
+    GST_OBJECT_UNLOCK(element);
+  };
+  const GstIteratorResult result = gst_iterator_foreach(elements, visit, &look);
+  gst_iterator_free(elements);
+  return result == GST_ITERATOR_DONE && !look.working; // changed while looking: still working
+}
+
 std::string Source::problem() const {
   const std::lock_guard lock(mutex_);
   return problem_;

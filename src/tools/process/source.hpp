@@ -27,6 +27,9 @@ class Source {
   GstElement* bin() const { return bin_; }
 
   bool has_video() const { return linked_; }
+  /// True when nothing works on the input any more although no video came: some demuxers give up a cut file
+  /// without a word.
+  bool has_given_up() const;
   /// What it holds instead of video, for a message; empty when nothing is known.
   std::string other_streams() const;
   /// Why feeding or linking failed; empty when it did not.
