@@ -39,9 +39,17 @@ template <int step> HWY_INLINE int horizontal(const std::uint8_t* row, int p) {
   return row[p - 2 * step] + row[p + 2 * step] + 4 * (row[p - step] + row[p + step]) + 6 * row[p];
 }
 
-template <int step> int horizontal_at_edge(const std::uint8_t* row, int x, int width, int channel) {
-  const auto at = [&](int i) { return int{row[reflect_101(i, width) * step + channel]}; };
-  return at(x - 2) + at(x + 2) + 4 * (at(x - 1) + at(x + 1)) + 6 * at(x);
+template <int step>
+HWY_INLINE int horizontal_at_edge(const std::uint8_t* row, int x, int width, int channel) {
+  const auto at = [&](int i) HWY_ATTR { return int{row[i * step + channel]}; };
+  if (width < 3) {
+    const auto mirrored = [&](int i) HWY_ATTR { return at(reflect_101(i, width)); };
+    return mirrored(x - 2) + mirrored(x + 2) + 4 * (mirrored(x - 1) + mirrored(x + 1)) + 6 * at(x);
+  }
+  // Two pixels beyond a row of three or more, one reflection is enough.
+  const auto left = [](int i) { return i < 0 ? -i : i; };
+  const auto right = [width](int i) { return i < width ? i : 2 * width - 2 - i; };
+  return at(left(x - 2)) + at(right(x + 2)) + 4 * (at(left(x - 1)) + at(right(x + 1))) + 6 * at(x);
 }
 
 template <int step, int written>
