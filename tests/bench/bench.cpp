@@ -276,13 +276,13 @@ void Bench::kernel_rows() {
     const std::size_t in = static_cast<std::size_t>(width) * static_cast<std::size_t>(step);
     const std::string name = "reduce_pair, " + std::to_string(step) + " bytes a pixel";
     row(name.c_str(), 2 * in + in / 2 * 9, [&, step] {
-      kernels::reduce_pair(static_cast<kernels::Interleave>(step), a.data(), b.data(), width, waiting,
+      kernels::reduce_pair(static_cast<kernels::Interleave>(step), a.data(), b.data(), width, 0, waiting,
                            out.data());
     });
   }
   row("reduce_pair_vertically", 2 * width + width * 9,
       [&] { kernels::reduce_pair_vertically(a.data(), b.data(), width, waiting, out.data()); });
-  row("split_422", 4 * width, [&] { kernels::split_422(a.data(), width, true, out.data(), b.data()); });
+  row("split_422", 4 * width, [&] { kernels::split_422(a.data(), width, true, 0, out.data(), b.data()); });
   std::vector<std::uint16_t> boundary(width), safe(width);
   for (int x = 0; x < width; ++x) {
     boundary[static_cast<std::size_t>(x)] = static_cast<std::uint16_t>(x % 7);
