@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "overlay_properties.hpp"
 
-#include <cmath>
-
 namespace terrainseg {
 namespace {
 
@@ -52,7 +50,7 @@ void install_overlay_properties(GObjectClass* object_class, guint first_id) {
 
 PaintStyle OverlaySettings::paint() const {
   constexpr int opaque = 256;
-  return {style, static_cast<int>(std::lround(alpha * opaque)), color};
+  return {style, static_cast<int>(alpha * opaque + 0.5), color};
 }
 
 void set_overlay_property(OverlaySettings& settings, guint offset, const GValue* value) {

@@ -253,7 +253,7 @@ gboolean on_load_model(GstTerrainSeg* self, const gchar* path) {
     std::string error = read.error;
     if (read.terrain) {
       const Status status = between_frames(self, *self->state, [&](Segmenter* segmenter) {
-        Status adopted = segmenter ? segmenter->adopt(*read.terrain) : Status();
+        const Status adopted = segmenter ? segmenter->adopt(*read.terrain) : Status();
         if (adopted.ok()) {
           self->state->initial = std::move(read.terrain);
           self->state->initial_name = path;
@@ -358,14 +358,24 @@ void forget(gpointer object, const char* why) {
   });
 }
 
-/// What is wrong when a loaded terrain was learned in another colour space than `space`.
-std::optional<std::string> foreign_terrain(gpointer object, const ColorSpace& space) {
+/// False, with an error, when a loaded terrain was learned in another colour space than `space`.
+bool check_loaded(gpointer object, const ColorSpace& space) {
   ElementState& s = state_of(object);
-  ObjectLock lock(object);
-  if (!s.initial || s.initial->space == space)
-    return std::nullopt;
-  return "The learned terrain \"" + s.initial_name + "\" was learned in " + name_of(s.initial->space) +
-         " and the video is " + name_of(space) + ".";
+  std::string name, learned_in;
+  {
+    ObjectLock lock(object);
+    if (!s.initial || s.initial->space == space)
+      return true;
+    name = s.initial_name;
+    learned_in = name_of(s.initial->space);
+  }
+  GST_ELEMENT_ERROR(
+      GST_ELEMENT(object), STREAM, WRONG_TYPE,
+      ("The learned terrain \"%s\" was learned in %s and the video is %s. Convert the video in front of "
+       "terrainseg, or learn anew.",
+       name.c_str(), learned_in.c_str(), name_of(space).c_str()),
+      ("model %s: %s, caps: %s", name.c_str(), learned_in.c_str(), name_of(space).c_str()));
+  return false;
 }
 
 gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
@@ -386,19 +396,8 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
       return FALSE;
     }
     const ColorSpace space = learning_space(s.settings.core, space_of(info));
-    if (const auto foreign = foreign_terrain(transform, space)) {
-      if (!s.space) { // what the user asked for cannot be had; later it is the stream that changed
-        GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
-                          ("%s Convert the video in front of terrainseg, or learn anew.", foreign->c_str()),
-                          ("caps %" GST_PTR_FORMAT, printable(caps)));
-        return FALSE;
-      }
-      GST_ELEMENT_WARNING(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
-                          ("%s It is learned anew.", foreign->c_str()),
-                          ("caps %" GST_PTR_FORMAT, printable(caps)));
-      ObjectLock lock(transform);
-      s.initial.reset();
-    }
+    if (!check_loaded(transform, space))
+      return FALSE;
     if (s.space && *s.space != space)
       forget(transform, "another colour space");
     s.space = space;
@@ -418,25 +417,23 @@ gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query,
 
 // ---- events ----------------------------------------------------------------------------------------------
 
-/// True when the event was one for this element. It travels on all the same.
-bool take_near_event(gpointer object, GstEvent* event) {
+void take_near_event(gpointer object, GstEvent* event) {
   const GstStructure* fields = gst_event_get_structure(event);
   if (!fields || !gst_structure_has_name(fields, GST_TERRAIN_SEG_NEAR_EVENT))
-    return false;
+    return;
   gboolean clear = FALSE;
   if (!gst_structure_get_boolean(fields, "clear", &clear)) {
     GST_ELEMENT_WARNING(
         GST_ELEMENT(object), STREAM, FAILED,
         ("An event %s without the boolean field \"clear\" was ignored.", GST_TERRAIN_SEG_NEAR_EVENT),
         ("event %" GST_PTR_FORMAT, printable(event)));
-    return false;
+    return;
   }
   {
     ObjectLock lock(object);
     state_of(object).book.set_near_clear(clear);
   }
   g_object_notify(G_OBJECT(object), "near-clear");
-  return true;
 }
 
 void take_stream_start(gpointer object, GstEvent* event) {
@@ -456,7 +453,7 @@ void take_stream_start(gpointer object, GstEvent* event) {
 }
 
 gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
-  const bool taken = guarded(transform, false, [&] {
+  guarded(transform, false, [&] {
     switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_STREAM_START:
       take_stream_start(transform, event);
@@ -471,28 +468,30 @@ gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
     case GST_EVENT_CUSTOM_DOWNSTREAM_OOB:
     case GST_EVENT_CUSTOM_BOTH:
     case GST_EVENT_CUSTOM_BOTH_OOB:
-      return take_near_event(transform, event);
+      take_near_event(transform, event);
+      break;
     default:
       break;
     }
-    return false;
+    return true;
   });
-  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->sink_event(transform, event) || taken;
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->sink_event(transform, event);
 }
 
 gboolean src_event(GstBaseTransform* transform, GstEvent* event) {
-  const bool taken = guarded(transform, false, [&] {
+  guarded(transform, false, [&] {
     switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_CUSTOM_UPSTREAM:
     case GST_EVENT_CUSTOM_BOTH:
     case GST_EVENT_CUSTOM_BOTH_OOB:
-      return take_near_event(transform, event);
+      take_near_event(transform, event);
+      break;
     default:
       break;
     }
-    return false;
+    return true;
   });
-  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->src_event(transform, event) || taken;
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->src_event(transform, event);
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------

@@ -192,8 +192,10 @@ int PaperReading::find_horizon(const cv::Mat& coarse, const cv::Vec3d& mean, con
   if (readings_.horizon == HorizonRule::off)
     return -1;
   cv::Vec3d reach;
-  for (int i = 0; i < 3; ++i)
-    reach[i] = 2 * (readings_.horizon_by_variance ? variance[i] : std::sqrt(variance[i]));
+  for (int i = 0; i < 3; ++i) {
+    const double v = std::max(variance[i], readings_.horizon_floor);
+    reach[i] = 2 * (readings_.horizon_by_variance ? v : std::sqrt(v));
+  }
   std::vector<int> alike;
   for (int y = 0; y < std::min(window_end, coarse.rows); ++y) {
     int count = 0;

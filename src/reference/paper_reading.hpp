@@ -46,7 +46,8 @@ struct Readings {
   MatchRule match = MatchRule::nearest;
   double mass_cap = 64; ///< frames of samples; 0 = off
   HorizonRule horizon = HorizonRule::lowest_or_null;
-  bool horizon_by_variance = false; ///< equation (10) as printed: 2 sigma^2 instead of 2 sigma
+  bool horizon_by_variance = false;     ///< equation (10) as printed: 2 sigma^2 instead of 2 sigma
+  double horizon_floor = 16 + 1.0 / 12; ///< least variance of the ground in equation (10)
   double threshold = 3;
   std::uint32_t seed = 1;
 };
@@ -58,6 +59,7 @@ class PaperReading {
   /// Learns from one frame (CV_8UC3) and labels it: CV_8UC1 of its size, 0 or 255, 128 while nothing is
   /// known.
   const cv::Mat& process(const cv::Mat& bgr);
+  const cv::Mat& mask() const { return mask_; }        ///< of the last frame
   int horizon_row() const { return horizon_row_; }     ///< of the last frame, in its rows; -1 = null or off
   int live_clusters() const { return live_clusters_; } ///< of the last frame
 

@@ -18,6 +18,7 @@
 #include "tools/eval/perturbations.hpp"
 #include "tools/eval/report.hpp"
 #include "tools/eval/sequence.hpp"
+#include "tools/experiments/experiments.hpp"
 
 namespace terrainseg::eval {
 namespace {
@@ -29,7 +30,8 @@ constexpr int exit_usage = 2;
 void print_usage(std::ostream& out) {
   out << "terrainseg-eval - accuracy on labelled sequences\n\n"
          "usage: terrainseg-eval [OPTIONS] SEQUENCE...\n"
-         "       terrainseg-eval compare FIRST.json SECOND.json\n\n"
+         "       terrainseg-eval compare FIRST.json SECOND.json\n"
+         "       terrainseg-eval paper|figures [--help]      the paper's experiments\n\n"
          "A SEQUENCE is a folder with frames/NNNN.{png,jpg}, labels/NNNN.png (0 obstacle, 1 terrain driven "
          "on, 2 other\n"
          "ground, 3 sky, 255 not labelled) and sequence.json (fps, window_bottom). docs/accuracy.md explains "
@@ -307,6 +309,16 @@ int main(int argc, char** argv) {
   const std::vector<std::string> arguments(argv + 1, argv + argc);
   try {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+    if (!arguments.empty() && (arguments[0] == "paper" || arguments[0] == "figures")) {
+      const std::vector<std::string> rest(arguments.begin() + 1, arguments.end());
+      if (std::count(rest.begin(), rest.end(), "--help") > 0)
+        std::cout << terrainseg::experiments::usage;
+      else if (arguments[0] == "paper")
+        terrainseg::experiments::run_paper(rest);
+      else
+        terrainseg::experiments::run_figures(rest);
+      return EXIT_SUCCESS;
+    }
     if (arguments.empty() || std::count(arguments.begin(), arguments.end(), "--help") > 0) {
       print_usage(arguments.empty() ? std::cerr : std::cout);
       return arguments.empty() ? exit_usage : EXIT_SUCCESS;
@@ -321,6 +333,9 @@ int main(int argc, char** argv) {
     return EXIT_SUCCESS;
   } catch (const UsageError& error) {
     std::cerr << "terrainseg-eval: " << error.what() << "; --help shows how\n";
+    return exit_usage;
+  } catch (const terrainseg::experiments::UsageError& error) {
+    std::cerr << "terrainseg-eval: " << error.what() << '\n';
     return exit_usage;
   } catch (const std::exception& error) {
     std::cerr << "terrainseg-eval: " << error.what() << '\n';
