@@ -588,6 +588,18 @@ def the_plugin_is_found_without_help(folder):
 
 
 @case
+def an_installation_that_was_moved_finds_its_plugin(folder):
+    video('clip.mp4', frames=3)
+    subprocess.run(['meson', 'install', '-C', os.environ['TERRAINSEG_BUILD'], '--no-rebuild', '--destdir',
+                    folder / 'moved'], check=True, capture_output=True)
+    program = next((folder / 'moved').rglob('bin/terrainseg-process'))
+    environment = {name: value for name, value in os.environ.items() if not name.startswith('GST_PLUGIN')}
+    environment['GST_REGISTRY'] = str(folder / 'registry')
+    subprocess.run([program, '-q', '-o', 'out', 'clip.mp4'], env=environment, check=True, timeout=60)
+    check_outputs('out/clip', 3, (64, 48))
+
+
+@case
 def progress_on_a_terminal(folder):
     video('clip.mp4', frames=1500, size='320x240')
     master, slave = pty.openpty()
