@@ -94,8 +94,7 @@ PlaneNeed need_of(const GstVideoInfo& info, guint plane) {
       break;
     const gsize samples = GST_VIDEO_INFO_COMP_WIDTH(&info, component);
     const gsize step = GST_VIDEO_INFO_COMP_PSTRIDE(&info, component);
-    need.row_bytes =
-        std::max(need.row_bytes, (samples - 1) * step + GST_VIDEO_INFO_COMP_POFFSET(&info, component) + 1);
+    need.row_bytes = std::max(need.row_bytes, samples * step); // whole pixels: terrainseg::row_bytes()
     need.rows = GST_VIDEO_INFO_COMP_HEIGHT(&info, component);
   }
   return need;

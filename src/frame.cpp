@@ -63,11 +63,12 @@ std::string flaw_of(const Frame& frame) {
   if (frame.width < 1 || frame.height < 1 || frame.width > most || frame.height > most)
     return "a frame of " + std::to_string(frame.width) + "x" + std::to_string(frame.height) +
            " pixels: each side must be 1.." + std::to_string(most);
-  for (const ComponentLayout& part : layout_of(frame.format).components) {
+  const FormatLayout& layout = layout_of(frame.format);
+  for (const ComponentLayout& part : layout.components) {
     const Plane& plane = frame.planes[part.plane];
     if (!plane.data)
       return "plane " + std::to_string(part.plane) + " of the frame has no data";
-    const std::ptrdiff_t row = part.offset + (subsampled(frame.width, part.x_shift) - 1) * part.step + 1;
+    const int row = row_bytes(layout, part.plane, frame.width);
     if (std::abs(plane.stride) < row && subsampled(frame.height, part.y_shift) > 1)
       return "plane " + std::to_string(part.plane) + " has a stride of " + std::to_string(plane.stride) +
              " bytes, a row needs " + std::to_string(row);

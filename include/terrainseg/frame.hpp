@@ -66,6 +66,16 @@ constexpr int subsampled(int size, int shift) {
   return (size + (1 << shift) - 1) >> shift;
 }
 
+/// Bytes of a row of one plane of a frame `width` pixels wide: whole pixels, also with a byte that is not
+/// read, and in packed 4:2:2 whole pairs of pixels, also where the width is odd.
+constexpr int row_bytes(const FormatLayout& layout, int plane, int width) {
+  int bytes = 0;
+  for (const ComponentLayout& part : layout.components)
+    if (const int needed = subsampled(width, part.x_shift) * part.step; part.plane == plane && needed > bytes)
+      bytes = needed;
+  return bytes;
+}
+
 /// A read-only plane. Rows are `stride` bytes apart; the stride may exceed the row or be negative.
 struct Plane {
   const std::uint8_t* data = nullptr;
@@ -88,7 +98,7 @@ struct Rectangle {
 };
 
 /// A frame to look at: non-owning. Planes are in the memory order of the format (YV12: Y, V, U); every plane
-/// holds at least subsampled(height, y_shift) rows of the bytes that its layout needs.
+/// holds at least subsampled(height, y_shift) rows of row_bytes().
 struct Frame {
   PixelFormat format = PixelFormat::I420;
   int width = 0;  ///< pixels, 1..32767

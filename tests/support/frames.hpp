@@ -25,7 +25,7 @@ class OwnedFrame {
     frame_.width = width;
     frame_.height = height;
     for (const ComponentLayout& part : layout.components) {
-      const std::ptrdiff_t row = part.offset + (subsampled(width, part.x_shift) - 1) * part.step + 1;
+      const std::ptrdiff_t row = row_bytes(layout, part.plane, width);
       auto& stride = frame_.planes[part.plane].stride;
       stride = std::max(stride, row + padding);
     }

@@ -284,6 +284,20 @@ TEST(Segmenter, BadFramesAreRefusedAndChangeNothing) {
   EXPECT_EQ(segmenter.counters().frames, 1u);
 }
 
+TEST(RowBytes, AreThoseOfTheFormats) {
+  using enum PixelFormat;
+  const auto bytes = [](PixelFormat format, int plane) { return row_bytes(layout_of(format), plane, 17); };
+  EXPECT_EQ(bytes(I420, 0), 17);
+  EXPECT_EQ(bytes(I420, 2), 9);
+  EXPECT_EQ(bytes(NV21, 1), 18);
+  EXPECT_EQ(bytes(Y444, 1), 17);
+  EXPECT_EQ(bytes(YUY2, 0), 36);
+  EXPECT_EQ(bytes(UYVY, 0), 36);
+  EXPECT_EQ(bytes(BGR, 0), 51);
+  EXPECT_EQ(bytes(xRGB, 0), 68);
+  EXPECT_EQ(bytes(RGBx, 0), 68);
+}
+
 TEST(Segmenter, MaskTargetsAreCheckedAndFilled) {
   Segmenter segmenter(paper());
   const auto frame = i420(plain());
