@@ -2,6 +2,7 @@
 #include "tools/eval/engines.hpp"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <chrono>
 #include <filesystem>
@@ -110,41 +111,41 @@ void apply(Settings& settings, const std::string& assignment) {
     throw std::runtime_error(name + ": no such setting");
 }
 
-/// A picture as the I420 frame, limited range BT.601, that videoconvert makes of it.
+/// A picture as the I420 frame that GStreamer's decoders and videoconvert make of it: BT.601, full range from
+/// JPEG, limited from anything else.
 class I420Picture {
  public:
+  explicit I420Picture(ColorRange range) { frame_.colorimetry = {range, ColorMatrix::bt601}; }
   const Frame& convert(const cv::Mat3b& bgr) {
-    const int width = bgr.cols, height = bgr.rows, chroma_width = subsampled(width, 1),
-              chroma_height = subsampled(height, 1);
-    y_.create(height, width);
-    u_.create(chroma_height, chroma_width);
-    v_.create(chroma_height, chroma_width);
+    const int width = bgr.cols, height = bgr.rows;
+    const bool limited = frame_.colorimetry.range == ColorRange::limited;
+    const double luma = limited ? 219.0 / 255 : 1, chroma = limited ? 224.0 / 255 : 1;
+    const cv::Matx34d matrix(0.114 * luma, 0.587 * luma, 0.299 * luma, limited ? 16 : 0, //
+                             0.5 * chroma, -0.331264 * chroma, -0.168736 * chroma, 128, -0.081312 * chroma,
+                             -0.418688 * chroma, 0.5 * chroma, 128);
     cv::Mat3b yuv, small;
-    const cv::Matx34d matrix(0.114 * 219 / 255, 0.587 * 219 / 255, 0.299 * 219 / 255, 16, //
-                             0.5 * 224 / 255, -0.331264 * 224 / 255, -0.168736 * 224 / 255, 128,
-                             -0.081312 * 224 / 255, -0.418688 * 224 / 255, 0.5 * 224 / 255, 128);
     cv::transform(bgr, yuv, matrix);
-    cv::extractChannel(yuv, y_, 0);
-    cv::resize(yuv, small, {chroma_width, chroma_height}, 0, 0, cv::INTER_AREA);
-    cv::extractChannel(small, u_, 1);
-    cv::extractChannel(small, v_, 2);
+    cv::resize(yuv, small, {subsampled(width, 1), subsampled(height, 1)}, 0, 0, cv::INTER_AREA);
+    cv::extractChannel(yuv, planes_[0], 0);
+    cv::extractChannel(small, planes_[1], 1);
+    cv::extractChannel(small, planes_[2], 2);
     frame_.width = width;
     frame_.height = height;
-    frame_.planes = {Plane{y_.data, static_cast<std::ptrdiff_t>(y_.step)},
-                     Plane{u_.data, static_cast<std::ptrdiff_t>(u_.step)},
-                     Plane{v_.data, static_cast<std::ptrdiff_t>(v_.step)}};
+    for (std::size_t c = 0; c < 3; ++c)
+      frame_.planes[c] = {planes_[c].data, static_cast<std::ptrdiff_t>(planes_[c].step)};
     return frame_;
   }
   Frame& frame() { return frame_; }
 
  private:
-  cv::Mat1b y_, u_, v_;
+  std::array<cv::Mat1b, 3> planes_;
   Frame frame_;
 };
 
 class Filter : public Engine {
  public:
-  Filter(const Settings& settings, double fps) : segmenter_(settings), fps_(fps) {}
+  Filter(const Settings& settings, double fps, ColorRange range)
+      : segmenter_(settings), fps_(fps), picture_(range) {}
 
   Answer look(const cv::Mat3b& picture, std::size_t index) override {
     picture_.convert(picture);
@@ -302,7 +303,9 @@ std::unique_ptr<Engine> make_engine(const std::string& text, const Sequence& seq
       apply(settings, parts[i]);
     if (const auto error = validate(settings))
       throw std::runtime_error(text + ": " + error->message());
-    return std::make_unique<Filter>(settings, sequence.fps);
+    const bool from_jpeg = !sequence.frames.empty() && !sequence.frames[0].ends_with(".png");
+    return std::make_unique<Filter>(settings, sequence.fps,
+                                    from_jpeg ? ColorRange::full : ColorRange::limited);
   }
   if (parts.size() > 1)
     throw std::runtime_error(text + ": only default and paper take settings");

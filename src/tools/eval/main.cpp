@@ -60,6 +60,8 @@ struct Options {
   int limit = 0;
 };
 
+const std::string caution_mark = "default,caution=";
+
 const std::vector<std::string> stages_removed{
     "texture=false",    "exposure=false",   "row-prior=false",   "local-reference=false",
     "refine=false",     "doubtful=-96",     "negatives=off",     "temporal=off",
@@ -209,8 +211,7 @@ void draw_error_plot(const fs::path& folder, const std::vector<Figures>& all, co
 void draw_caution_plot(const fs::path& folder, const std::vector<Figures>& all) {
   std::vector<Line> lines;
   for (const Figures& f : all) {
-    const std::string mark = "default,caution=";
-    if (!f.engine.starts_with(mark) || f.input != "as it is")
+    if (!f.engine.starts_with(caution_mark) || f.input != "as it is")
       continue;
     const auto line =
         std::find_if(lines.begin(), lines.end(), [&](const Line& l) { return l.name == f.sequence; });
@@ -226,15 +227,14 @@ void draw_caution_plot(const fs::path& folder, const std::vector<Figures>& all) 
 void write_max_f(std::ostream& out, const std::vector<Figures>& all) {
   std::vector<std::string> done;
   for (const Figures& f : all) {
-    if (!f.engine.starts_with("default,caution=") ||
-        std::find(done.begin(), done.end(), f.sequence) != done.end())
+    if (!f.engine.starts_with(caution_mark) || std::find(done.begin(), done.end(), f.sequence) != done.end())
       continue;
     if (done.empty())
       out << "\n| MaxF over caution | MaxF | at | precision | recall |\n|---|---|---|---|---|\n";
     done.push_back(f.sequence);
     const Figures* best = &f;
     for (const Figures& g : all)
-      if (g.sequence == f.sequence && g.engine.starts_with("default,caution=") && g.input == "as it is" &&
+      if (g.sequence == f.sequence && g.engine.starts_with(caution_mark) && g.input == "as it is" &&
           g.ground.f_measure() > best->ground.f_measure())
         best = &g;
     out << "| " << f.sequence << " | " << one_digit(best->ground.f_measure()) << " | "
@@ -287,18 +287,31 @@ void evaluate(const Options& o) {
   if (!o.markdown.empty())
     file = open(o.markdown);
   std::ostream& out = o.markdown.empty() ? std::cout : file;
-  std::vector<Figures> plain, perturbed;
+  std::vector<Figures> engines, stages, cautions, perturbed, plain;
   for (const Figures& f : all) {
-    if (f.input == "as it is")
-      plain.push_back(f);
+    const bool swept = f.engine.starts_with(caution_mark),
+               removed = !swept && f.engine.starts_with("default,");
     if (f.engine == o.engines[0])
       perturbed.push_back(f);
+    if (f.input != "as it is")
+      continue;
+    (swept ? cautions : removed ? stages : engines).push_back(f);
+    if (!swept)
+      plain.push_back(f);
   }
-  write_matrix(out, plain, false);
-  if (!o.inputs.empty())
-    write_matrix(out, perturbed, true);
-  write_max_f(out, all);
-  write_markdown(out, plain);
+  // A report takes its tables from between these marks.
+  const auto section = [&](const char* name, bool wanted, const auto& write) {
+    if (!wanted)
+      return;
+    out << "\n<!-- section " << name << " -->\n";
+    write();
+  };
+  section("engines", true, [&] { write_matrix(out, engines, false); });
+  section("stages", !stages.empty(), [&] { write_matrix(out, stages, false); });
+  section("inputs", !o.inputs.empty(), [&] { write_matrix(out, perturbed, true); });
+  section("caution", !cautions.empty(), [&] { write_matrix(out, cautions, false); });
+  section("max-f", !cautions.empty(), [&] { write_max_f(out, all); });
+  section("details", true, [&] { write_markdown(out, plain); });
 }
 
 } // namespace
