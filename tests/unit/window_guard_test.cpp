@@ -46,6 +46,17 @@ TEST_F(Guard, AWindowAsWideAsTheFrameHasNoSides) {
   EXPECT_FALSE(refuses(1, 0));
 }
 
+TEST_F(Guard, KeepsOutWithLessThanItTakesToEnter) {
+  tables_.color[2] = 10; // neither like the terrain (26) nor clearly unlike it
+  EXPECT_FALSE(refuses(2, 0));
+  EXPECT_TRUE(refuses(1, 0));
+  EXPECT_TRUE(refuses(2, 0));
+  EXPECT_FALSE(refuses(0, 0)); // gone
+  for (int i = 0; i < 8; ++i)
+    EXPECT_FALSE(refuses(0, 0));
+  EXPECT_FALSE(refuses(2, 0));
+}
+
 TEST_F(Guard, GivesInWithoutFlapping) {
   int held = 0;
   while (refuses(1, 0))
