@@ -164,11 +164,12 @@ int main(int argc, char** argv) {
                   g_str_has_suffix(argv[1], ".png") ? "pngdec" : "jpegdec");
   for (int i = 4; i < argc; i++)
     g_string_append_printf(text, " %s", argv[i]);
-  g_string_append_printf(text,
-                         " ! terrainextract json-mask=true ! application/x-ndjson ! filesink async=false location=\"%s\" "
-                         "multifilesrc location=\"%s\" caps=image/png,framerate=5/1 ! pngdec "
-                         "! video/x-raw,format=GRAY16_BE ! appsink name=depth sync=false max-buffers=2",
-                         argv[3], argv[2]);
+  g_string_append_printf(
+      text,
+      " ! terrainextract json-mask=true ! application/x-ndjson ! filesink async=false location=\"%s\" "
+      "multifilesrc location=\"%s\" caps=image/png,framerate=5/1 ! pngdec "
+      "! video/x-raw,format=GRAY16_BE ! appsink name=depth sync=false max-buffers=2",
+      argv[3], argv[2]);
   pipeline = gst_parse_launch(text->str, &error);
   g_string_free(text, TRUE);
   if (error != NULL) {
