@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Table 2 and figures 12 to 14: what the pyramid and the bit shift cost in error and save in time.
 #include <algorithm>
-#include <chrono>
+#include <ctime>
 #include <map>
 #include <stdexcept>
 
@@ -47,16 +47,23 @@ struct RowBaselines {
   }
 };
 
-/// The least of some runs: what the work costs when nothing else wants the processor.
+/// Time that this thread had a processor: other people's work does not count.
+double processor_milliseconds() {
+  timespec time;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) * 1e3 + static_cast<double>(time.tv_nsec) * 1e-6;
+}
+
+/// The least of some runs: what the work costs with the caches to itself.
 double least_time(Subject& subject, const std::vector<cv::Mat>& pictures, int runs) {
   std::vector<double> times;
   for (int i = 0; i < runs + 3; ++i) {
     const Shot shot{pictures[static_cast<std::size_t>(i) % pictures.size()], {}, {}};
-    const auto start = std::chrono::steady_clock::now();
+    const double start = processor_milliseconds();
     subject.label(shot);
-    const auto end = std::chrono::steady_clock::now();
+    const double end = processor_milliseconds();
     if (i >= 3)
-      times.push_back(std::chrono::duration<double, std::milli>(end - start).count());
+      times.push_back(end - start);
   }
   return Spread::of(times).least;
 }
@@ -170,7 +177,7 @@ std::string scale_and_shift(const Context& context) {
               over_levels(4, "time, b = 4", false), over_levels(1, "error, b = 1", true),
               over_levels(3, "error, b = 3", true), over_levels(4, "error, b = 4", true)}));
   return "## Pyramid level and bit shift (figures 12 to 14)\n\nMilliseconds a frame, 1920x1080 B G R, one "
-         "thread, median "
+         "thread, least "
          "of 41, and in brackets how many times faster than the unmodified algorithm in the same run (" +
          number(unmodified_time, 1) + " ms; default preset on the same pictures " + number(default_time, 2) +
          " ms, " + number(unmodified_time / default_time, 0) + "x).\n\n" + times.text() +
