@@ -3,10 +3,14 @@
 # Makes the pictures of README.md and docs/ from the project's own scenes, with the filter as it is now.
 # usage: examples/make_pictures.sh [FOLDER]
 # leaves JPEG files in FOLDER (default: docs/images): the scenes as they are, and the filter's view of them in every
-# overlay style. Takes the plugin from GST_PLUGIN_PATH, from build/, or where it is installed.
+# overlay style. Takes the plugin from GST_PLUGIN_PATH, from build/, or where it is installed. MAX_FRAMES=n drives each
+# scene for n frames at most: a quick trial.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
-case ${1:-} in -*) sed -n '3,6s/^# //p' "$0"; exit 2 ;; esac
+case ${1:-} in
+  -h | --help) sed -n '3,7s/^# //p' "$0"; exit ;;
+  -*) sed -n '3,7s/^# //p' "$0" >&2; exit 2 ;;
+esac
 folder=${1:-$here/../docs/images}
 if [ -z "${GST_PLUGIN_PATH:-}" ] && [ -e "$here/../build/gst/libgstterrainseg.so" ]; then
   export GST_PLUGIN_PATH=$here/../build/gst
@@ -18,6 +22,7 @@ mkdir -p "$folder"
 # picture NAME FRAMES "SCENE PROPERTIES" [ELEMENTS]: the last of FRAMES frames; the file is written anew with every frame.
 picture() {
   local name=$1 frames=$2 scene=$3 elements=${4:-identity}
+  [ "$frames" -le "${MAX_FRAMES:-$frames}" ] || frames=$MAX_FRAMES
   eval "gst-launch-1.0 -q terrainscenesrc num-buffers=$frames $scene ! video/x-raw,format=I420,width=640,height=360 ! $elements \
     ! videoconvert ! jpegenc quality=88 ! multifilesink location=\"\$folder/$name.jpg\""
   [ -s "$folder/$name.jpg" ] || { echo "make_pictures.sh: $name.jpg was not made" >&2; exit 1; }

@@ -40,13 +40,13 @@ out=$top/quickstart
 mkdir -p "$out"
 rm -f "$out"/{annotated.mp4,masks.mkv,terrain.jsonl,preview.png}
 begin=$(date +%s%N)
-# One decoding, one filter, three ways out. The encoder looks many frames ahead: async=false lets the other files not wait
-# for its first one, or the tee would stand still before all three have begun.
+# One decoding, one filter, three ways out. The tee stands still until all three have begun: tune=zerolatency, or x264enc
+# would look 50 frames ahead before its first one. (async=false instead loses the end of the stream behind decodebin.)
 gst-launch-1.0 -q -e "${source[@]}" ! terrainseg ! tee name=t \
-  t. ! queue ! terrainoverlay ! videoconvert ! video/x-raw,format=I420 ! x264enc speed-preset=veryfast bitrate=6000 \
-     ! h264parse ! mp4mux ! filesink async=false "location=\"$out/annotated.mp4\"" \
-  t. ! queue ! terrainextract ! video/x-raw,format=GRAY8 ! avenc_ffv1 ! matroskamux ! filesink async=false "location=\"$out/masks.mkv\"" \
-  t. ! queue ! terrainextract ! application/x-ndjson ! filesink async=false "location=\"$out/terrain.jsonl\"" ||
+  t. ! queue ! terrainoverlay ! videoconvert ! video/x-raw,format=I420 ! x264enc tune=zerolatency speed-preset=veryfast bitrate=6000 \
+     ! h264parse ! mp4mux ! filesink "location=\"$out/annotated.mp4\"" \
+  t. ! queue ! terrainextract ! video/x-raw,format=GRAY8 ! avenc_ffv1 ! matroskamux ! filesink "location=\"$out/masks.mkv\"" \
+  t. ! queue ! terrainextract ! application/x-ndjson ! filesink "location=\"$out/terrain.jsonl\"" ||
   fail "the pipeline stopped: see the message above"
 end=$(date +%s%N)
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "overlay_properties.hpp"
 
+#include <cmath>
+
 namespace terrainseg {
 namespace {
 
@@ -50,7 +52,7 @@ void install_overlay_properties(GObjectClass* object_class, guint first_id) {
 
 PaintStyle OverlaySettings::paint() const {
   constexpr int opaque = 256;
-  return {style, static_cast<int>(alpha * opaque + 0.5), color};
+  return {style, static_cast<int>(std::lround(alpha * opaque)), color};
 }
 
 void set_overlay_property(OverlaySettings& settings, guint offset, const GValue* value) {

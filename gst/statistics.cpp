@@ -2,6 +2,7 @@
 #include "statistics.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string>
 #include <vector>
@@ -18,7 +19,7 @@ std::int32_t capped(std::int64_t nanoseconds) {
 double quantile_us(std::vector<std::int32_t>& values, double fraction) {
   if (values.empty())
     return 0;
-  const auto rank = static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1) + 0.5);
+  const auto rank = std::lround(fraction * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + rank, values.end());
   return values[rank] / 1000.0;
 }

@@ -515,7 +515,7 @@ void take_unit(GstTerrainCombine* self, OwnedBuffer unit) {
     while (s.units.size() >= most_units)
       s.counts.unused += s.units.drop_oldest();
   }
-  s.units.add(time, std::move(unit), decoding != never ? std::min(decoding, time) : time);
+  s.counts.unused += s.units.add(time, std::move(unit), decoding != never ? std::min(decoding, time) : time);
   s.changed.notify_all();
 }
 

@@ -253,7 +253,7 @@ gboolean on_load_model(GstTerrainSeg* self, const gchar* path) {
     std::string error = read.error;
     if (read.terrain) {
       const Status status = between_frames(self, *self->state, [&](Segmenter* segmenter) {
-        const Status adopted = segmenter ? segmenter->adopt(*read.terrain) : Status();
+        Status adopted = segmenter ? segmenter->adopt(*read.terrain) : Status();
         if (adopted.ok()) {
           self->state->initial = std::move(read.terrain);
           self->state->initial_name = path;
@@ -358,24 +358,14 @@ void forget(gpointer object, const char* why) {
   });
 }
 
-/// False, with an error, when a loaded terrain was learned in another colour space than `space`.
-bool check_loaded(gpointer object, const ColorSpace& space) {
+/// What is wrong when a loaded terrain was learned in another colour space than `space`.
+std::optional<std::string> foreign_terrain(gpointer object, const ColorSpace& space) {
   ElementState& s = state_of(object);
-  std::string name, learned_in;
-  {
-    ObjectLock lock(object);
-    if (!s.initial || s.initial->space == space)
-      return true;
-    name = s.initial_name;
-    learned_in = name_of(s.initial->space);
-  }
-  GST_ELEMENT_ERROR(
-      GST_ELEMENT(object), STREAM, WRONG_TYPE,
-      ("The learned terrain \"%s\" was learned in %s and the video is %s. Convert the video in front of "
-       "terrainseg, or learn anew.",
-       name.c_str(), learned_in.c_str(), name_of(space).c_str()),
-      ("model %s: %s, caps: %s", name.c_str(), learned_in.c_str(), name_of(space).c_str()));
-  return false;
+  ObjectLock lock(object);
+  if (!s.initial || s.initial->space == space)
+    return std::nullopt;
+  return "The learned terrain \"" + s.initial_name + "\" was learned in " + name_of(s.initial->space) +
+         " and the video is " + name_of(space) + ".";
 }
 
 gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
@@ -396,8 +386,19 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
       return FALSE;
     }
     const ColorSpace space = learning_space(s.settings.core, space_of(info));
-    if (!check_loaded(transform, space))
-      return FALSE;
+    if (const auto foreign = foreign_terrain(transform, space)) {
+      if (!s.space) { // what the user asked for cannot be had; later it is the stream that changed
+        GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
+                          ("%s Convert the video in front of terrainseg, or learn anew.", foreign->c_str()),
+                          ("caps %" GST_PTR_FORMAT, printable(caps)));
+        return FALSE;
+      }
+      GST_ELEMENT_WARNING(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
+                          ("%s It is learned anew.", foreign->c_str()),
+                          ("caps %" GST_PTR_FORMAT, printable(caps)));
+      ObjectLock lock(transform);
+      s.initial.reset();
+    }
     if (s.space && *s.space != space)
       forget(transform, "another colour space");
     s.space = space;
@@ -417,23 +418,25 @@ gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query,
 
 // ---- events ----------------------------------------------------------------------------------------------
 
-void take_near_event(gpointer object, GstEvent* event) {
+/// True when the event was one for this element. It travels on all the same.
+bool take_near_event(gpointer object, GstEvent* event) {
   const GstStructure* fields = gst_event_get_structure(event);
   if (!fields || !gst_structure_has_name(fields, GST_TERRAIN_SEG_NEAR_EVENT))
-    return;
+    return false;
   gboolean clear = FALSE;
   if (!gst_structure_get_boolean(fields, "clear", &clear)) {
     GST_ELEMENT_WARNING(
         GST_ELEMENT(object), STREAM, FAILED,
         ("An event %s without the boolean field \"clear\" was ignored.", GST_TERRAIN_SEG_NEAR_EVENT),
         ("event %" GST_PTR_FORMAT, printable(event)));
-    return;
+    return false;
   }
   {
     ObjectLock lock(object);
     state_of(object).book.set_near_clear(clear);
   }
   g_object_notify(G_OBJECT(object), "near-clear");
+  return true;
 }
 
 void take_stream_start(gpointer object, GstEvent* event) {
@@ -453,7 +456,7 @@ void take_stream_start(gpointer object, GstEvent* event) {
 }
 
 gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
-  guarded(transform, false, [&] {
+  const bool taken = guarded(transform, false, [&] {
     switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_STREAM_START:
       take_stream_start(transform, event);
@@ -468,30 +471,28 @@ gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
     case GST_EVENT_CUSTOM_DOWNSTREAM_OOB:
     case GST_EVENT_CUSTOM_BOTH:
     case GST_EVENT_CUSTOM_BOTH_OOB:
-      take_near_event(transform, event);
-      break;
+      return take_near_event(transform, event);
     default:
       break;
     }
-    return true;
+    return false;
   });
-  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->sink_event(transform, event);
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->sink_event(transform, event) || taken;
 }
 
 gboolean src_event(GstBaseTransform* transform, GstEvent* event) {
-  guarded(transform, false, [&] {
+  const bool taken = guarded(transform, false, [&] {
     switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_CUSTOM_UPSTREAM:
     case GST_EVENT_CUSTOM_BOTH:
     case GST_EVENT_CUSTOM_BOTH_OOB:
-      take_near_event(transform, event);
-      break;
+      return take_near_event(transform, event);
     default:
       break;
     }
-    return true;
+    return false;
   });
-  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->src_event(transform, event);
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->src_event(transform, event) || taken;
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------

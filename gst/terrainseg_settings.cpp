@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "terrainseg_settings.hpp"
 
+#include <cmath>
 #include <span>
 #include <variant>
 
@@ -321,7 +322,7 @@ bool SettingsBook::set(guint id, const GValue* value) {
             [&](bool Settings::*m) { core.*m = g_value_get_boolean(value); },
             [&](Fraction m) {
               as_set_[index] = g_value_get_double(value);
-              core.*m.q8 = static_cast<int>(as_set_[index] * 256 + 0.5);
+              core.*m.q8 = static_cast<int>(std::lround(as_set_[index] * 256));
             },
             [&]<class Enum>(Enum Settings::*m) { core.*m = static_cast<Enum>(g_value_get_enum(value)); },
         },

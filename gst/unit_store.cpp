@@ -8,9 +8,16 @@
 
 namespace terrainseg {
 
-void UnitStore::add(Time time, OwnedBuffer unit, Time progress) {
+std::uint64_t UnitStore::add(Time time, OwnedBuffer unit, Time progress) {
+  constexpr Time longest_reordering = GST_SECOND;
+  std::uint64_t dropped = 0;
+  if (progress_ != never && progress < progress_ - longest_reordering) {
+    dropped = units_.size();
+    clear();
+  }
   units_.emplace(time, std::move(unit));
   advance(progress);
+  return dropped;
 }
 
 OwnedBuffer UnitStore::take(Time time, Time tolerance) {

@@ -20,8 +20,9 @@ inline constexpr Time never = std::numeric_limits<Time>::min();
 /// Not locked: the owner does.
 class UnitStore {
  public:
-  /// `progress`: no unit before this time is still to come.
-  void add(Time time, OwnedBuffer unit, Time progress);
+  /// `progress`: no unit before this time is still to come. Going back by more than units are ever reordered
+  /// means that the sender began anew; then what was kept is dropped. Returns how many units that were.
+  std::uint64_t add(Time time, OwnedBuffer unit, Time progress);
   void advance(Time progress) { progress_ = std::max(progress_, progress); }
   /// The nearest unit not further than `tolerance` from `time`, taken out; nullptr = none is there.
   OwnedBuffer take(Time time, Time tolerance);

@@ -52,7 +52,8 @@ bool DefaultPath::window_is_foreign(const Rectangle& window, const Settings& set
 }
 
 void DefaultPath::learn(const std::vector<Cell>& window, const std::vector<Cell>& kept,
-                        const Settings& settings, Terrain& terrain) {
+                        const TrainingModels& training, const Settings& settings, Terrain& terrain) {
+  training_ = training;
   lessons_.assign(grid_.size(), Lesson::against);
   if (settings.negatives == Negatives::split && boundary_.size() == static_cast<std::size_t>(grid_.width))
     for (int j = 0; j < grid_.width; ++j)
@@ -69,9 +70,15 @@ void DefaultPath::learn(const std::vector<Cell>& window, const std::vector<Cell>
   tables_are_old_ = true;
 }
 
+void DefaultPath::rely_on_memory() {
+  if (training_.count > 0)
+    tables_are_old_ = true;
+  training_.count = 0;
+}
+
 void DefaultPath::refresh_tables(const Settings& settings, const Terrain& terrain) {
   if (tables_are_old_)
-    evidence_.build(terrain, settings, tables_);
+    evidence_.build(terrain, training_.span(), settings, tables_);
   tables_are_old_ = false;
 }
 
@@ -181,6 +188,7 @@ void DefaultPath::forget_frames() {
 }
 
 void DefaultPath::forget_terrain() {
+  training_.count = 0;
   tables_are_old_ = true;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "boundary.hpp"
+#include "clustering.hpp"
 #include "coarse.hpp"
 #include "evidence.hpp"
 #include "exposure.hpp"
@@ -41,9 +42,12 @@ class DefaultPath {
   bool window_is_foreign(const Rectangle& window_cells, const Settings& settings, const Terrain& terrain);
 
   /// Counts colours and textures for and against the terrain: `kept` trains, the rest of `window` teaches
-  /// nothing.
-  void learn(const std::vector<Cell>& window, const std::vector<Cell>& kept, const Settings& settings,
-             Terrain& terrain);
+  /// nothing. `training` are the models made of it.
+  void learn(const std::vector<Cell>& window, const std::vector<Cell>& kept, const TrainingModels& training,
+             const Settings& settings, Terrain& terrain);
+
+  /// This frame's window is not learned: only what was learned before speaks.
+  void rely_on_memory();
 
   /// Score of every cell. `trusted` are the cells whose colour starts the local reference; without one the
   /// heaviest model does.
@@ -85,6 +89,7 @@ class DefaultPath {
   CellIndices cells_;
   WindowGuard guard_;
   std::vector<Lesson> lessons_;
+  TrainingModels training_; ///< of this frame
   Evidence evidence_;
   EvidenceTables tables_;
   bool tables_are_old_ = true;

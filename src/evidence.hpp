@@ -36,11 +36,15 @@ void learn_histograms(const CellIndices& cells, const std::vector<Lesson>& lesso
 
 class Evidence {
  public:
-  /// Tables from what is learned. Without negatives (Negatives::off) all colours stand against it alike.
-  void build(const Terrain& learned, const Settings& settings, EvidenceTables& tables);
+  /// Tables from what is learned and from the frame's own training models, which speak with a fixed share of
+  /// the mass: what has just been learned is terrain, however heavy the memory is. Without negatives
+  /// (Negatives::off) all colours stand against it alike.
+  void build(const Terrain& learned, std::span<const TerrainModel> training, const Settings& settings,
+             EvidenceTables& tables);
 
  private:
-  void weigh_for(const Terrain& learned);
+  void weigh_for(const Terrain& learned, std::span<const TerrainModel> training);
+  void weigh_model(const TerrainModel& model, int log_share);
   void weigh_against(const Terrain& learned, Negatives negatives);
 
   std::array<std::int32_t, color_bins> positive_{}, negative_{}; ///< log2 of a probability, Q8

@@ -52,4 +52,11 @@ constexpr bool contains(const Rectangle& r, int x, int y) {
   return x >= r.x && y >= r.y && x - r.x < r.width && y - r.y < r.height;
 }
 
+/// The level that is scored coarse. -1 = the first under 96 cells wide; never so coarse that fewer than 4
+/// rows or columns are left, where neither a window nor a horizon has a place.
+int grid_level(int wanted, int width, int height);
+
+/// True when a picture shows nothing: a covered lens, a dead camera. All of it would look like its window.
+bool is_blank(const Grid& grid);
+
 } // namespace terrainseg

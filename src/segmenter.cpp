@@ -1,25 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The order of the stages, and what lasts from frame to frame.
+// The order of the stages: the paper's, and the default pipeline beside it.
 #include "terrainseg/segmenter.hpp"
 
 #include <algorithm>
-#include <cstdlib>
-#include <cstring>
-#include <optional>
-#include <vector>
 
-#include "clustering.hpp"
-#include "color.hpp"
-#include "default_path.hpp"
-#include "frame_check.hpp"
-#include "horizon.hpp"
-#include "pyramid.hpp"
 #include "reach.hpp"
-#include "scoring.hpp"
-#include "stage_clock.hpp"
+#include "segmenter_state.hpp"
 #include "terrain_model.hpp"
-#include "window.hpp"
-#include "workers.hpp"
 
 namespace terrainseg {
 namespace {
@@ -27,105 +14,7 @@ namespace {
 /// Fewest cells that a Gaussian is made of (the paper's window has 8 at 1/32: too few).
 constexpr int samples_per_model = 16;
 
-/// The level that is scored coarse. -1 = the first under 96 cells wide; never so coarse that fewer than 4
-/// rows or columns are left, where neither a window nor a horizon has a place.
-int grid_level(int wanted, int width, int height) {
-  int level = std::max(wanted, 0);
-  if (wanted < 0)
-    while (level < max_pyramid_levels && subsampled(width, level) >= 96)
-      ++level;
-  while (level > 0 && subsampled(std::min(width, height), level) < 4)
-    --level;
-  return level;
-}
-
-/// True when a picture shows nothing: a covered lens, a dead camera. All of it would look like its window.
-bool is_blank(const Grid& grid) {
-  constexpr int noise = 2;
-  for (const Plane& plane : grid.planes) {
-    int least = 255, most = 0;
-    for (int y = 0; y < grid.height; ++y) {
-      const auto [low, high] = std::minmax_element(plane.row(y), plane.row(y) + grid.width);
-      least = std::min<int>(least, *low);
-      most = std::max<int>(most, *high);
-    }
-    if (most - least > noise)
-      return false;
-  }
-  return true;
-}
-
-std::string text_of(const Rectangle& r) {
-  return std::to_string(r.width) + "x" + std::to_string(r.height);
-}
-
 } // namespace
-
-ColorSpace learning_space(const Settings& settings, const ColorSpace& frames) {
-  if (settings.free_space)
-    return normalised_space;
-  ColorSpace space = frames;
-  if (space.rgb)
-    space.colorimetry.matrix = ColorMatrix::bt601; // means nothing there: must not tell two spaces apart
-  return space;
-}
-
-const char* name_of(Stage stage) {
-  constexpr const char* names[stage_count] = {"pyramid", "prefilter", "clustering", "update",
-                                              "horizon", "scoring",   "boundary",   "mask"};
-  return names[static_cast<int>(stage)];
-}
-
-struct Segmenter::State {
-  explicit State(const Settings& initial) : settings(initial) {
-    resize_mixture(terrain.models, settings.learned_models);
-  }
-
-  Status admit(const Frame& frame, const MaskTarget& target) const;
-  void adapt(const Frame& frame);
-  void forget();
-  Grid grid_at(int pyramid_level) const;
-  std::uint32_t gate(bool starved);
-  void find_free_space(const Frame& frame, const Supervision& supervision);
-  std::optional<GroundColor> ground_color(const Moments& window) const;
-  TrainingModels cluster_window(const Grid& grid);
-  void update(const TrainingModels& training);
-  void start_estimate(const Frame& frame, const MaskTarget& target);
-  void label_by_score(const Frame& frame, const Grid& grid, const Horizon& horizon, StageClock& clock);
-  void label_free_space(const Frame& frame, StageClock& clock);
-  void label_unknown();
-  void describe_models();
-
-  // What was asked for, and what follows from it for frames of one size.
-  Settings settings;
-  int width = 0, height = 0;
-  std::optional<ColorSpace> space; ///< of the last frame
-  bool stale = true;               ///< settings changed: adapt() starts anew
-  int level = 0;                   ///< of the grid
-  PyramidPlan plan;
-  Rectangle window;
-
-  // What lasts.
-  Terrain terrain;
-  Counters counters;
-  std::array<std::int64_t, stage_count> times{};
-
-  // Room for one frame.
-  std::optional<Workers> workers;
-  Pyramid pyramid;
-  DefaultPath path;
-  FreeSpace free_space;
-  std::vector<Cell> window_cells;
-  Prefiltered kept;
-  ClusterScratch clusters;
-  ScoreTable table;
-  bool table_is_old = true;
-  std::vector<std::uint8_t> scores, mask;
-  std::vector<std::int16_t> top;
-  std::vector<std::uint16_t> boundary;
-  MutablePlane mask_plane;
-  Estimate estimate;
-};
 
 // The paper's figure 2.
 Status Segmenter::process(const Frame& frame, const Supervision& supervision, const MaskTarget& target) {
@@ -228,8 +117,10 @@ void Segmenter::State::find_free_space(const Frame& frame, const Supervision& su
     const TrainingModels training = cluster(colors, kept.cells, bins, clusters);
     clock.lap(Stage::clustering);
     update(training);
-    path.learn(window_cells, kept.cells, settings, terrain);
+    path.learn(window_cells, kept.cells, training, settings, terrain);
     clock.lap(Stage::update);
+  } else {
+    path.rely_on_memory();
   }
   if (heaviest(terrain.models) < 0) {
     label_unknown();
@@ -273,78 +164,6 @@ void Segmenter::State::label_free_space(const Frame& frame, StageClock& clock) {
       settings.blocked_below)
     estimate.flags |= flag_blocked;
   clock.lap(Stage::mask);
-}
-
-Status Segmenter::State::admit(const Frame& frame, const MaskTarget& target) const {
-  if (std::string flaw = flaw_of(frame); !flaw.empty())
-    return {Status::Code::bad_frame, std::move(flaw)};
-  if (!place_window(settings, frame.width, frame.height))
-    return {Status::Code::window_outside_frame,
-            "the training window (window-width = " + std::to_string(settings.window_width) +
-                ", window-height = " + std::to_string(settings.window_height) +
-                ", window-bottom = " + std::to_string(settings.window_bottom) +
-                ", window-x = " + std::to_string(settings.window_x) + ") does not fit a frame of " +
-                text_of({0, 0, frame.width, frame.height}) + ": make it smaller, or 0 to follow the frame"};
-  if (target.plane.data) {
-    const Rectangle needed{0, 0, mask_extent(frame.width, settings.mask_level),
-                           mask_extent(frame.height, settings.mask_level)};
-    if (target.width != needed.width || target.height != needed.height)
-      return {Status::Code::bad_target, "the mask target is " + text_of({0, 0, target.width, target.height}) +
-                                            ", the mask of this frame is " + text_of(needed)};
-    if (std::abs(target.plane.stride) < target.width && target.height > 1)
-      return {Status::Code::bad_target, "the mask target's stride of " + std::to_string(target.plane.stride) +
-                                            " bytes is shorter than its row of " +
-                                            std::to_string(target.width)};
-  }
-  return {};
-}
-
-/// Follows the frame's size and colour space. What was learned survives a change of size, not one of colours.
-void Segmenter::State::adapt(const Frame& frame) {
-  const ColorSpace now = learning_space(settings, {layout_of(frame.format).rgb, frame.colorimetry});
-  if (terrain.space != now) {
-    if (heaviest(terrain.models) >= 0)
-      forget();
-    terrain.space = now;
-  }
-  space = now;
-  if (!stale && frame.width == width && frame.height == height)
-    return;
-  stale = false;
-  const int new_level = grid_level(settings.pyramid_levels, frame.width, frame.height);
-  if (frame.width != width || frame.height != height || new_level != level)
-    path.forget_frames();
-  width = frame.width;
-  height = frame.height;
-  level = new_level;
-  plan.coarsest = std::max(level, settings.mask_level);
-  plan.finest_color = settings.mask_level > 0 ? std::min(level, settings.mask_level) : level;
-  plan.finest_luma = plan.finest_color;
-  window = *place_window(settings, width, height);
-  path.forget_terrain();
-  resize_mixture(terrain.models, settings.learned_models);
-  table_is_old = true;
-  if (!workers || workers->count() != settings.n_threads)
-    workers.emplace(settings.n_threads);
-}
-
-void Segmenter::State::forget() {
-  const std::uint32_t generation = terrain.generation + 1;
-  terrain = {};
-  terrain.generation = generation;
-  if (space)
-    terrain.space = *space;
-  resize_mixture(terrain.models, settings.learned_models);
-  table_is_old = true;
-  path.forget_frames();
-  path.forget_terrain();
-}
-
-Grid Segmenter::State::grid_at(int pyramid_level) const {
-  return {{pyramid.plane(pyramid_level, 0), pyramid.plane(pyramid_level, 1), pyramid.plane(pyramid_level, 2)},
-          pyramid.width(pyramid_level),
-          pyramid.height(pyramid_level),
-          pyramid_level};
 }
 
 /// Whether this frame's window is learned, and if not, why.
@@ -400,25 +219,6 @@ void Segmenter::State::update(const TrainingModels& training) {
   table_is_old = true;
 }
 
-void Segmenter::State::start_estimate(const Frame& frame, const MaskTarget& target) {
-  const int mask_width = mask_extent(frame.width, settings.mask_level),
-            mask_height = mask_extent(frame.height, settings.mask_level);
-  mask_plane = target.plane;
-  if (!mask_plane.data) {
-    mask.resize(static_cast<std::size_t>(mask_width) * mask_height);
-    mask_plane = {mask.data(), mask_width};
-  }
-  boundary.assign(static_cast<std::size_t>(mask_width), static_cast<std::uint16_t>(frame.height));
-  estimate = {};
-  estimate.frame = counters.frames++;
-  estimate.frame_width = frame.width;
-  estimate.frame_height = frame.height;
-  estimate.mask = {{mask_plane.data, mask_plane.stride}, mask_width, mask_height};
-  estimate.mask_region = {0, 0, frame.width, frame.height};
-  estimate.boundary = boundary;
-  estimate.window = window;
-}
-
 /// The paper's scoring: each pixel by its own colour.
 void Segmenter::State::label_by_score(const Frame& frame, const Grid& grid, const Horizon& horizon,
                                       StageClock& clock) {
@@ -459,98 +259,6 @@ void Segmenter::State::label_by_score(const Frame& frame, const Grid& grid, cons
       static_cast<int>(traversable * 1000 / (static_cast<std::uint64_t>(view.width) * view.height));
   if (free < settings.blocked_below)
     estimate.flags |= flag_blocked;
-}
-
-void Segmenter::State::label_unknown() {
-  for (int y = 0; y < estimate.mask.height; ++y)
-    std::memset(mask_plane.row(y), mask_doubtful, static_cast<std::size_t>(estimate.mask.width));
-  estimate.flags |= flag_unknown | flag_blocked;
-}
-
-void Segmenter::State::describe_models() {
-  estimate.model_generation = terrain.generation;
-  for (TerrainModel model : terrain.models) {
-    if (model.mass == 0)
-      continue;
-    if (settings.free_space)
-      model = path.in_this_light(model);
-    estimate.models[static_cast<std::size_t>(estimate.model_count++)] = {
-        model.mean, model.variance, std::max<std::uint64_t>(model.mass >> 8, 1),
-        rgb_of(model.mean, terrain.space)};
-  }
-}
-
-Segmenter::Segmenter(const Settings& settings) : state_(std::make_unique<State>(settings)) {}
-Segmenter::~Segmenter() = default;
-Segmenter::Segmenter(Segmenter&&) noexcept = default;
-Segmenter& Segmenter::operator=(Segmenter&&) noexcept = default;
-
-void Segmenter::configure(const Settings& settings) {
-  if (settings == state_->settings)
-    return;
-  // The two pipelines learn in different colours.
-  if (settings.free_space != state_->settings.free_space && heaviest(state_->terrain.models) >= 0)
-    state_->forget();
-  state_->settings = settings;
-  state_->stale = true;
-}
-
-const Settings& Segmenter::settings() const {
-  return state_->settings;
-}
-
-const Estimate& Segmenter::estimate() const {
-  return state_->estimate;
-}
-
-void Segmenter::reset() {
-  state_->forget();
-}
-
-void Segmenter::reset_temporal() {
-  state_->path.forget_frames();
-}
-
-Terrain Segmenter::terrain() const {
-  return state_->terrain;
-}
-
-Status Segmenter::adopt(const Terrain& terrain) {
-  State& s = *state_;
-  if (s.space && *s.space != terrain.space)
-    return {Status::Code::foreign_terrain,
-            "the terrain was learned in another colour space than that of the frames: learn it anew"};
-  const bool of_default_path = !terrain.negative_colors.empty();
-  if (heaviest(terrain.models) >= 0 && of_default_path != s.settings.free_space)
-    return {Status::Code::foreign_terrain,
-            "the terrain was learned with free-space = " + std::string(of_default_path ? "true" : "false") +
-                ", which learns other colours: set it alike, or learn the terrain anew"};
-  const auto has_shape = [](const auto& histogram, std::size_t bins) {
-    return histogram.empty() || histogram.size() == bins;
-  };
-  constexpr std::uint32_t most_variance = 256u * 256 << 8;
-  const bool sound = std::all_of(terrain.models.begin(), terrain.models.end(), [](const TerrainModel& model) {
-    return model.mass == 0 || std::all_of(model.variance.begin(), model.variance.end(),
-                                          [](std::uint32_t v) { return v > 0 && v <= most_variance; });
-  });
-  if (terrain.models.size() > max_models || !has_shape(terrain.negative_colors, color_bins) ||
-      !has_shape(terrain.terrain_texture, texture_bins) ||
-      !has_shape(terrain.negative_texture, texture_bins) || !sound)
-    return {Status::Code::foreign_terrain,
-            "the terrain has another shape than this version learns: learn it anew"};
-  s.terrain = terrain;
-  resize_mixture(s.terrain.models, s.settings.learned_models);
-  s.table_is_old = true;
-  s.path.forget_terrain();
-  return {};
-}
-
-const Counters& Segmenter::counters() const {
-  return state_->counters;
-}
-
-const std::array<std::int64_t, stage_count>& Segmenter::stage_times() const {
-  return state_->times;
 }
 
 } // namespace terrainseg

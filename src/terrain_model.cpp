@@ -107,4 +107,19 @@ void resize_mixture(std::vector<TerrainModel>& learned, int slots) {
   learned.resize(static_cast<std::size_t>(slots));
 }
 
+bool well_formed(const Terrain& terrain) {
+  const auto has_shape = [](const auto& histogram, std::size_t bins) {
+    return histogram.empty() || histogram.size() == bins;
+  };
+  constexpr std::uint32_t most_variance = 256u * 256 << 8;
+  const auto is_sound = [](const TerrainModel& model) {
+    return model.mass == 0 || std::all_of(model.variance.begin(), model.variance.end(),
+                                          [](std::uint32_t v) { return v > 0 && v <= most_variance; });
+  };
+  return terrain.models.size() <= max_models && has_shape(terrain.negative_colors, color_bins) &&
+         has_shape(terrain.terrain_texture, texture_bins) &&
+         has_shape(terrain.negative_texture, texture_bins) &&
+         std::all_of(terrain.models.begin(), terrain.models.end(), is_sound);
+}
+
 } // namespace terrainseg

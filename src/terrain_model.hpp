@@ -44,4 +44,7 @@ int heaviest(std::span<const TerrainModel> learned);
 /// Gives the mixture `slots` slots: null ones are added, or the lightest models are dropped.
 void resize_mixture(std::vector<TerrainModel>& learned, int slots);
 
+/// Whether a terrain from elsewhere has the shape and the ranges that learning and scoring rely on.
+bool well_formed(const Terrain& terrain);
+
 } // namespace terrainseg

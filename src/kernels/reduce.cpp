@@ -39,9 +39,17 @@ template <int step> HWY_INLINE int horizontal(const std::uint8_t* row, int p) {
   return row[p - 2 * step] + row[p + 2 * step] + 4 * (row[p - step] + row[p + step]) + 6 * row[p];
 }
 
-template <int step> int horizontal_at_edge(const std::uint8_t* row, int x, int width, int channel) {
-  const auto at = [&](int i) { return int{row[reflect_101(i, width) * step + channel]}; };
-  return at(x - 2) + at(x + 2) + 4 * (at(x - 1) + at(x + 1)) + 6 * at(x);
+template <int step>
+HWY_INLINE int horizontal_at_edge(const std::uint8_t* row, int x, int width, int channel) {
+  const auto at = [&](int i) HWY_ATTR { return int{row[i * step + channel]}; };
+  if (width < 3) {
+    const auto mirrored = [&](int i) HWY_ATTR { return at(reflect_101(i, width)); };
+    return mirrored(x - 2) + mirrored(x + 2) + 4 * (mirrored(x - 1) + mirrored(x + 1)) + 6 * at(x);
+  }
+  // Two pixels beyond a row of three or more, one reflection is enough.
+  const auto left = [](int i) { return i < 0 ? -i : i; };
+  const auto right = [width](int i) { return i < width ? i : 2 * width - 2 - i; };
+  return at(left(x - 2)) + at(right(x + 2)) + 4 * (at(left(x - 1)) + at(right(x + 1))) + 6 * at(x);
 }
 
 template <int step, int written>
@@ -154,11 +162,21 @@ HWY_INLINE hn::Vec<D16> advance(D16, hn::Vec<D16> odd, hn::Vec<D16> even, hn::Ve
   return sum;
 }
 
+// The processor's own prefetch stops at pages, which is every second row of a 1080p frame. Asked for in step
+// with the arithmetic, lines come while it goes on; a whole row at once would wait for the row.
+// the arithmetic, lines come while it goes on; a whole row at once would wait for the row. To the second
+// cache: 4K NV12 takes 1.7 ms so, 2.0 with all of it in the first, 2.35 without.
+HWY_INLINE void ask_ahead(const std::uint8_t* at, std::size_t bytes) {
+  constexpr std::size_t cache_line = 64;
+  for (std::size_t i = 0; i < bytes; i += cache_line)
+    __builtin_prefetch(at + i, 0, 2);
+}
+
 // The pixels first..last-1, none of which touches an edge; false when they are fewer than a vector. The last
 // block overlaps the one before it: it is computed first, from sums that are still old, and stored last.
 template <int step, int written, class D8>
 HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t* even, int first, int last,
-                              const Waiting& waiting, std::uint8_t* out) {
+                              std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
   const hn::Repartition<std::uint16_t, D8> d16;
   const hn::Repartition<std::uint32_t, D8> d32;
   const std::size_t block = hn::Lanes(d8), half = block / 2;
@@ -204,6 +222,10 @@ HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t
   const auto tail_low = lower(tail, tail_p0, tail_h0);
   const auto tail_out = rounded(tail_low, upper(tail, tail_p1, tail_h1));
   for (std::size_t i = 0; i < tail; i += block) {
+    if (ahead != 0) {
+      ask_ahead(odd + source(i) + ahead, source(block));
+      ask_ahead(even + source(i) + ahead, source(block));
+    }
     hn::Vec<decltype(d16)> p0, h0, p1, h1;
     const auto low = lower(i, p0, h0);
     hn::StoreU(rounded(low, upper(i, p1, h1)), d8, out + i);
@@ -219,8 +241,8 @@ HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t
 #endif
 
 template <int step, int written>
-void reduce_row(const std::uint8_t* odd, const std::uint8_t* even, int width, const Waiting& waiting,
-                std::uint8_t* out) {
+void reduce_row(const std::uint8_t* odd, const std::uint8_t* even, int width,
+                [[maybe_unused]] std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
   const int half = (width + 1) / 2;
   // The last pixel whose pair and whose right neighbour's pair are whole.
   const int inner = std::max(1, width / 2 - 1);
@@ -228,14 +250,14 @@ void reduce_row(const std::uint8_t* odd, const std::uint8_t* even, int width, co
   bool done = false;
 #if HWY_TARGET != HWY_SCALAR
   const hn::CappedTag<std::uint8_t, 64> widest;
-  done = vector_pixels<step, written>(widest, odd, even, 1, inner, waiting, out);
+  done = vector_pixels<step, written>(widest, odd, even, 1, inner, ahead, waiting, out);
 #if !HWY_HAVE_SCALABLE
   const hn::CappedTag<std::uint8_t, 32> wide;
   const hn::CappedTag<std::uint8_t, 16> narrow;
   if constexpr (hn::MaxLanes(widest) > hn::MaxLanes(wide))
-    done = done || vector_pixels<step, written>(wide, odd, even, 1, inner, waiting, out);
+    done = done || vector_pixels<step, written>(wide, odd, even, 1, inner, ahead, waiting, out);
   if constexpr (hn::MaxLanes(wide) > hn::MaxLanes(narrow))
-    done = done || vector_pixels<step, written>(narrow, odd, even, 1, inner, waiting, out);
+    done = done || vector_pixels<step, written>(narrow, odd, even, 1, inner, ahead, waiting, out);
 #endif
 #endif
   if (!done)
@@ -249,16 +271,16 @@ void reduce_row(const std::uint8_t* odd, const std::uint8_t* even, int width, co
 }
 
 void reduce(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
-            const Waiting& waiting, std::uint8_t* out) {
+            std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
   switch (interleave) {
   case Interleave::one:
-    return reduce_row<1, 1>(odd, even, width, waiting, out);
+    return reduce_row<1, 1>(odd, even, width, ahead, waiting, out);
   case Interleave::two:
-    return reduce_row<2, 2>(odd, even, width, waiting, out);
+    return reduce_row<2, 2>(odd, even, width, ahead, waiting, out);
   case Interleave::three:
-    return reduce_row<3, 4>(odd, even, width, waiting, out);
+    return reduce_row<3, 4>(odd, even, width, ahead, waiting, out);
   case Interleave::four:
-    return reduce_row<4, 4>(odd, even, width, waiting, out);
+    return reduce_row<4, 4>(odd, even, width, ahead, waiting, out);
   }
 }
 
@@ -290,7 +312,8 @@ void reduce_vertically(const std::uint8_t* odd, const std::uint8_t* even, int by
   }
 }
 
-void split(const std::uint8_t* row, int width, bool luma_first, std::uint8_t* luma, std::uint8_t* chroma) {
+void split(const std::uint8_t* row, int width, bool luma_first, [[maybe_unused]] std::ptrdiff_t ahead,
+           std::uint8_t* luma, std::uint8_t* chroma) {
   const std::size_t bytes = static_cast<std::size_t>((width + 1) / 2) * 2;
   std::uint8_t* first = luma_first ? luma : chroma;
   std::uint8_t* second = luma_first ? chroma : luma;
@@ -300,6 +323,7 @@ void split(const std::uint8_t* row, int width, bool luma_first, std::uint8_t* lu
   const std::size_t n = hn::Lanes(d8);
   if (bytes >= n)
     for (;;) {
+      ask_ahead(row + 2 * i + ahead, 2 * n);
       const auto a = hn::LoadU(d8, row + 2 * i), b = hn::LoadU(d8, row + 2 * i + n);
       hn::StoreU(hn::ConcatEven(d8, b, a), d8, first + i);
       hn::StoreU(hn::ConcatOdd(d8, b, a), d8, second + i);
@@ -369,8 +393,8 @@ HWY_EXPORT(pick_bytes);
 HWY_EXPORT(spread_row);
 
 void reduce_pair(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
-                 const Waiting& waiting, std::uint8_t* out) {
-  HWY_DYNAMIC_DISPATCH(reduce)(interleave, odd, even, width, waiting, out);
+                 std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
+  HWY_DYNAMIC_DISPATCH(reduce)(interleave, odd, even, width, ahead, waiting, out);
 }
 
 void reduce_pair_vertically(const std::uint8_t* odd, const std::uint8_t* even, int bytes,
@@ -378,9 +402,9 @@ void reduce_pair_vertically(const std::uint8_t* odd, const std::uint8_t* even, i
   HWY_DYNAMIC_DISPATCH(reduce_vertically)(odd, even, bytes, waiting, out);
 }
 
-void split_422(const std::uint8_t* row, int width, bool luma_first, std::uint8_t* luma,
+void split_422(const std::uint8_t* row, int width, bool luma_first, std::ptrdiff_t ahead, std::uint8_t* luma,
                std::uint8_t* chroma) {
-  HWY_DYNAMIC_DISPATCH(split)(row, width, luma_first, luma, chroma);
+  HWY_DYNAMIC_DISPATCH(split)(row, width, luma_first, ahead, luma, chroma);
 }
 
 void pick(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out) {

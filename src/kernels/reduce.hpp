@@ -29,18 +29,20 @@ struct Waiting {
 
 /// Takes the finer rows 2y+1 (`odd`) and 2y+2 (`even`) of `width` pixels and finishes row y: ceil(width / 2)
 /// pixels of (s + 128) >> 8 with reflect-101 borders. To begin at row y, feed (any, 2y-2) and (2y-1, 2y) and
-/// ignore what comes out.
+/// ignore what comes out. `ahead`: bytes from these rows to those that will be read next, which are asked for
+/// meanwhile; 0 = the cache has them. They need not exist.
 void reduce_pair(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
-                 const Waiting& waiting, std::uint8_t* out);
+                 std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out);
 
 /// The same in the vertical direction only, for `bytes` bytes: (s + 8) >> 4.
 void reduce_pair_vertically(const std::uint8_t* odd, const std::uint8_t* even, int bytes,
                             const Waiting& waiting, std::uint8_t* out);
 
 /// Splits a row of packed 4:2:2 of `width` pixels into luma and interleaved chroma (2 * ceil(width / 2)
-/// bytes, in the order of the row). `luma_first`: YUY2 rather than UYVY. The row holds 4 * ceil(width / 2)
-/// bytes.
-void split_422(const std::uint8_t* row, int width, bool luma_first, std::uint8_t* luma, std::uint8_t* chroma);
+/// bytes, in the order of the row), `ahead` as above. `luma_first`: YUY2 rather than UYVY. The row holds 4 *
+/// ceil(width / 2) bytes.
+void split_422(const std::uint8_t* row, int width, bool luma_first, std::ptrdiff_t ahead, std::uint8_t* luma,
+               std::uint8_t* chroma);
 
 /// Every `step`-th byte of a row, from `offset` on: `count` samples. step is 2 or 4.
 void pick(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out);

@@ -111,6 +111,8 @@ Moment moment_of(const Settings& settings, const Path& path, std::uint64_t numbe
   c.right = level * rc + below * rs;
   c.down = below * rc - level * rs;
   c.focal = static_cast<float>(focal);
+  c.step_x = c.right * (1 / c.focal);
+  c.step_y = c.down * (1 / c.focal);
   c.center_x = static_cast<float>(width - 1) * 0.5F;
   c.center_y = static_cast<float>(height - 1) * 0.5F;
   const auto lateral = static_cast<float>(rover.offset + 0.12 * sway * wave(0.13, 18));

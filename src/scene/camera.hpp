@@ -31,10 +31,11 @@ struct Camera {
   Vec3 position;
   Vec3 right, down, forward; ///< unit vectors of the picture
   float focal = 1;           ///< pixels
+  Vec3 step_x, step_y;       ///< what a ray changes by from pixel to pixel
   float center_x = 0, center_y = 0;
 
   Vec3 ray(float x, float y) const { ///< through a pixel, with a forward part of 1
-    return forward + right * ((x - center_x) / focal) + down * ((y - center_y) / focal);
+    return forward + step_x * (x - center_x) + step_y * (y - center_y);
   }
   float depth(const Vec3& point) const { return dot(point - position, forward); }
   /// Row of level rays at the middle of the width, rounded; -1 outside the picture.

@@ -51,7 +51,7 @@ Developer::Developer() {
 void Developer::expose_row(const Canvas& canvas, int y, const Lighting& light, std::uint32_t key,
                            std::uint8_t* rgb) const {
   const Color* source = canvas.light.data() + static_cast<std::size_t>(y) * canvas.width;
-  const Color gain = light.exposure * (tone_steps / 2);
+  const Color gain = light.exposure * (0.5F * tone_steps);
   // grain_ has a standard deviation of 32; times noise_q gives Q6 steps in the end.
   const int noise_q = static_cast<int>(light.sensor_noise * 64);
   const std::uint32_t row_key = hash(key, static_cast<std::uint32_t>(y));

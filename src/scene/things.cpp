@@ -33,7 +33,7 @@ class Painter {
 
   void shadow(const Thing& thing) {
     const float depth = camera_.depth(thing.base);
-    if (depth > 90)
+    if (depth > (thing.kind == Thing::Kind::tree ? 45.0F : 90.0F))
       return;
     std::array<Vec3, 16> corners;
     if (s_.settings.kind != Kind::corridor && s_.light.sun.y > 0.01F) {
@@ -439,25 +439,32 @@ class Painter {
       const float width = conifer ? rx * 0.8F * clamp01(0.5F - 0.5F * y) + 0.02F : rx;
       const float x = u / width;
       const float radius = conifer ? std::max(std::abs(x), std::abs(y)) : std::sqrt(x * x + y * y);
-      // Coarse first: most pixels are well inside or well outside.
-      float body = 1 - radius + 0.3F * s_.noise.at(u * 1.4F + shift, v * 1.4F) - 0.12F;
+      const float wood =
+          v < cy ? clamp01((trunk * (1.2F - v / thing.height) - std::abs(u)) / size + 0.5F) : 0;
       const float rim = std::max(size * 1.5F, 0.16F);
-      if (std::abs(body) < 0.33F + 0.5F * rim)
-        body += 0.2F * s_.noise.at(u * 5 + shift, v * 5) + 0.12F * s_.noise.at(u * 15, v * 15);
+      // Coarse first: most pixels are well inside or well outside.
+      float body = 0.88F - radius;
+      if (body < -0.62F - 0.5F * rim && wood <= 0)
+        return {{}, 0};
+      body += 0.3F * s_.noise.at(u * 1.4F + shift, v * 1.4F);
+      if (body < -0.32F - 0.5F * rim && wood <= 0)
+        return {{}, 0};
+      if (std::abs(body) < 0.33F + 0.5F * rim) {
+        body += 0.2F * s_.noise.at(u * 5 + shift, v * 5);
+        if (size < 0.05F)
+          body += 0.12F * s_.noise.at(u * 15, v * 15);
+      }
       // Gaps through which the sky shows.
-      if (size < 0.12F)
+      if (size < 0.05F)
         body -= 0.9F * smooth(0.3F, 0.6F, s_.noise.at(u * 3.3F + shift, v * 3.3F)) * clamp01(0.8F + y);
       const float alpha = clamp01(body / rim + 0.5F);
-      const float wood =
-          clamp01((trunk * (1.2F - v / thing.height) - std::abs(u)) / size + 0.5F) * (v < cy ? 1.0F : 0.0F);
-      if (std::max(alpha, wood) <= 0)
-        return {{}, 0};
-      if (alpha >= 1)
-        return {foliage(thing.color, u, v - cy, rx, size, thing.key), 1};
+      if (wood <= 0)
+        return {alpha > 0 ? foliage(thing.color, u, v - cy, rx, size, thing.key) : Color{}, alpha};
       const Color bark = Color{0.09F, 0.065F, 0.045F} * (1 + 0.5F * s_.noise.at(u * 30 + shift, v * 5)) *
                          s_.light.on({0, 0.4F, 0}, 0.6F);
-      const Color leaves = foliage(thing.color, u, v - cy, rx, size, thing.key);
-      return {mix(bark, leaves, alpha), std::max(alpha, wood)};
+      if (alpha <= 0)
+        return {bark, wood};
+      return {mix(bark, foliage(thing.color, u, v - cy, rx, size, thing.key), alpha), std::max(alpha, wood)};
     });
   }
 

@@ -108,9 +108,9 @@ class Bench {
   void streams();
 
  private:
-  Budget budget(int milliseconds) const {
+  Budget budget(int milliseconds, Count count = Count::processor_time) const {
     return {quick_ ? 7 : 15, quick_ ? 60 : 2000,
-            std::chrono::milliseconds(quick_ ? milliseconds / 6 : milliseconds)};
+            std::chrono::milliseconds(quick_ ? milliseconds / 6 : milliseconds), count};
   }
   FrameSet frames(PixelFormat format, Size size) const {
     return {format, size.width, size.height, rotation_};
@@ -163,10 +163,10 @@ void Bench::overlay(PixelFormat format, Size size) {
   Times paint_times, copy_times;
   const Budget b = budget(2000);
   const auto begin = Clock::now();
-  const auto timed = [](Times& times, const auto& work) {
-    const auto start = Clock::now();
+  const auto timed = [&b](Times& times, const auto& work) {
+    const std::int64_t start = now(b.count);
     work();
-    times.add(std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - start).count());
+    times.add(now(b.count) - start);
   };
   for (int i = 0; i < b.least_rounds || (i < b.most_rounds && Clock::now() - begin < b.time); ++i) {
     const int n = 2 * i;
@@ -218,7 +218,7 @@ void Bench::tail() {
   const auto times =
       run_lanes({[&](int i) { filter.process(set.frame(2 * i)); },
                  [&](int i) { std::memcpy(copies.next(), set.bytes(2 * i + 1), set.frame_bytes()); }},
-                {rounds, rounds, std::chrono::milliseconds(0)});
+                {rounds, rounds, std::chrono::milliseconds(0), Count::wall_time});
   Row row = row_of("goal", "p99 / median over " + std::to_string(rounds) + " frames, over memcpy's",
                    PixelFormat::NV12, hd, times[0], "the same of memcpy", times[1], 1.3);
   row.ratio = times[0].p99() / times[0].median() / (times[1].p99() / times[1].median());
@@ -230,7 +230,7 @@ void Bench::two_threads() {
   Filter one(with(Preset::standard, 0, 1), uhd), two(with(Preset::standard, 0, 2), uhd);
   const auto times = run_lanes(
       {[&](int i) { two.process(set.frame(2 * i)); }, [&](int i) { one.process(set.frame(2 * i + 1)); }},
-      budget(3000));
+      budget(3000, Count::wall_time));
   report_.add(row_of("goal", "two threads against one", PixelFormat::NV12, uhd, times[0], "one thread",
                      times[1], 0.6));
 }
@@ -276,13 +276,13 @@ void Bench::kernel_rows() {
     const std::size_t in = static_cast<std::size_t>(width) * static_cast<std::size_t>(step);
     const std::string name = "reduce_pair, " + std::to_string(step) + " bytes a pixel";
     row(name.c_str(), 2 * in + in / 2 * 9, [&, step] {
-      kernels::reduce_pair(static_cast<kernels::Interleave>(step), a.data(), b.data(), width, waiting,
+      kernels::reduce_pair(static_cast<kernels::Interleave>(step), a.data(), b.data(), width, 0, waiting,
                            out.data());
     });
   }
   row("reduce_pair_vertically", 2 * width + width * 9,
       [&] { kernels::reduce_pair_vertically(a.data(), b.data(), width, waiting, out.data()); });
-  row("split_422", 4 * width, [&] { kernels::split_422(a.data(), width, true, out.data(), b.data()); });
+  row("split_422", 4 * width, [&] { kernels::split_422(a.data(), width, true, 0, out.data(), b.data()); });
   std::vector<std::uint16_t> boundary(width), safe(width);
   for (int x = 0; x < width; ++x) {
     boundary[static_cast<std::size_t>(x)] = static_cast<std::uint16_t>(x % 7);

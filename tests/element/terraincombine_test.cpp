@@ -269,6 +269,25 @@ TEST(TerrainCombine, FlushForgetsBothSides) {
   EXPECT_EQ(GST_BUFFER_PTS(out.get()), 50 * frame_time) << "frame 51 was flushed";
 }
 
+// A rover that starts again sends from the beginning, and no flush says so.
+TEST(TerrainCombine, ASenderThatBeginsAnew) {
+  Combine c(60000);
+  c.push_unit(some(1).estimate, 1000);
+  c.push_unit(some(2).estimate, 1001);
+  EXPECT_EQ(c.push_frame(1000), GST_FLOW_OK);
+  c.expect(1000, true);
+  for (int i = 0; i < 3; ++i) {
+    c.push_unit(some(3).estimate, i);
+    EXPECT_EQ(c.push_frame(i), GST_FLOW_OK);
+    c.expect(i, true);
+  }
+  EXPECT_EQ(c.push_frame(3), GST_FLOW_OK); // waits, although unit 1001 came long ago
+  c.push_unit(some(4).estimate, 3);
+  c.expect(3, true);
+  EXPECT_EQ(c.stat("unused"), 1u);
+  EXPECT_EQ(c.stat("lost"), 0u);
+}
+
 // Segments differ between the two streams, as behind two depayloaders: running time is what counts.
 TEST(TerrainCombine, SegmentsOfTheirOwn) {
   Combine c(60000);

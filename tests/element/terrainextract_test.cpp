@@ -2,6 +2,7 @@
 #include "outlet_harness.hpp"
 
 #include <gst/app/gstappsink.h>
+#include <gst/app/gstappsrc.h>
 
 #include <cmath>
 #include <cstring>
@@ -381,6 +382,55 @@ TEST(TerrainExtract, ThreeOutputsInParallelAndOneBehindAnEncoder) {
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
   for (const char* name : {"gray", "lines", "klv", "encoded"})
     EXPECT_EQ(pulled(pipeline.get(), name), 20) << name;
+}
+
+// The largest unit there is: muxers and payloaders carry it whole.
+TEST(TerrainExtract, LargestUnitsPassMuxersAndPayloaders) {
+  std::mt19937 random(16);
+  std::size_t largest = 0;
+  OwnedEstimate widest;
+  for (unsigned calm = 40; calm < 60; ++calm) { // the noise that just fits
+    OwnedEstimate o = noisy(1280, 720, 1280, 720, calm, random);
+    KlvEncoder encoder;
+    const auto bytes = encoder.encode(o.estimate, 0);
+    KlvUnit unit;
+    ASSERT_EQ(unit.decode(bytes), KlvVerdict::ok);
+    if (bytes.size() > largest) {
+      largest = bytes.size();
+      widest = std::move(o);
+    }
+  }
+  ASSERT_GT(largest, 55000u);
+  for (const char* way :
+       {"mpegtsmux alignment=7 ! tsdemux", "mpegtsmux alignment=7 ! rtpmp2tpay ! rtpmp2tdepay ! tsdemux",
+        "rtpklvpay ! rtpklvdepay"}) {
+    const std::string text = "appsrc name=in format=time caps=" +
+                             std::string("video/x-raw,format=I420,width=1280,height=720,framerate=25/1") +
+                             " ! terrainextract ! meta/x-klv,parsed=true ! " + way +
+                             " ! meta/x-klv ! appsink name=out sync=false";
+    GError* error = nullptr;
+    Owned<GstElement> pipeline(gst_parse_launch(text.c_str(), &error));
+    ASSERT_EQ(error, nullptr) << error->message;
+    gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+    GstElement* in = gst_bin_get_by_name(GST_BIN(pipeline.get()), "in");
+    for (int i = 0; i < 4; ++i)
+      gst_app_src_push_buffer(GST_APP_SRC(in), frame_with(widest.estimate, 16, i).release());
+    gst_app_src_end_of_stream(GST_APP_SRC(in));
+    gst_object_unref(in);
+    GstElement* out = gst_bin_get_by_name(GST_BIN(pipeline.get()), "out");
+    int whole = 0;
+    while (GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(out), 5 * GST_SECOND)) {
+      const std::string bytes = text_of(gst_sample_get_buffer(sample));
+      KlvUnit unit;
+      EXPECT_EQ(unit.decode({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}),
+                KlvVerdict::ok)
+          << way << ": " << unit.error();
+      whole += bytes.size() == largest;
+      gst_sample_unref(sample);
+    }
+    EXPECT_EQ(whole, 4) << way;
+    gst_object_unref(out);
+  }
 }
 
 TEST(TerrainExtract, StatesAgainAndAgain) {

@@ -501,5 +501,57 @@ TEST_F(ModelFile, TheTwoPipelinesDoNotReadEachOthersModels) {
   }
 }
 
+TEST_F(ModelFile, AnotherColourSpaceLaterIsAWarningAndANewStart) {
+  learn_and_save("I420", "terrainseg preset=paper");
+  Rig rig("terrainseg preset=paper learning=false model-location=" + path_, caps_text("I420", 160, 120));
+  EXPECT_FALSE(EstimateReader(rig.step().get()).estimate().flags & flag_unknown);
+  rig.set_caps(caps_text("RGB", 160, 120));
+  EXPECT_TRUE(EstimateReader(rig.step().get()).estimate().flags & flag_unknown);
+  const auto warnings = rig.warnings();
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_TRUE(warnings[0].contains(path_.c_str()));
+  rig.set_caps(caps_text("I420", 160, 120));
+  EXPECT_TRUE(EstimateReader(rig.step().get()).estimate().flags & flag_unknown);
+  EXPECT_TRUE(rig.errors().empty());
+}
+
+TEST_F(ModelFile, ANewStreamStartsFromTheLoadedTerrain) {
+  learn_and_save();
+  Rig rig("terrainseg learning=false model-location=" + path_, caps_text("I420", 160, 120));
+  for (const char* id : {"one", "two", "three"}) {
+    gst_harness_push_event(rig.harness(), gst_event_new_stream_start(id));
+    rig.set_caps(caps_text("I420", 160, 120));
+    EXPECT_FALSE(EstimateReader(rig.step().get()).estimate().flags & flag_unknown) << id;
+  }
+}
+
+/// Who handles a message in the streaming thread may use every signal and property: nothing is locked then.
+TEST_F(ModelFile, SignalsFromASynchronousMessageHandler) {
+  Rig rig("terrainseg post-messages=true", caps_text("I420", 160, 120));
+  struct Context {
+    Rig* rig;
+    std::string path;
+    int calls = 0;
+  } context{&rig, path_};
+  gst_bus_set_sync_handler(
+      rig.bus(),
+      [](GstBus*, GstMessage*, gpointer data) -> GstBusSyncReply {
+        auto* c = static_cast<Context*>(data);
+        if (c->calls++ > 20)
+          return GST_BUS_DROP;
+        call(*c->rig, "save-model", c->path);
+        call(*c->rig, "load-model", c->path);
+        g_signal_emit_by_name(c->rig->element(), "reset");
+        c->rig->counter("frames");
+        g_object_set(c->rig->element(), "caution", c->calls, nullptr);
+        return GST_BUS_DROP;
+      },
+      &context, nullptr);
+  for (int i = 0; i < 5; ++i)
+    EXPECT_TRUE(EstimateReader(rig.step().get()));
+  EXPECT_GT(context.calls, 0);
+  gst_bus_set_sync_handler(rig.bus(), nullptr, nullptr, nullptr);
+}
+
 } // namespace
 } // namespace terrainseg::test

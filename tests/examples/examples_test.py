@@ -486,5 +486,17 @@ def scripts_explain_themselves(folder):
         contains(run(script, '--help').stdout, f'usage: examples/{script.name}')
 
 
+@case
+def make_pictures_makes_every_picture(folder):
+    run(EXAMPLES / 'make_pictures.sh', folder / 'pictures', env={**os.environ, 'MAX_FRAMES': '2'})
+    made = {path.name: path.read_bytes() for path in (folder / 'pictures').iterdir()}
+    committed = {path.name for path in (EXAMPLES.parent / 'docs' / 'images').glob('*.jpg')}
+    equal(sorted(set(made) - committed), [], 'pictures that are made but not in docs/images')
+    assert len(made) >= 15, sorted(made)
+    for name, content in made.items():
+        assert content[:2] == b'\xff\xd8' and content[-2:] == b'\xff\xd9', f'{name} is no JPEG file'
+        assert 2000 < len(content) < 200000, f'{name} has {len(content)} bytes'
+
+
 if __name__ == '__main__':
     main(CASES)

@@ -112,11 +112,20 @@ Moment moment() {
   moment.inputs = 12;
   moment.name = "recordings/clip.mp4";
   moment.frames = 312;
-  moment.all_frames = 1000;
+  moment.fps = 50;
   moment.permille = 430;
   moment.whole_permille = 250;
-  moment.seconds = moment.working_seconds = 20;
+  moment.seconds = 20;
   return moment;
+}
+
+TEST(Display, TheRateIsThatOfTheLastSeconds) {
+  Rate rate;
+  EXPECT_EQ(rate.at(0, 0), 0);
+  EXPECT_EQ(rate.at(1, 100), 100);
+  for (int second = 2; second <= 10; ++second)
+    rate.at(second, 100 + 10 * (second - 1));
+  EXPECT_NEAR(rate.at(11, 200), 10, 0.5) << "the fast second is long ago";
 }
 
 TEST(Display, TheLineSaysWhatIsKnown) {

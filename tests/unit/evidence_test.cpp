@@ -77,7 +77,7 @@ TEST(Evidence, IsTheWeightedLogLikelihoodRatio) {
   }
   learn_histograms(cells_of(rest), lessons, 5, t);
   EvidenceTables tables;
-  Evidence().build(t, Settings(), tables);
+  Evidence().build(t, {}, Settings(), tables);
 
   std::vector<double> blurred(2048, 0);
   double total = 0;
@@ -113,11 +113,25 @@ TEST(Evidence, TheNearestModelSpeaks) {
   two.models.push_back(two.models[0]);
   two.models[1].mean = {60 << 8, 160 << 8, 90 << 8};
   EvidenceTables a, b;
-  Evidence().build(one, Settings(), a);
-  Evidence().build(two, Settings(), b);
+  Evidence().build(one, {}, Settings(), a);
+  Evidence().build(two, {}, Settings(), b);
   EXPECT_LT(a.color[bin(60, 160, 90)], 0);
   EXPECT_GT(b.color[bin(60, 160, 90)], 0);
   EXPECT_GT(b.color[bin(112, 128, 128)], 0);
+}
+
+TEST(Evidence, WhatIsInTheWindowNowIsTerrain) {
+  Terrain memory = gray_road();
+  memory.models[0].mass = std::uint64_t{1} << 40; // hours of it
+  TerrainModel now = memory.models[0];
+  now.mean = {60 << 8, 160 << 8, 90 << 8};
+  now.mass = 70 << 8;
+  EvidenceTables before, after;
+  Evidence().build(memory, {}, Settings(), before);
+  Evidence().build(memory, {&now, 1}, Settings(), after);
+  EXPECT_LT(before.color[bin(60, 160, 90)], -20);
+  EXPECT_GT(after.color[bin(60, 160, 90)], 20);
+  EXPECT_EQ(after.color[bin(112, 128, 128)], before.color[bin(112, 128, 128)]);
 }
 
 TEST(Evidence, TextureIsForWhatTheWindowShows) {
@@ -130,13 +144,13 @@ TEST(Evidence, TextureIsForWhatTheWindowShows) {
   }
   learn_histograms(cells_of(cells), lessons, 5, t);
   EvidenceTables tables;
-  Evidence().build(t, Settings(), tables);
+  Evidence().build(t, {}, Settings(), tables);
   EXPECT_GT(tables.texture[4], 60);
   EXPECT_LT(tables.texture[17], -60);
   EXPECT_NEAR(tables.texture[4], -tables.texture[17], 2);
   Settings without;
   without.texture = false;
-  Evidence().build(t, without, tables);
+  Evidence().build(t, {}, without, tables);
   for (const int v : tables.texture)
     EXPECT_EQ(v, 0);
 }

@@ -3,8 +3,8 @@
 // touched.
 #pragma once
 
-#include <gtest/gtest.h>
 #include "kernels/targets.hpp"
+#include <gtest/gtest.h>
 
 #include <hwy/highway.h>
 #include <sys/mman.h>

@@ -75,7 +75,7 @@ void check_reduce(int step, int width, Fill how, bool at_end, std::mt19937& rand
   std::copy(old_partial.begin(), old_partial.end(), partial.begin());
   std::copy(old_held.begin(), old_held.end(), held.begin());
   const Expected e = reduced(step, odd, even, width, old_partial, old_held);
-  reduce_pair(static_cast<Interleave>(step), odd.data(), even.data(), width, {partial.data(), held.data()},
+  reduce_pair(static_cast<Interleave>(step), odd.data(), even.data(), width, 0, {partial.data(), held.data()},
               out.data());
   for (std::size_t i = 0; i < size; ++i) {
     ASSERT_EQ(out[i], e.out[i]) << "step " << step << " width " << width << " at " << i;
@@ -134,7 +134,7 @@ TEST(Kernels, Split422) {
           const std::size_t bytes = static_cast<std::size_t>((width + 1) / 2) * 2;
           const Guarded<std::uint8_t> row(2 * bytes, at_end), luma(bytes, at_end), chroma(bytes, at_end);
           fill(row, Fill::noise, random);
-          split_422(row.data(), width, luma_first, luma.data(), chroma.data());
+          split_422(row.data(), width, luma_first, 0, luma.data(), chroma.data());
           for (std::size_t i = 0; i < bytes; ++i) {
             ASSERT_EQ(luma[i], row[2 * i + (luma_first ? 0 : 1)]) << width << " at " << i;
             ASSERT_EQ(chroma[i], row[2 * i + (luma_first ? 1 : 0)]) << width << " at " << i;

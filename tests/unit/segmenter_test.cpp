@@ -560,6 +560,22 @@ TEST(Segmenter, ForeignTerrainIsRefused) {
   refused(terrain);
 }
 
+TEST(Segmenter, TheOtherPipelinesTerrainIsWelcomeAfterTheSwitch) {
+  Segmenter teacher(paper()), pupil{Settings{}};
+  const auto frame = i420(plain());
+  ASSERT_TRUE(teacher.process(frame.frame()).ok());
+  ASSERT_TRUE(pupil.process(frame.frame()).ok());
+  EXPECT_FALSE(pupil.adopt(teacher.terrain()).ok());
+  pupil.configure(paper());
+  ASSERT_TRUE(pupil.adopt(teacher.terrain()).ok());
+  Settings settings = paper();
+  settings.learning = false;
+  pupil.configure(settings);
+  ASSERT_TRUE(pupil.process(frame.frame()).ok());
+  EXPECT_FALSE(pupil.estimate().flags & flag_unknown);
+  EXPECT_EQ(pupil.terrain(), teacher.terrain());
+}
+
 TEST(Segmenter, ResetForgets) {
   Settings settings = paper();
   Segmenter segmenter(settings);

@@ -186,6 +186,29 @@ TEST(ResizeMixture, DropsTheLightest) {
   EXPECT_EQ(learned[3].mass, 0u);
 }
 
+TEST(WellFormed, RefusesWhatLearningCannotRelyOn) {
+  Terrain good;
+  good.models = {model(1, 2, 3, 20, 5), {}};
+  good.negative_colors.resize(color_bins);
+  EXPECT_TRUE(well_formed(good));
+  EXPECT_TRUE(well_formed(Terrain{}));
+  Terrain bad = good;
+  bad.models.resize(max_models + 1);
+  EXPECT_FALSE(well_formed(bad));
+  bad = good;
+  bad.models[0].variance[2] = 0;
+  EXPECT_FALSE(well_formed(bad));
+  bad = good;
+  bad.models[0].variance[1] = (65536u << 8) + 1;
+  EXPECT_FALSE(well_formed(bad));
+  bad = good;
+  bad.negative_colors.resize(color_bins - 1);
+  EXPECT_FALSE(well_formed(bad));
+  bad = good;
+  bad.terrain_texture.resize(texture_bins + 1);
+  EXPECT_FALSE(well_formed(bad));
+}
+
 TEST(Heaviest, IsNoneWhileAllAreNull) {
   std::array<TerrainModel, 3> learned{};
   EXPECT_EQ(heaviest(learned), -1);

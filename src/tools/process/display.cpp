@@ -13,6 +13,7 @@ namespace terrainseg::process {
 namespace {
 
 constexpr double plain_interval = 5;
+constexpr double rate_span = 4; // seconds
 constexpr int widest_bar = 30;
 constexpr int narrowest_bar = 8;
 
@@ -22,13 +23,10 @@ std::string number(const char* format, double value) {
 }
 
 std::string figures(const Moment& moment) {
-  const double fps =
-      moment.working_seconds > 0 ? static_cast<double>(moment.all_frames) / moment.working_seconds : 0;
-  std::string text = std::to_string(moment.frames) + " frames  " + number("%.1f", fps) + " fps";
+  std::string text = std::to_string(moment.frames) + " frames  " + number("%.1f", moment.fps) + " fps";
   // Before some of it is done the estimate would only jump.
   if (moment.whole_permille >= 5)
-    text += "  " +
-            duration_text(moment.working_seconds * (1000 - moment.whole_permille) / moment.whole_permille) +
+    text += "  " + duration_text(moment.seconds * (1000 - moment.whole_permille) / moment.whole_permille) +
             " left";
   return text;
 }
@@ -74,6 +72,14 @@ std::string harmless(std::string text) {
 }
 
 } // namespace
+
+double Rate::at(double seconds, std::uint64_t frames) {
+  history_.emplace_back(seconds, frames);
+  while (history_.size() > 2 && history_[1].first < seconds - rate_span)
+    history_.pop_front();
+  const auto [begin, before] = history_.front();
+  return seconds > begin ? static_cast<double>(frames - before) / (seconds - begin) : 0;
+}
 
 std::string duration_text(double seconds) {
   const long whole = std::max(0L, std::lround(seconds));

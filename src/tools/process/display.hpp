@@ -3,20 +3,30 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <string>
+#include <utility>
 
 namespace terrainseg::process {
 
 /// The state of the whole run at one moment.
 struct Moment {
-  int done = 0, inputs = 0;     ///< inputs finished, and all
-  std::string name;             ///< what is being worked on
-  std::uint64_t frames = 0;     ///< of the inputs being worked on
-  std::uint64_t all_frames = 0; ///< of the whole run
-  int permille = -1;            ///< of the inputs being worked on; -1 = unknown
-  int whole_permille = -1;      ///< of the run
-  double seconds = 0;           ///< since the run began
-  double working_seconds = 0;   ///< of `seconds`, on inputs that were not skipped
+  int done = 0, inputs = 0; ///< inputs finished, and all
+  std::string name;         ///< what is being worked on
+  std::uint64_t frames = 0; ///< of the inputs being worked on
+  double fps = 0;           ///< frames a second lately
+  int permille = -1;        ///< of the inputs being worked on; -1 = unknown
+  int whole_permille = -1;  ///< of the run, skipped inputs left out
+  double seconds = 0;       ///< since the run began
+};
+
+/// Frames a second over the last seconds: inputs differ, and so an average over the run would tell little.
+class Rate {
+ public:
+  double at(double seconds, std::uint64_t frames);
+
+ private:
+  std::deque<std::pair<double, std::uint64_t>> history_;
 };
 
 /// "m:ss" or "h:mm:ss".

@@ -91,6 +91,7 @@ class Batch {
   int finished_ = 0;
   int working_threads_ = 0;
   Display display_;
+  Rate rate_; ///< the display's thread only
   const Clock::time_point begin_;
 };
 
@@ -168,12 +169,13 @@ void Batch::show() {
   Moment moment;
   moment.inputs = static_cast<int>(inputs_.size());
   moment.done = finished_;
-  moment.seconds = moment.working_seconds = seconds_since(begin_);
+  moment.seconds = seconds_since(begin_);
+  std::uint64_t all_frames = 0;
   int running = 0, running_permille = 0, done_permille = 0, to_do = 0;
   bool known = true;
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
     const Work& work = *works_[i];
-    moment.all_frames += work.progress.frames;
+    all_frames += work.progress.frames;
     if (work.phase != Phase::skipped)
       ++to_do;
     if (work.phase == Phase::done)
@@ -187,6 +189,7 @@ void Batch::show() {
     running_permille += std::max(permille, 0);
     moment.name += (moment.name.empty() ? "" : ", ") + inputs_[i].label;
   }
+  moment.fps = rate_.at(moment.seconds, all_frames);
   if (running == 0)
     return;
   if (running > 1)

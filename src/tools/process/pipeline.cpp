@@ -24,7 +24,7 @@ constexpr std::chrono::seconds patience{60};
 /// A source that failed has this long to end its stream by itself.
 constexpr std::chrono::seconds grace{2};
 
-constexpr GstClockTime poll_interval = 50 * GST_MSECOND;
+constexpr GstClockTime poll_interval = 20 * GST_MSECOND;
 
 constexpr const char* csv_header =
     "frame,pts,width,height,horizon_row,horizon_confidence,traversable,confidence,"
@@ -86,13 +86,17 @@ class Run {
   void add_masks(GstElement* tee);
   void add_json(GstElement* tee);
   void count(GstElement* element, const char* pad, Output kind);
+  void watch_end(GstElement* sink);
+  static GstPadProbeReturn on_end(GstPad*, GstPadProbeInfo* info, gpointer self);
 
   void play(const std::atomic<int>& interrupted);
   void handle(GstMessage* message);
+  void handle_messages(GstBus* bus, GstClockTime timeout);
   void update_progress();
   std::uint64_t moved() const;
   Outcome conclude();
   std::string damage() const;
+  std::string cut_off(std::uint64_t length) const;
   std::string emptiness() const;
   std::optional<std::string> miscount() const;
   Outcome keep(const std::string& damage);
@@ -125,10 +129,11 @@ class Run {
   std::uint64_t without_metadata_ = 0;
   std::atomic<std::uint64_t> labelled_{0};
   std::atomic<GstClockTime> position_{0};
+  std::atomic<int> sinks_ended_{0};
 
   // The controlling thread's.
   gint64 duration_ = -1;
-  bool ended_ = false;
+  int sinks_ = 0;
   bool stopped_ = false;       ///< by the user
   std::string source_error_;   ///< the input's fault
   std::string source_warning_; ///< the first that the decoder gave
@@ -154,7 +159,22 @@ GstElement* Run::branch(GstElement* tee) {
 GstElement* Run::add_sink(Output kind) {
   GstElement* sink = add("fdsink");
   g_object_set(sink, "fd", file(kind).fd(), "sync", FALSE, "async", FALSE, nullptr);
+  watch_end(sink);
   return sink;
+}
+
+/// Ends are counted here: behind decodebin, a bin whose sinks are async=false sometimes loses its EOS
+/// message. When the event reaches a sink, everything in front of it has been written.
+void Run::watch_end(GstElement* sink) {
+  ++sinks_;
+  const PadPointer pad(gst_element_get_static_pad(sink, "sink"));
+  gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_end, this, nullptr);
+}
+
+GstPadProbeReturn Run::on_end(GstPad*, GstPadProbeInfo* info, gpointer self) {
+  if (GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) == GST_EVENT_EOS)
+    ++static_cast<Run*>(self)->sinks_ended_;
+  return GST_PAD_PROBE_OK;
 }
 
 void Run::count(GstElement* element, const char* name, Output kind) {
@@ -243,6 +263,7 @@ std::optional<std::string> Run::build() {
   if (!wants(Output::annotated) && !wants(Output::masks) && !wants(Output::json)) {
     GstElement* sink = add("fakesink"); // the CSV comes from the metadata
     g_object_set(sink, "sync", FALSE, "async", FALSE, nullptr);
+    watch_end(sink);
     gst_element_link(tee, sink);
   }
   const PadPointer in(gst_element_get_static_pad(source_.bin(), "src"));
@@ -355,9 +376,6 @@ void Run::handle(GstMessage* message) {
   const bool decoding = message->src == GST_OBJECT(source_.bin()) ||
                         gst_object_has_as_ancestor(message->src, GST_OBJECT(source_.bin()));
   switch (GST_MESSAGE_TYPE(message)) {
-  case GST_MESSAGE_EOS:
-    ended_ = true;
-    break;
   case GST_MESSAGE_ERROR: {
     std::string& error = decoding ? source_error_ : filter_error_;
     if (error.empty())
@@ -402,6 +420,16 @@ void Run::update_progress() {
         static_cast<int>(std::min<std::uint64_t>(gst_util_uint64_scale(done, 1000, whole), 1000));
 }
 
+/// Waits for a message as long as `timeout`, then takes all that are there.
+void Run::handle_messages(GstBus* bus, GstClockTime timeout) {
+  constexpr auto wanted =
+      static_cast<GstMessageType>(GST_MESSAGE_ERROR | GST_MESSAGE_WARNING | GST_MESSAGE_ELEMENT);
+  while (const MessagePointer message{gst_bus_timed_pop_filtered(bus, timeout, wanted)}) {
+    handle(message.get());
+    timeout = 0;
+  }
+}
+
 void Run::play(const std::atomic<int>& interrupted) {
   const BusPointer bus(gst_element_get_bus(pipeline_));
   if (gst_element_set_state(pipeline_, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) {
@@ -415,13 +443,8 @@ void Run::play(const std::atomic<int>& interrupted) {
   auto last_move = Clock::now();
   std::uint64_t last_moved = 0;
   bool asked_to_end = false;
-  while (!ended_ && filter_error_.empty()) {
-    if (const MessagePointer message(gst_bus_timed_pop_filtered(
-            bus.get(), poll_interval,
-            static_cast<GstMessageType>(GST_MESSAGE_ERROR | GST_MESSAGE_EOS | GST_MESSAGE_WARNING |
-                                        GST_MESSAGE_ELEMENT)));
-        message)
-      handle(message.get());
+  while (sinks_ended_ < sinks_ && filter_error_.empty()) {
+    handle_messages(bus.get(), poll_interval);
     update_progress();
 
     const auto now = Clock::now();
@@ -441,6 +464,8 @@ void Run::play(const std::atomic<int>& interrupted) {
       asked_to_end = true;
       source_.end();
     }
+    if (now - last_move > grace && source_.has_given_up())
+      return;
     if (now - last_move > patience) {
       source_error_ = source_error_.empty() ? "nothing came out of the decoder for a minute" : source_error_;
       if (asked_to_end || labelled_ == 0)
@@ -450,6 +475,12 @@ void Run::play(const std::atomic<int>& interrupted) {
       source_.end();
     }
   }
+  handle_messages(bus.get(), 0); // what was said before the end
+}
+
+std::string Run::cut_off(std::uint64_t length) const {
+  return "the file is cut off: " + std::to_string(record_.identity.bytes) + " of " + std::to_string(length) +
+         " bytes are there";
 }
 
 /// Why not a single frame came.
@@ -461,6 +492,9 @@ std::string Run::emptiness() const {
     return source_.problem();
   if (!source_.has_video() && !source_.other_streams().empty())
     return "there is no video in it, only " + source_.other_streams();
+  if (input_.kind == Input::Kind::file)
+    if (const auto length = missing_length(input_.path))
+      return cut_off(*length) + (source_error_.empty() ? "" : "; " + source_error_);
   if (!source_error_.empty()) {
     const std::string image = source_.image_after(0);
     return (image.empty() ? "" : image + ": ") + source_error_;
@@ -483,8 +517,7 @@ std::string Run::damage() const {
            (source_warning_.empty() ? "" : ": " + source_warning_);
   if (input_.kind == Input::Kind::file)
     if (const auto length = missing_length(input_.path))
-      return "the file is cut off: " + std::to_string(record_.identity.bytes) + " of " +
-             std::to_string(*length) + " bytes are there";
+      return cut_off(*length);
   if (!source_warning_.empty())
     return source_warning_;
   if (const std::uint64_t lost = source_.lost(); lost > 0)

@@ -46,6 +46,7 @@ void Source::build_decoder() {
                                                         : gst_filename_to_uri(input_.path.c_str(), nullptr));
   g_object_set(decoder, "uri", uri.get(), nullptr);
   g_signal_connect(decoder, "pad-added", G_CALLBACK(on_pad_added), this);
+  g_signal_connect(decoder, "no-more-pads", G_CALLBACK(on_no_more_pads), this);
   g_signal_connect(decoder, "autoplug-continue", G_CALLBACK(on_autoplug_continue), this);
   g_signal_connect(decoder, "deep-element-added", G_CALLBACK(on_element_added), this);
   gst_bin_add(GST_BIN(bin_), decoder);
@@ -176,6 +177,27 @@ void Source::set_problem(const std::string& problem) {
     problem_ = problem;
 }
 
+bool Source::has_given_up() const {
+  if (linked_ || input_.kind != Input::Kind::file)
+    return false;
+  struct Look {
+    GstElement* tail; // waits for frames all the time
+    bool working = false;
+  } look{tail_};
+  GstIterator* elements = gst_bin_iterate_recurse(GST_BIN(bin_));
+  const auto visit = [](const GValue* value, gpointer data) {
+    Look& state = *static_cast<Look*>(data);
+    GstElement* element = GST_ELEMENT(g_value_get_object(value));
+    GST_OBJECT_LOCK(element);
+    for (GList* pad = element->pads; pad && element != state.tail; pad = pad->next)
+      state.working = state.working || gst_pad_get_task_state(GST_PAD(pad->data)) == GST_TASK_STARTED;
+    GST_OBJECT_UNLOCK(element);
+  };
+  const GstIteratorResult result = gst_iterator_foreach(elements, visit, &look);
+  gst_iterator_free(elements);
+  return result == GST_ITERATOR_DONE && !look.working; // changed while looking: still working
+}
+
 std::string Source::problem() const {
   const std::lock_guard lock(mutex_);
   return problem_;
@@ -188,6 +210,13 @@ std::string Source::other_streams() const {
 
 void Source::on_pad_added(GstElement*, GstPad* pad, gpointer self) {
   static_cast<Source*>(self)->pad_added(pad);
+}
+
+void Source::on_no_more_pads(GstElement*, gpointer self) {
+  Source* source = static_cast<Source*>(self);
+  const std::string others = source->other_streams();
+  if (!source->linked_)
+    source->set_problem("there is no video in it" + (others.empty() ? "" : ", only " + others));
 }
 
 /// Sound and subtitles are neither decoded nor asked decoders for.

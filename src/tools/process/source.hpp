@@ -27,6 +27,9 @@ class Source {
   GstElement* bin() const { return bin_; }
 
   bool has_video() const { return linked_; }
+  /// True when nothing works on the input any more although no video came: some demuxers give up a cut file
+  /// without a word.
+  bool has_given_up() const;
   /// What it holds instead of video, for a message; empty when nothing is known.
   std::string other_streams() const;
   /// Why feeding or linking failed; empty when it did not.
@@ -49,6 +52,7 @@ class Source {
   bool link_video(GstPad* pad);
   void set_problem(const std::string& problem);
   static void on_pad_added(GstElement*, GstPad* pad, gpointer self);
+  static void on_no_more_pads(GstElement*, gpointer self);
   static gboolean on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer);
   static void on_need_data(GstElement*, guint, gpointer self);
   static void on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self);
