@@ -39,6 +39,7 @@ class Workers {
   void serve();
 
   std::vector<std::thread> threads_;
+  bool stay_awake_ = false; ///< written before the threads start
   // Written by run_erased() before `generation_` is raised, read by the threads after they see it raised.
   Call call_ = nullptr;
   void* context_ = nullptr;
