@@ -15,7 +15,7 @@ class ScoreAverage {
  public:
   void forget();
   /// Whether this frame continues the last one: `mode` decides, or (automatic) the picture shows much the
-  /// same and the time between them, where known, is an eighth of a second at most. `pts` in nanoseconds, -1
+  /// same and the time between them, where known, is two seconds at most. `pts` in nanoseconds, -1
   /// = unknown.
   bool continues(const CoarseGrid& grid, std::int64_t pts, Temporal mode);
   /// `average` (Q4) moves towards `score` (Q4) by three quarters, or becomes it when the frame does not

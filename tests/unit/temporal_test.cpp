@@ -24,10 +24,10 @@ TEST(ScoreAverage, LikePicturesInQuickSuccessionContinue) {
   ScoreAverage a;
   EXPECT_FALSE(a.continues(scene(0), 0, Temporal::automatic)); // the first
   EXPECT_TRUE(a.continues(scene(1), 66 * ms, Temporal::automatic));
-  EXPECT_TRUE(a.continues(scene(0), 191 * ms, Temporal::automatic));
-  EXPECT_FALSE(a.continues(scene(1), 317 * ms, Temporal::automatic));     // too late
-  EXPECT_FALSE(a.continues(scene(25, 9), 350 * ms, Temporal::automatic)); // another picture
-  EXPECT_TRUE(a.continues(scene(25, 9), -1, Temporal::automatic));        // time unknown: the picture tells
+  EXPECT_TRUE(a.continues(scene(0), 2066 * ms, Temporal::automatic));
+  EXPECT_FALSE(a.continues(scene(1), 4067 * ms, Temporal::automatic));     // too late
+  EXPECT_FALSE(a.continues(scene(25, 9), 4100 * ms, Temporal::automatic)); // another picture
+  EXPECT_TRUE(a.continues(scene(25, 9), -1, Temporal::automatic));         // time unknown: the picture tells
   EXPECT_TRUE(a.continues(scene(25, 9), 10 * ms, Temporal::automatic));
 }
 
