@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <stdexcept>
 
 #include <opencv2/imgcodecs.hpp>
@@ -75,6 +76,12 @@ Spread Spread::of(std::vector<double> values) {
   spread.max = values.back();
   spread.deviation = std::sqrt(std::max(0.0, squares / n - sum / n * sum / n));
   return spread;
+}
+
+double processor_milliseconds() {
+  timespec time;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) * 1e3 + static_cast<double>(time.tv_nsec) * 1e-6;
 }
 
 cv::Mat chart(const std::string& title, const std::string& x_name, const std::string& left_name,

@@ -29,6 +29,9 @@ struct Spread {
   static Spread of(std::vector<double> values);
 };
 
+/// Milliseconds that this thread had a processor: other people's work does not count.
+double processor_milliseconds();
+
 /// One curve: `right` ones belong to the axis on the right.
 struct Curve {
   std::string name;
