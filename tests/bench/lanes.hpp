@@ -14,13 +14,13 @@ namespace terrainseg::bench {
 
 using Clock = std::chrono::steady_clock;
 
-/// Processor time of this thread leaves out what other programs on the machine take. Where several threads
-/// work, or the worst frames matter, the clock on the wall counts.
+/// Processor time of this program, all its threads, leaves out what other programs on the machine take. Where
+/// several threads work, or the worst frames matter, the clock on the wall counts.
 enum class Count { processor_time, wall_time };
 
 inline std::int64_t now(Count count) {
   timespec t;
-  clock_gettime(count == Count::processor_time ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC, &t);
+  clock_gettime(count == Count::processor_time ? CLOCK_PROCESS_CPUTIME_ID : CLOCK_MONOTONIC, &t);
   return std::int64_t{t.tv_sec} * 1000000000 + t.tv_nsec;
 }
 
