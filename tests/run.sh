@@ -50,9 +50,13 @@ run_tests() {
   count "$ok" "$bad"
 }
 
+# Warnings are errors with the compilers of the base system. GCC 14 warns inside its own vectors, of code that is right.
+werror=()
+[ "$(gcc -dumpversion)" != 12 ] || werror=(--werror)
+
 if wants release; then
-  step "GCC, release, warnings are errors"
-  configure_and_build build-release --werror -Dtests=true &&
+  step "GCC $(gcc -dumpversion), release"
+  configure_and_build build-release "${werror[@]}" -Dtests=true &&
     run_tests build-release --num-processes 2 --no-suite slow
 fi
 
