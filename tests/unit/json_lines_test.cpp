@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "exchange/json_lines.hpp"
 
+#include <algorithm>
+
 #include <gtest/gtest.h>
 #include <random>
 #include <vector>
