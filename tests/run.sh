@@ -30,7 +30,7 @@ configure_and_build() {
   else
     meson setup "$folder" "$@" >"$folder.log" 2>&1
   fi || { tail -n 30 "$folder.log"; echo "configuring $folder failed"; count 0 1; return 1; }
-  ninja -C "$folder" >"$folder.log" 2>&1 || {
+  ninja -k 0 -C "$folder" >"$folder.log" 2>&1 || {
     grep -E -A6 'error|warning|FAILED' "$folder.log" | head -n 60
     echo "building $folder failed (see $folder.log)"
     count 0 1
