@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "grid.hpp"
 
+#include <algorithm>
+
 #include "terrainseg/settings.hpp"
 
 namespace terrainseg {

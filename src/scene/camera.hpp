@@ -2,6 +2,7 @@
 // Where the rover is and what its camera sees: the pose over time and the pinhole projection.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "scene/arithmetic.hpp"

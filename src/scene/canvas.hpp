@@ -2,6 +2,7 @@
 // The picture while it is drawn: linear light and labels; convex polygons with soft edges.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "scene/scene.hpp"
 
+#include <algorithm>
+
 #include "scene/backdrop.hpp"
 #include "scene/develop.hpp"
 #include "scene/things.hpp"

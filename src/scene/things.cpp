@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "scene/things.hpp"
 
+#include <algorithm>
+
 namespace terrainseg::scene {
 namespace {
 

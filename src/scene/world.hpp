@@ -2,6 +2,7 @@
 // What there is: the kind of place, its light, and the things that stand in it.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "scene/arithmetic.hpp"

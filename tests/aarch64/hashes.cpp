@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Prints a hash of what the core makes of generated frames, one line a format and setting: two machines agree
 // when their outputs are equal.
+#include <algorithm>
 #include <cinttypes>
 #include <cstdio>
 #include <cstdlib>

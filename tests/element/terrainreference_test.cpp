@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The element terrainreference in a harness.
+#include <algorithm>
 #include <memory>
 #include <string>
 

@@ -3,6 +3,7 @@
 // imply.
 #include "clustering.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 

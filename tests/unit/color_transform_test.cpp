@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "color_transform.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>

@@ -2,6 +2,7 @@
 // The default pipeline as a whole: what its settings do, and what must not change its answer.
 #include "terrainseg/segmenter.hpp"
 
+#include <algorithm>
 #include <functional>
 #include <vector>
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "exposure.hpp"
 
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
 namespace terrainseg {

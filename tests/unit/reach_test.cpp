@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "reach.hpp"
 
+#include <algorithm>
 #include <string>
 
 #include <gtest/gtest.h>

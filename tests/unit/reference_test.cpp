@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The unmodified algorithm against cases small enough to work out by hand.
+#include <algorithm>
 #include <cmath>
 #include <random>
 

@@ -2,6 +2,7 @@
 // Stage E against the Mahalanobis distance in doubles, and every format against a look at each pixel.
 #include "scoring.hpp"
 
+#include <algorithm>
 #include <random>
 
 #include <Eigen/Dense>

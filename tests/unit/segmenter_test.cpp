@@ -2,6 +2,7 @@
 // The whole filter: what it promises for good input, and what it does with bad input.
 #include "terrainseg/segmenter.hpp"
 
+#include <algorithm>
 #include <cstring>
 
 #include <gtest/gtest.h>

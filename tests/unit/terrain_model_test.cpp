@@ -2,6 +2,7 @@
 // The learned mixture against equations (13) to (17) transcribed with Eigen.
 #include "terrain_model.hpp"
 
+#include <algorithm>
 #include <random>
 
 #include <Eigen/Dense>

@@ -4,6 +4,8 @@
 // apart from this one, in Python, is tests/unit/klv_decoder.py.
 #include "exchange/vmti_klv.hpp"
 
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
 #include "exchange/bytes.hpp"

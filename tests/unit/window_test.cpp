@@ -2,6 +2,7 @@
 // Stage B against a transcription of its equations in doubles.
 #include "window.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 

@@ -4,6 +4,7 @@
 #include <glib/gprintf.h>
 #include <gst/gst.h>
 
+#include <algorithm>
 #include <cstring>
 #include <memory>
 

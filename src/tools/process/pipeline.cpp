@@ -5,6 +5,7 @@
 #include <gst/terrainseg/terrainsegmeta.h>
 #include <gst/video/video.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 
