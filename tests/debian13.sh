@@ -12,6 +12,5 @@ debian_root trixie "$root" || exit 1
 trap 'leave_root "$root"' EXIT
 
 mkdir -p "$root/build/terrainseg"
-# What is committed and what is about to be; never a build folder.
-git ls-files -co --exclude-standard -z | xargs -0 tar -c --ignore-failed-read | tar -x -C "$root/build/terrainseg"
+copy_source "$root/build/terrainseg" || exit 1
 in_root "$root" sh -c 'cd /build/terrainseg && ./install-dependencies.sh test && tests/run.sh release'

@@ -34,3 +34,8 @@ leave_root() {
   umount "$1/proc" 2>/dev/null || true
   [ "${KEEP_ROOT:-1}" = 1 ] || rm -rf --one-file-system "$1"
 }
+
+# copy_source FOLDER: what is committed and what is about to be; never a build folder.
+copy_source() {
+  git ls-files -co --exclude-standard -z | tar -c --ignore-failed-read --null --verbatim-files-from -T - | tar -x -C "$1"
+}

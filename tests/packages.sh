@@ -25,7 +25,7 @@ trap cleanup EXIT
 ./install-dependencies.sh build slow || exit 1
 . /etc/os-release
 mkdir "$work/source"
-git ls-files -co --exclude-standard -z | xargs -0 tar -c --ignore-failed-read | tar -x -C "$work/source"
+copy_source "$work/source" || exit 1
 check "dpkg-buildpackage" sh -c "cd '$work/source' && dpkg-buildpackage -b -us -uc"
 check "lintian has no error" sh -c "lintian --fail-on error --no-tag-display-limit --allow-root '$work'/*.changes"
 check "four packages and no more" sh -c "[ \"\$(ls '$work'/*.deb | grep -v dbgsym | wc -l)\" -eq 4 ]"
