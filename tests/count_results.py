@@ -17,10 +17,11 @@ def main():
     programs = [json.loads(line) for line in open(f'{logs}/testlog.json')]
     cases = {program['name']: [0, 0] for program in programs}
     for suite in ElementTree.parse(f'{logs}/testlog.junit.xml').getroot().iter('testsuite'):
-        # A GoogleTest suite is named PROJECT.PROGRAM.SUITE; a script is a case of the suite PROJECT.
+        # A GoogleTest suite is named PROJECT.PROGRAM.SUITE, a script that reports its cases PROJECT.PROGRAM; another
+        # script is itself a case of the suite PROJECT.
         _, _, rest = suite.get('name').partition('.')
         for case in suite.findall('testcase'):
-            program = next((n for n in cases if rest.startswith(n + '.')), None) if rest else case.get('name')
+            program = next((n for n in cases if f'{rest}.'.startswith(n + '.')), None) if rest else case.get('name')
             bad = case.find('failure') is not None or case.find('error') is not None
             skipped = case.find('skipped') is not None or case.get('status') == 'notrun'
             if program not in cases:
