@@ -29,6 +29,14 @@ def load(build):
     return GObject, Gst
 
 
+def enum_nicks(enum_class, GObject):
+    """PyGObject 3.42 makes a Python class of an enumeration, 3.50 shows GLib's own."""
+    if hasattr(enum_class, '__enum_values__'):
+        return [value.value_nick for value in enum_class.__enum_values__.values()]
+    values = (GObject.enum_get_value(enum_class, i) for i in range(enum_class.minimum, enum_class.maximum + 1))
+    return [value.value_nick for value in values if value is not None]
+
+
 class Describer:
     """Markdown from introspection."""
 
@@ -50,7 +58,7 @@ class Describer:
     def kind_and_range(self, spec):
         name = spec.value_type.name
         if self.GObject.type_is_a(spec.value_type, self.GObject.TYPE_ENUM):
-            return 'enumeration', ', '.join(f'`{v.value_nick}`' for v in spec.enum_class.__enum_values__.values())
+            return 'enumeration', ', '.join(f'`{nick}`' for nick in enum_nicks(spec.enum_class, self.GObject))
         plain = {'gint': 'integer', 'guint': 'unsigned integer', 'gint64': 'integer', 'guint64': 'unsigned integer',
                  'gdouble': 'number', 'gfloat': 'number', 'gboolean': 'boolean', 'gchararray': 'text',
                  'GstValueArray': 'array', 'GstStructure': 'structure', 'GstFraction': 'fraction',
