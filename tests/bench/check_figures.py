@@ -3,19 +3,28 @@
 """Fails when a kernel's ratio to its floor has doubled against the committed figures.
 
 Ratios to a memcpy in the same loop, not times; the best of several runs, because noise only ever adds. Figures of the
-targets that this machine lacks are not looked at.
+targets that this machine lacks are not looked at. Another processor or another C library has another memcpy (with the one of
+Debian 13 the mask's ratio is 2.8 times that of Debian 12): there only a loss of the factor WORSE_ELSEWHERE fails.
 
 usage: check_figures.py BENCH FIGURES [--record]     BENCH: terrainseg-bench; --record writes FIGURES anew
 """
 import json
+import os
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
 
 TARGETS = ('AVX3', 'AVX2', 'SSE4', 'NEON')
 WORSE = 2.0
+WORSE_ELSEWHERE = 6.0
 RUNS = 4
+
+
+def this_machine():
+    model = re.search(r'^model name\s*: (.*)$', pathlib.Path('/proc/cpuinfo').read_text(), re.M)
+    return {'processor': model.group(1) if model else os.uname().machine, 'c library': os.confstr('CS_GNU_LIBC_VERSION')}
 
 
 def measured(bench, target):
@@ -42,17 +51,19 @@ def record(bench, path):
     figures = {target: best_of_runs(bench, target, lambda best: False) for target in TARGETS}
     figures = {target: {name: round(ratio, 2) for name, ratio in rows.items()}
                for target, rows in figures.items() if rows}
-    path.write_text(json.dumps(figures, indent=2) + '\n')
+    path.write_text(json.dumps({'recorded on': this_machine(), **figures}, indent=2) + '\n')
 
 
 def main():
     bench, path = sys.argv[1], pathlib.Path(sys.argv[2])
     if '--record' in sys.argv[3:]:
         return record(bench, path)
+    figures = json.loads(path.read_text())
+    worse = WORSE if figures.pop('recorded on') == this_machine() else WORSE_ELSEWHERE
     bad = looked_at = 0
-    for target, committed in json.loads(path.read_text()).items():
+    for target, committed in figures.items():
         now = best_of_runs(bench, target,
-                           lambda best: all(best.get(n, 1e9) <= WORSE * r for n, r in committed.items()))
+                           lambda best: all(best.get(n, 1e9) <= worse * r for n, r in committed.items()))
         if now is None:
             print(f'{target}: not of this machine')
             continue
@@ -61,10 +72,10 @@ def main():
             if name not in now:
                 bad += 1
                 print(f'{target}: {name}: no longer measured')
-            elif now[name] > WORSE * ratio:
+            elif now[name] > worse * ratio:
                 bad += 1
                 print(f'{target}: {name}: {now[name]:.2f} memcpys, committed {ratio:.2f}')
-    print(f'{looked_at} figures looked at, {bad} worse than {WORSE:g} times the committed one')
+    print(f'{looked_at} figures looked at, {bad} worse than {worse:g} times the committed one')
     if looked_at == 0:
         sys.exit(77)  # none of the recorded targets: skipped
     sys.exit(1 if bad else 0)
