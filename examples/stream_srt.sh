@@ -17,4 +17,4 @@ pipeline "$SOURCE ! videoconvert ! video/x-raw,format=I420 ! queue leaky=downstr
   t. ! queue ! x264enc tune=zerolatency speed-preset=veryfast bitrate=4000 key-int-max=30 ! h264parse config-interval=-1 ! mux. \
   $(lines_branch) \
   t. ! queue ! terrainextract ! meta/x-klv,parsed=true ! mux. \
-  mpegtsmux name=mux alignment=7 ! srtsink uri=srt://:${1:-7001}?mode=listener wait-for-connection=true $secret"
+  mpegtsmux name=mux alignment=7 latency=100000000 ! srtsink uri=srt://:${1:-7001}?mode=listener wait-for-connection=true $secret"

@@ -18,6 +18,10 @@ debian_root() {
     touch "$root/.complete"
   fi
   mountpoint -q "$root/proc" || mount -t proc proc "$root/proc" || return 1
+  # A terminal for the tests that need one.
+  mkdir -p "$root/dev/pts"
+  mountpoint -q "$root/dev/pts" || mount -t devpts -o newinstance,ptmxmode=0666 devpts "$root/dev/pts" || return 1
+  ln -sf pts/ptmx "$root/dev/ptmx"
   mountpoint -q "$root/dev/shm" || mount -t tmpfs tmpfs "$root/dev/shm" 2>/dev/null || true
 }
 
@@ -31,6 +35,7 @@ in_root() {
 # leave_root FOLDER: unmounts; the folder stays for the next run unless KEEP_ROOT=0.
 leave_root() {
   umount "$1/dev/shm" 2>/dev/null || true
+  umount "$1/dev/pts" 2>/dev/null || true
   umount "$1/proc" 2>/dev/null || true
   [ "${KEEP_ROOT:-1}" = 1 ] || rm -rf --one-file-system "$1"
 }

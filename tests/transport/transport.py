@@ -42,7 +42,7 @@ def source(live, rate=RATE):
 def rover_ts(live, sink, encoder=ENCODER):
     return (source(live) + f't. ! queue ! {encoder} ! queue ! mux. '
             't. ! queue ! terrainextract ! meta/x-klv,parsed=true ! queue ! mux. '
-            f'mpegtsmux name=mux alignment=7 ! {sink}')
+            f'mpegtsmux name=mux alignment=7 {"latency=100000000" if live else ""} ! {sink}')
 
 
 def rover_ts_after_encoder(sink):
