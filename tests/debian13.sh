@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # The suite on Debian 13 (GCC 14, GStreamer 1.26 with GstAnalytics, OpenCV 4.10), in a clean root that it makes itself.
 # usage: tests/debian13.sh [FOLDER]     FOLDER: where the root lies (default: /var/tmp/terrainseg-debian13)
-# Ends with "N passed, N failed" of the suite inside. Not part of .ci/run: with GStreamer 1.26 a live mpegtsmux writes the
-# KLV stream's program table before the video's, tsdemux then makes its pads anew, and the live transport checks fail.
+# Ends with "N passed, N failed" of the suite inside. Takes 10 to 20 minutes; run it by hand, .ci/run does not.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 . tests/debian_root.sh
