@@ -12,7 +12,6 @@
 #include <condition_variable>
 #include <cstring>
 #include <deque>
-#include <exception>
 #include <memory>
 #include <mutex>
 #include <vector>
@@ -20,6 +19,7 @@
 #include "buffer_pool.hpp"
 #include "estimate_meta.hpp"
 #include "exchange/vmti_klv.hpp"
+#include "guarded.hpp"
 #include "unit_store.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terraincombine_debug);
@@ -137,19 +137,6 @@ Time running_time(const GstSegment& segment, GstClockTime position) {
     return never;
   const int sign = gst_segment_to_running_time_full(&segment, GST_FORMAT_TIME, position, &time);
   return sign == 0 ? never : sign > 0 ? static_cast<Time>(time) : -static_cast<Time>(time);
-}
-
-/// Runs `body` so that no exception leaves it: out of memory, mostly.
-template <class Result, class Body> Result guarded(gpointer object, Result failed, Body body) {
-  try {
-    return body();
-  } catch (const std::exception& error) {
-    GST_ELEMENT_ERROR(GST_ELEMENT(object), LIBRARY, FAILED, ("terraincombine failed: %s", error.what()),
-                      ("exception: %s", error.what()));
-  } catch (...) {
-    GST_ELEMENT_ERROR(GST_ELEMENT(object), LIBRARY, FAILED, ("terraincombine failed"), ("unknown exception"));
-  }
-  return failed;
 }
 
 // ---- attaching -------------------------------------------------------------------------------------------

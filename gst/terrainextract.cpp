@@ -6,13 +6,13 @@
 #include <algorithm>
 #include <atomic>
 #include <cstring>
-#include <exception>
 #include <string>
 #include <utility>
 
 #include "estimate_meta.hpp"
 #include "exchange/json_lines.hpp"
 #include "exchange/vmti_klv.hpp"
+#include "guarded.hpp"
 #include "mask_picture.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainextract_debug);
@@ -386,19 +386,6 @@ GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
   if (GST_BUFFER_IS_DISCONT(frame))
     GST_BUFFER_FLAG_SET(unit, GST_BUFFER_FLAG_DISCONT);
   return gst_pad_push(self->src, unit);
-}
-
-/// Runs `body` so that no exception leaves it: out of memory, mostly.
-template <class Result, class Body> Result guarded(GstTerrainExtract* self, Result failed, Body body) {
-  try {
-    return body();
-  } catch (const std::exception& error) {
-    GST_ELEMENT_ERROR(self, LIBRARY, FAILED, ("terrainextract failed: %s", error.what()),
-                      ("exception: %s", error.what()));
-  } catch (...) {
-    GST_ELEMENT_ERROR(self, LIBRARY, FAILED, ("terrainextract failed"), ("unknown exception"));
-  }
-  return failed;
 }
 
 GstFlowReturn chain(GstPad*, GstObject* parent, GstBuffer* frame) {

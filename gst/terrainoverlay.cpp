@@ -3,9 +3,8 @@
 
 #include <gst/base/gstbasetransform.h>
 
-#include <exception>
-
 #include "estimate_meta.hpp"
+#include "guarded.hpp"
 #include "overlay_properties.hpp"
 #include "video_frame.hpp"
 
@@ -142,13 +141,8 @@ GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buff
 }
 
 GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
-  try {
-    return draw(transform, *self_of(transform)->state, buffer);
-  } catch (const std::exception& error) {
-    GST_ELEMENT_ERROR(transform, LIBRARY, FAILED, ("terrainoverlay failed: %s", error.what()),
-                      ("exception: %s", error.what()));
-  }
-  return GST_FLOW_ERROR;
+  return guarded(transform, GST_FLOW_ERROR,
+                 [&] { return draw(transform, *self_of(transform)->state, buffer); });
 }
 
 void finalize(GObject* object) {

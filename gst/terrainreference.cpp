@@ -4,13 +4,13 @@
 #include <gst/video/video.h>
 
 #include <algorithm>
-#include <exception>
 #include <memory>
 #include <stdexcept>
 #include <vector>
 
 #include "buffer_pool.hpp"
 #include "estimate_meta.hpp"
+#include "guarded.hpp"
 #include "overlay_properties.hpp"
 #include "reference/reference_engine.hpp"
 #include "reference/reference_estimate.hpp"
@@ -81,20 +81,6 @@ namespace {
 
 ReferenceState& state_of(gpointer object) {
   return *reinterpret_cast<GstTerrainReference*>(object)->state;
-}
-
-/// Runs `body` so that no exception leaves it: out of memory, or what OpenCV throws.
-template <class Result, class Body> Result guarded(gpointer object, Result failed, Body body) {
-  try {
-    return body();
-  } catch (const std::exception& error) {
-    GST_ELEMENT_ERROR(GST_ELEMENT(object), LIBRARY, FAILED, ("terrainreference failed: %s", error.what()),
-                      ("exception: %s", error.what()));
-  } catch (...) {
-    GST_ELEMENT_ERROR(GST_ELEMENT(object), LIBRARY, FAILED, ("terrainreference failed"),
-                      ("unknown exception"));
-  }
-  return failed;
 }
 
 // ---- properties ------------------------------------------------------------------------------------------

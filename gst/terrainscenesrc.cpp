@@ -4,10 +4,10 @@
 #include <gst/base/gstpushsrc.h>
 #include <gst/terrainseg/terrainsegmeta.h>
 
-#include <exception>
 #include <memory>
 
 #include "estimate_meta.hpp"
+#include "guarded.hpp"
 #include "scene/scene.hpp"
 #include "video_frame.hpp"
 
@@ -417,14 +417,8 @@ GstFlowReturn fill(GstPushSrc* push, GstBuffer* buffer) {
     return GST_FLOW_EOS;
   skip_missed(source, s);
   const std::uint64_t number = s.reverse ? s.frame - 1 : s.frame;
-  try {
-    if (!render(source, s, number, buffer))
-      return GST_FLOW_ERROR;
-  } catch (const std::exception& error) {
-    GST_ELEMENT_ERROR(source, LIBRARY, FAILED, ("terrainscenesrc failed: %s", error.what()),
-                      ("exception: %s", error.what()));
+  if (!guarded(source, false, [&] { return render(source, s, number, buffer); }))
     return GST_FLOW_ERROR;
-  }
   GST_BUFFER_OFFSET(buffer) = number;
   GST_BUFFER_OFFSET_END(buffer) = number + 1;
   GST_BUFFER_DTS(buffer) = GST_CLOCK_TIME_NONE;

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <exception>
 #include <memory>
 #include <optional>
 #include <string>
@@ -14,6 +13,7 @@
 #include "buffer_pool.hpp"
 #include "estimate_meta.hpp"
 #include "exchange/model_file.hpp"
+#include "guarded.hpp"
 #include "statistics.hpp"
 #include "terrainseg/segmenter.hpp"
 #include "terrainseg_settings.hpp"
@@ -156,19 +156,6 @@ ElementState& state_of(gpointer object) {
 /// For GST_PTR_FORMAT, which the compiler takes for %p.
 void* printable(void* object) {
   return object;
-}
-
-/// Runs `body` so that no exception leaves it: out of memory, mostly.
-template <class Result, class Body> Result guarded(gpointer object, Result failed, Body body) {
-  try {
-    return body();
-  } catch (const std::exception& error) {
-    GST_ELEMENT_ERROR(GST_ELEMENT(object), LIBRARY, FAILED, ("terrainseg failed: %s", error.what()),
-                      ("exception: %s", error.what()));
-  } catch (...) {
-    GST_ELEMENT_ERROR(GST_ELEMENT(object), LIBRARY, FAILED, ("terrainseg failed"), ("unknown exception"));
-  }
-  return failed;
 }
 
 // ---- properties and signals ------------------------------------------------------------------------------
