@@ -38,8 +38,19 @@ void relative(const std::uint16_t* curve, int width, int top, std::uint8_t* out)
     out[x] = static_cast<std::uint8_t>(std::clamp(int{curve[x]} - top, 0, slab_rows));
 }
 
+// A buffer that has been round a pipeline lies in memory: a store that misses waits for its line, and no
+// prefetch of the processor's own goes beyond a page. Asked for in time, 1080p takes 0.15 ms then, memset
+// 0.21.
+constexpr std::ptrdiff_t bytes_ahead = 2048;
+
+// Bytes from a row to the one that is asked for meanwhile: whole rows, so that it lies in the mask.
+std::ptrdiff_t rows_ahead(std::ptrdiff_t stride) {
+  const std::ptrdiff_t row = std::max<std::ptrdiff_t>(stride < 0 ? -stride : stride, 1);
+  return (bytes_ahead + row - 1) / row * stride;
+}
+
 void write_row(const std::uint8_t* boundary, const std::uint8_t* safe, int row, int width,
-               std::uint8_t* out) {
+               [[maybe_unused]] std::ptrdiff_t ahead, std::uint8_t* out) {
   int x = 0;
 #if HWY_TARGET != HWY_SCALAR
   const hn::CappedTag<std::uint8_t, 64> d;
@@ -48,6 +59,7 @@ void write_row(const std::uint8_t* boundary, const std::uint8_t* safe, int row, 
     const auto here = hn::Set(d, static_cast<std::uint8_t>(row)), zero = hn::Zero(d);
     const auto doubtful = hn::Set(d, 128);
     for (;;) {
+      __builtin_prefetch(out + x + ahead);
       // A threshold is reached where nothing is left of it: x86 compares no unsigned bytes.
       const auto below = hn::Eq(hn::SaturatedSub(hn::LoadU(d, boundary + x), here), zero);
       const auto beyond = hn::Eq(hn::SaturatedSub(hn::LoadU(d, safe + x), here), zero);
@@ -63,16 +75,26 @@ void write_row(const std::uint8_t* boundary, const std::uint8_t* safe, int row, 
     out[x] = row >= safe[x] ? 255 : row >= boundary[x] ? 128 : 0;
 }
 
-void fill(std::uint8_t* mask, std::ptrdiff_t stride, int width, int first, int end, int value) {
-  if (end <= first)
-    return;
-  if (stride == width) {
-    std::memset(mask + first * stride, value,
-                static_cast<std::size_t>(width) * static_cast<std::size_t>(end - first));
+void fill_row(std::uint8_t* row, int width, std::uint8_t value, [[maybe_unused]] std::ptrdiff_t ahead) {
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint8_t, 64> d;
+  const int n = static_cast<int>(hn::Lanes(d));
+  if (width >= n) {
+    const auto values = hn::Set(d, value);
+    for (int x = 0; x + n < width; x += n) {
+      __builtin_prefetch(row + x + ahead);
+      hn::StoreU(values, d, row + x);
+    }
+    hn::StoreU(values, d, row + width - n);
     return;
   }
+#endif
+  std::memset(row, value, static_cast<std::size_t>(width));
+}
+
+void fill(std::uint8_t* mask, std::ptrdiff_t stride, int width, int first, int end, std::uint8_t value) {
   for (int y = first; y < end; ++y)
-    std::memset(mask + y * stride, value, static_cast<std::size_t>(width));
+    fill_row(mask + y * stride, width, value, rows_ahead(stride));
 }
 
 void write_mask(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
@@ -86,7 +108,7 @@ void write_mask(const std::uint16_t* boundary, const std::uint16_t* safe, int wi
     relative(boundary, width, slab, near);
     relative(safe, width, slab, far);
     for (int y = slab; y < std::min(slab + slab_rows, bottom); ++y)
-      write_row(near, far, y - slab, width, mask + y * stride);
+      write_row(near, far, y - slab, width, rows_ahead(stride), mask + y * stride);
   }
   fill(mask, stride, width, bottom, end, 255);
 }
