@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "kernels/cells.hpp"
+
 namespace terrainseg {
 namespace {
 
@@ -48,12 +50,6 @@ Matrix product(const Matrix& a, const Matrix& b) {
   return m;
 }
 
-inline std::uint8_t apply(const ColorTransform& t, int component, int a, int b, int c) {
-  const auto& m = t.matrix[component];
-  return static_cast<std::uint8_t>(
-      std::clamp((m[0] * a + m[1] * b + m[2] * c + t.offset[component]) >> fraction, 0, 255));
-}
-
 } // namespace
 
 ColorTransform color_transform_of(bool rgb, const Colorimetry& colorimetry) {
@@ -88,11 +84,8 @@ void transform_row(const ColorTransform& t, const std::array<const std::uint8_t*
       std::memmove(target[k], source[k], count);
     return;
   }
-  for (int x = 0; x < count; ++x) {
-    const int a = source[0][x], b = source[1][x], c = source[2][x];
-    for (int k = 0; k < 3; ++k)
-      target[k][x] = apply(t, k, a, b, c);
-  }
+  for (std::size_t k = 0; k < 3; ++k)
+    kernels::weigh_components(source, t.matrix[k], t.offset[k], count, target[k]);
 }
 
 void transform_luma_row(const ColorTransform& t, const std::array<const std::uint8_t*, 3>& source,
@@ -101,8 +94,7 @@ void transform_luma_row(const ColorTransform& t, const std::array<const std::uin
     std::memmove(target, source[0], count);
     return;
   }
-  for (int x = 0; x < count; ++x)
-    target[x] = apply(t, 0, source[0][x], source[1][x], source[2][x]);
+  kernels::weigh_components(source, t.matrix[0], t.offset[0], count, target);
 }
 
 } // namespace terrainseg

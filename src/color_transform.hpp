@@ -21,7 +21,7 @@ struct ColorTransform {
 /// The map from the frame's components (Y U V, or R G B) to full-range BT.601 Y U V.
 ColorTransform color_transform_of(bool rgb, const Colorimetry& colorimetry);
 
-/// Row of pixels, in place or from three sources to three targets of `count` bytes.
+/// Row of pixels, from three sources to three targets of `count` bytes that do not overlap them.
 void transform_row(const ColorTransform& transform, const std::array<const std::uint8_t*, 3>& source,
                    const std::array<std::uint8_t*, 3>& target, int count);
 

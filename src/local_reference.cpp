@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "local_reference.hpp"
 
-#include <algorithm>
-#include <cstdlib>
+#include "kernels/cells.hpp"
 
 namespace terrainseg {
 namespace {
@@ -21,25 +20,14 @@ void LocalReference::climb(const CoarseGrid& grid, const std::array<int, 3>& sta
     reference_[c].assign(width, start[c]);
     smooth_[c].resize(width);
   }
-  const std::array<const std::uint8_t*, 3> planes{grid.y.data(), grid.u.data(), grid.v.data()};
+  const kernels::FollowRule rule{gain, free_below, most, follow_below};
   for (int i = grid.height - 1; i >= 0; --i) {
-    const std::size_t row = static_cast<std::size_t>(i) * width;
-    for (int j = 0; j < width; ++j) {
-      const std::size_t at = row + j;
-      const int dy = 16 * planes[0][at] - reference_[0][j], du = 16 * planes[1][at] - reference_[1][j],
-                dv = 16 * planes[2][at] - reference_[2][j];
-      const int e = ((std::abs(dy) + 2 * (std::abs(du) + std::abs(dv))) * gain) >> 12;
-      penalty[at] = static_cast<std::int8_t>(std::clamp((e - free_below) >> 1, 0, most));
-      if (e < follow_below && !grid.ignored[at]) {
-        reference_[0][j] += dy >> 2;
-        reference_[1][j] += du >> 2;
-        reference_[2][j] += dv >> 2;
-      }
-    }
+    const std::size_t row = grid.at(i, 0);
+    kernels::follow_row({&grid.y[row], &grid.u[row], &grid.v[row]}, &grid.ignored[row], rule,
+                        {reference_[0].data(), reference_[1].data(), reference_[2].data()}, width,
+                        &penalty[row]);
     for (int c = 0; c < 3; ++c) {
-      const std::vector<int>& r = reference_[c];
-      for (int j = 0; j < width; ++j)
-        smooth_[c][j] = (r[std::max(j - 1, 0)] + 2 * r[j] + r[std::min(j + 1, width - 1)]) >> 2;
+      kernels::smooth_row(reference_[c].data(), width, smooth_[c].data());
       reference_[c].swap(smooth_[c]);
     }
   }

@@ -20,7 +20,7 @@ class LocalReference {
              std::vector<std::int8_t>& penalty);
 
  private:
-  std::array<std::vector<int>, 3> reference_, smooth_;
+  std::array<std::vector<std::int32_t>, 3> reference_, smooth_;
 };
 
 } // namespace terrainseg

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdlib>
 
 #include "terrainseg/settings.hpp"
 
@@ -11,7 +10,17 @@ namespace terrainseg {
 namespace {
 
 constexpr int reach = 3; ///< rows of the refinement's level
+static_assert(2 * reach + 2 <= kernels::strip_rows);
 constexpr int median_reach = 2;
+
+// Doubled rows of the refinement's level: every row is ground; no row is.
+constexpr int all = -1;
+constexpr int none_of(int height) {
+  return 2 * height - 1;
+}
+bool is_open(int edge, int height) {
+  return edge <= all || edge >= none_of(height);
+}
 
 // The median of five without a loop.
 int median5(int a, int b, int c, int d, int e) {
@@ -24,81 +33,98 @@ int median5(int a, int b, int c, int d, int e) {
 void Refinement::refine(const Pyramid& pyramid, const CoarseGrid& grid, const ColorTransform& transform,
                         const std::vector<std::uint16_t>& curve, bool snap, int mask_level, int frame_width,
                         int frame_height, std::vector<std::uint16_t>& rows) {
-  const int level = refinement_level(grid.level), ratio = 1 << (grid.level - level);
-  const int width = pyramid.width(level), height = pyramid.height(level);
-  const int all = -1, none = 2 * height - 1; // every row is ground; no row is
-  const auto is_open = [&](int edge) { return edge <= all || edge >= none; };
+  const int level = refinement_level(grid.level), width = pyramid.width(level),
+            height = pyramid.height(level);
+  interpolate(grid, curve, width, height);
+  if (snap) {
+    for (int first = 0; first < width; first += kernels::strip_columns)
+      snap_columns(pyramid, transform, level, first, std::min(first + kernels::strip_columns, width));
+    take_medians();
+  }
+  write_rows(level, height, mask_level, frame_width, frame_height, rows);
+}
+
+// The curve at the columns of the refinement's level; where it may move is noted.
+void Refinement::interpolate(const CoarseGrid& grid, const std::vector<std::uint16_t>& curve, int width,
+                             int height) {
+  const int ratio = 1 << (grid.level - refinement_level(grid.level));
   // Cell i of the grid is row i * ratio here; the edge before it lies half a cell higher.
   const auto edge_of = [&](int j) {
     const int row = curve[static_cast<std::size_t>(j)];
-    return row == 0 ? all : row >= grid.height ? none : (2 * row - 1) * ratio;
+    return row == 0 ? all : row >= grid.height ? none_of(height) : (2 * row - 1) * ratio;
   };
   fine_.resize(static_cast<std::size_t>(width));
-  for (int x = 0; x < width; ++x) {
-    const int j = std::min(x / ratio, grid.width - 1), part = x % ratio;
-    const int here = edge_of(j), next = edge_of(std::min(j + 1, grid.width - 1));
-    int& edge = fine_[static_cast<std::size_t>(x)];
-    if (is_open(here) || is_open(next)) {
-      edge = 2 * part < ratio ? here : next;
-      continue;
+  moves_.resize(static_cast<std::size_t>(width));
+  for (int j = 0, x = 0; x < width; ++j) {
+    const int here = edge_of(std::min(j, grid.width - 1)), next = edge_of(std::min(j + 1, grid.width - 1));
+    const bool open = is_open(here, height) || is_open(next, height);
+    for (int part = 0; part < ratio && x < width; ++part, ++x) {
+      moves_[static_cast<std::size_t>(x)] = !open;
+      fine_[static_cast<std::size_t>(x)] =
+          open ? (2 * part < ratio ? here : next) : (here * (ratio - part) + next * part) / ratio;
     }
-    edge = (here * (ratio - part) + next * part) / ratio;
-    if (snap)
-      edge = snapped(pyramid, transform, level, x, edge);
-  }
-  if (snap && width > 2 * median_reach) {
-    median_.assign(fine_.begin(), fine_.end());
-    for (int x = median_reach; x < width - median_reach; ++x) {
-      const int* f = &median_[static_cast<std::size_t>(x - median_reach)];
-      fine_[static_cast<std::size_t>(x)] = median5(f[0], f[1], f[2], f[3], f[4]);
-    }
-  }
-  // Doubled row e of this level is row e * 2^level / 2 of the frame, between two columns on their line.
-  rows.resize(static_cast<std::size_t>(subsampled(frame_width, mask_level)));
-  for (int x = 0; x < static_cast<int>(rows.size()); ++x) {
-    const int pixel = x << mask_level, f = std::min(pixel >> level, width - 1), part = pixel - (f << level);
-    const int a = fine_[static_cast<std::size_t>(f)],
-              b = fine_[static_cast<std::size_t>(std::min(f + 1, width - 1))];
-    int row = 0;
-    if (a >= none)
-      row = frame_height;
-    else if (a > all)
-      row = ((a << level) + (is_open(b) ? 0 : (b - a) * part) + 1) >> 1;
-    rows[static_cast<std::size_t>(x)] = static_cast<std::uint16_t>(std::clamp(row, 0, frame_height));
   }
 }
 
-// The strongest edge near `edge` (doubled rows) in one column.
-int Refinement::snapped(const Pyramid& pyramid, const ColorTransform& transform, int level, int column,
-                        int edge) const {
-  const int centre = (edge + 1) / 2; // between rows centre - 1 and centre
-  const int first = std::max(centre - reach, 1), last = std::min(centre + reach, pyramid.height(level) - 1);
-  std::array<Plane, 3> planes;
-  std::array<int, 3> above{};
-  for (int c = 0; c < 3; ++c) {
-    planes[c] = pyramid.plane(level, c);
-    above[c] = planes[c].row(std::max(first - 1, 0))[column];
-  }
-  int strongest = -1, best = edge;
-  for (int row = first; row <= last; ++row) {
-    std::array<int, 3> step{};
-    for (int c = 0; c < 3; ++c) {
-      const int here = planes[c].row(row)[column];
-      step[c] = here - above[c];
-      above[c] = here;
-    }
-    int strength = 0;
-    for (int c = 0; c < 3; ++c) {
-      const auto& m = transform.matrix[c];
-      const int difference = (m[0] * step[0] + m[1] * step[1] + m[2] * step[2]) >> 8;
-      strength += (c == 0 ? 1 : 2) * std::abs(difference);
-    }
-    if (strength > strongest) {
-      strongest = strength;
-      best = 2 * row - 1;
+// Moves the curve to the strongest edge near it, each column by itself.
+void Refinement::snap_columns(const Pyramid& pyramid, const ColorTransform& transform, int level, int first,
+                              int end) {
+  const std::array<Plane, 3> planes{pyramid.plane(level, 0), pyramid.plane(level, 1),
+                                    pyramid.plane(level, 2)};
+  const int lowest = pyramid.height(level) - 1;
+  std::array<std::uint8_t, kernels::strip_columns> last{}, best{};
+  std::array<int, kernels::strip_columns> tops{};
+  int rows = 0;
+  for (int x = first; x < end; ++x) {
+    if (!moves_[static_cast<std::size_t>(x)])
+      continue;
+    const auto i = static_cast<std::size_t>(x - first);
+    const int centre = (fine_[static_cast<std::size_t>(x)] + 1) / 2; // between rows centre - 1 and centre
+    tops[i] = std::max(centre - reach, 1) - 1;
+    const int bottom = std::min(centre + reach, lowest);
+    last[i] = static_cast<std::uint8_t>(std::max(bottom - tops[i], 0));
+    rows = std::max(rows, last[i] + 1);
+    for (std::size_t c = 0; c < 3; ++c) {
+      const std::uint8_t* pixel = planes[c].row(tops[i]) + x;
+      for (std::size_t k = 0; k <= last[i]; ++k, pixel += planes[c].stride)
+        strip_[k][c][i] = *pixel;
     }
   }
-  return best;
+  kernels::strongest_edges(strip_, transform.matrix, rows, last.data(), best.data());
+  for (int x = first; x < end; ++x) {
+    const auto i = static_cast<std::size_t>(x - first);
+    if (best[i] > 0)
+      fine_[static_cast<std::size_t>(x)] = 2 * (tops[i] + best[i]) - 1;
+  }
+}
+
+void Refinement::take_medians() {
+  if (fine_.size() <= 2 * median_reach)
+    return;
+  median_.assign(fine_.begin(), fine_.end());
+  for (std::size_t x = median_reach; x < fine_.size() - median_reach; ++x) {
+    const int* f = &median_[x - median_reach];
+    fine_[x] = median5(f[0], f[1], f[2], f[3], f[4]);
+  }
+}
+
+// Doubled row e of this level is row e * 2^level / 2 of the frame, between two columns on their line.
+void Refinement::write_rows(int level, int height, int mask_level, int frame_width, int frame_height,
+                            std::vector<std::uint16_t>& rows) const {
+  const int count = subsampled(frame_width, mask_level), coarser = std::max(mask_level - level, 0),
+            columns = 1 << std::max(level - mask_level, 0); // of the mask, from one of ours to the next
+  rows.resize(static_cast<std::size_t>(count));
+  for (int x = 0; x < count; x += columns) {
+    const std::size_t f = static_cast<std::size_t>(x / columns) << coarser;
+    const int a = fine_[f], b = fine_[std::min(f + 1, fine_.size() - 1)];
+    const int written = std::min(columns, count - x);
+    std::uint16_t* out = &rows[static_cast<std::size_t>(x)];
+    if (is_open(a, height))
+      std::fill_n(out, written, static_cast<std::uint16_t>(a <= all ? 0 : frame_height));
+    else
+      kernels::write_line((a << level) + 1, is_open(b, height) ? 0 : (b - a) * (1 << mask_level),
+                          frame_height, written, out);
+  }
 }
 
 } // namespace terrainseg

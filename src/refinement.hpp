@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "coarse.hpp"
+#include "kernels/cells.hpp"
 
 namespace terrainseg {
 
@@ -20,10 +21,16 @@ class Refinement {
               int frame_height, std::vector<std::uint16_t>& rows);
 
  private:
-  int snapped(const Pyramid& pyramid, const ColorTransform& transform, int level, int column, int edge) const;
+  void interpolate(const CoarseGrid& grid, const std::vector<std::uint16_t>& curve, int width, int height);
+  void snap_columns(const Pyramid& pyramid, const ColorTransform& transform, int level, int first, int end);
+  void take_medians();
+  void write_rows(int level, int height, int mask_level, int frame_width, int frame_height,
+                  std::vector<std::uint16_t>& rows) const;
 
   // Rows of the refinement's level times two, so that the half row between two of them is whole.
   std::vector<int> fine_, median_;
+  std::vector<std::uint8_t> moves_; ///< whether a column may snap
+  kernels::Strip strip_{};
 };
 
 } // namespace terrainseg

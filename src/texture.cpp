@@ -4,17 +4,18 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "kernels/cells.hpp"
+
 namespace terrainseg {
 namespace {
 
 constexpr int bands_wanted = 3;
 
-// |right - left| of every pair that starts at an even column, added to the columns' sums.
+// The columns' sums of |right - left|: of every pair, or where there are no pairs of every two neighbours.
 void add_differences(const std::uint8_t* luma, int step, int whole, int count, int width,
                      std::uint16_t* sums) {
   if (step == 2)
-    for (int j = 0; j < whole; ++j)
-      sums[j] = static_cast<std::uint16_t>(sums[j] + std::abs(luma[2 * j + 1] - luma[2 * j]));
+    kernels::add_differences(luma, whole, sums);
   else
     for (int j = 0; j < whole; ++j)
       sums[j] = static_cast<std::uint16_t>(sums[j] + std::abs(luma[j + 1] - luma[j]));
@@ -39,7 +40,8 @@ void TextureReader::read(const Pyramid& pyramid, const CoarseGrid& grid, const C
     if (width < 2)
       continue;
     const int count = grid.width * per_cell, whole = std::min(count, (width - (step == 1 ? 1 : 0)) / step);
-    columns_.resize(static_cast<std::size_t>(count));
+    columns_.resize(static_cast<std::size_t>(before + count));
+    std::uint16_t* columns = columns_.data() + before;
     luma_.resize(static_cast<std::size_t>(width));
     for (int i = 0; i < grid.height; ++i) {
       std::fill(columns_.begin(), columns_.end(), std::uint16_t{0});
@@ -52,16 +54,11 @@ void TextureReader::read(const Pyramid& pyramid, const CoarseGrid& grid, const C
                              luma_.data(), width);
           luma = luma_.data();
         }
-        add_differences(luma, step, whole, count, width, columns_.data());
+        add_differences(luma, step, whole, count, width, columns);
       }
-      const int shift = 4 - 2 * (band - 1); // Q4 of the mean over per_cell^2 differences
-      std::uint16_t* out = &texture[grid.at(i, 0)];
-      for (int j = 0; j < grid.width; ++j) {
-        unsigned sum = 0;
-        for (int k = 0; k < per_cell; ++k)
-          sum += columns_[static_cast<std::size_t>(std::max(j * per_cell + k - before, 0))];
-        out[j] = static_cast<std::uint16_t>(out[j] + (sum << shift));
-      }
+      const int shift = 4 - 2 * (band - 1);              // Q4 of the mean over per_cell^2 differences
+      std::fill_n(columns_.begin(), before, columns[0]); // the first cell's box ends at the picture's edge
+      kernels::add_boxes(columns_.data(), per_cell, shift, grid.width, &texture[grid.at(i, 0)]);
     }
   }
   // YUV luma was differenced as it came: the gain of its range is applied to the sums.

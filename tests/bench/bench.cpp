@@ -15,6 +15,7 @@
 
 #include "frame_set.hpp"
 #include "kernels/blend.hpp"
+#include "kernels/cells.hpp"
 #include "kernels/mask.hpp"
 #include "kernels/reduce.hpp"
 #include "kernels/score_parts.hpp"
@@ -311,6 +312,34 @@ void Bench::kernel_rows() {
     const std::string name = "classify_row_by_parts, 5 models, bit shift " + std::to_string(shift);
     row(name.c_str(), 3 * width, [&] { kernels::classify_row_by_parts(pixels, scores, out.data(), width); });
   }
+  const kernels::ComponentRow cells{a.data(), b.data(), source.data()};
+  row("weigh_components", 4 * width, [&] {
+    kernels::weigh_components(cells, {76309, 4321, -1234}, 1 << 15, width, out.data());
+  });
+  row("add_differences", 6 * width, [&] { kernels::add_differences(a.data(), width, partial.data()); });
+  row("add_boxes, 4 a cell", 12 * width,
+      [&] { kernels::add_boxes(coverage.data(), 4, 0, width, partial.data()); });
+  row("color_steps", 8 * width, [&] {
+    kernels::color_steps(cells, {b.data(), source.data(), a.data()}, 300, 1023, width, partial.data());
+  });
+  std::array<std::vector<std::int32_t>, 3> reference;
+  for (auto& r : reference)
+    r.assign(width, 1600);
+  std::vector<std::uint8_t> ignored(width);
+  row("follow_row", 29 * width, [&] {
+    kernels::follow_row(cells, ignored.data(), {300, 28, 44, 48},
+                        {reference[0].data(), reference[1].data(), reference[2].data()}, width,
+                        reinterpret_cast<std::int8_t*>(out.data()));
+  });
+  row("smooth_row", 8 * width, [&] { kernels::smooth_row(reference[0].data(), width, reference[1].data()); });
+  kernels::Strip strip;
+  std::memcpy(&strip, source.data(), sizeof strip);
+  const std::vector<std::uint8_t> last(kernels::strip_columns, kernels::strip_rows - 1);
+  row("strongest_edges, 16 strips", 16 * sizeof strip, [&] {
+    for (int i = 0; i < 16; ++i)
+      kernels::strongest_edges(strip, {{{300, 0, 0}, {0, 290, 5}, {0, -5, 290}}}, kernels::strip_rows,
+                               last.data(), out.data());
+  });
 }
 
 void Bench::goal() {

@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "kernels/cells.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "kernels/targets.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/cells.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h, as Highway demands.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace terrainseg::kernels {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+HWY_INLINE int within(int value, int least, int most) {
+  return value < least ? least : (value > most ? most : value);
+}
+
+HWY_INLINE int color_distance(int dy, int du, int dv) {
+  return std::abs(dy) + 2 * (std::abs(du) + std::abs(dv));
+}
+
+#if HWY_TARGET != HWY_SCALAR
+// Cells as 32-bit lanes; a row has few cells, so that vectors are no longer than 16.
+using D32 = hn::CappedTag<std::int32_t, 16>;
+using D16 = hn::CappedTag<std::uint16_t, 16>;
+using V32 = hn::Vec<D32>;
+
+HWY_INLINE V32 load_cells(const std::uint8_t* cells) {
+  return hn::PromoteTo(D32(), hn::LoadU(hn::Rebind<std::uint8_t, D32>(), cells));
+}
+
+HWY_INLINE V32 color_distance(V32 dy, V32 du, V32 dv) {
+  return hn::Add(hn::Abs(dy), hn::ShiftLeft<1>(hn::Add(hn::Abs(du), hn::Abs(dv))));
+}
+
+HWY_INLINE V32 weighted(const std::array<std::int32_t, 3>& weights, V32 a, V32 b, V32 c) {
+  const D32 d;
+  return hn::Add(hn::Add(hn::Mul(hn::Set(d, weights[0]), a), hn::Mul(hn::Set(d, weights[1]), b)),
+                 hn::Mul(hn::Set(d, weights[2]), c));
+}
+
+// Calls block(i) so that blocks of n cover 0..count-1, the last one overlapping; false where none fits. For
+// what depends on nothing that it writes.
+template <class Block> HWY_INLINE bool cover(int count, int n, const Block& block) {
+  if (count < n)
+    return false;
+  for (int i = 0; i + n < count; i += n)
+    block(i);
+  block(count - n);
+  return true;
+}
+#endif
+
+void weigh_cells(const ComponentRow& in, const std::array<std::int32_t, 3>& weights, std::int32_t offset,
+                 int count, std::uint8_t* out) {
+#if HWY_TARGET != HWY_SCALAR
+  const D32 d;
+  if (cover(count, static_cast<int>(hn::Lanes(d)), [&](int i) HWY_ATTR {
+        const V32 sum =
+            weighted(weights, load_cells(in[0] + i), load_cells(in[1] + i), load_cells(in[2] + i));
+        const hn::Rebind<std::uint8_t, D32> d8;
+        hn::StoreU(hn::DemoteTo(d8, hn::ShiftRight<16>(hn::Add(sum, hn::Set(d, offset)))), d8, out + i);
+      }))
+    return;
+#endif
+  for (int i = 0; i < count; ++i)
+    out[i] = static_cast<std::uint8_t>(within(
+        (weights[0] * in[0][i] + weights[1] * in[1][i] + weights[2] * in[2][i] + offset) >> 16, 0, 255));
+}
+
+void add_pair_differences(const std::uint8_t* luma, int count, std::uint16_t* sums) {
+  int i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const D16 d16;
+  const hn::RebindToSigned<D16> di16;
+  const hn::Repartition<std::uint8_t, D16> d8;
+  const int n = static_cast<int>(hn::Lanes(d16));
+  for (; i + n <= count; i += n) {
+    const auto pairs = hn::BitCast(d16, hn::LoadU(d8, luma + 2 * i));
+    const auto left = hn::BitCast(di16, hn::And(pairs, hn::Set(d16, 255)));
+    const auto right = hn::BitCast(di16, hn::ShiftRight<8>(pairs));
+    const auto difference = hn::BitCast(d16, hn::Abs(hn::Sub(right, left)));
+    hn::StoreU(hn::Add(hn::LoadU(d16, sums + i), difference), d16, sums + i);
+  }
+#endif
+  for (; i < count; ++i)
+    sums[i] = static_cast<std::uint16_t>(sums[i] + std::abs(luma[2 * i + 1] - luma[2 * i]));
+}
+
+// Compilers make vectors of it.
+template <int per_cell>
+void add_boxes_of(const std::uint16_t* __restrict columns, int shift, int count,
+                  std::uint16_t* __restrict out) {
+  for (int i = 0; i < count; ++i) {
+    unsigned sum = 0;
+    for (int k = 0; k < per_cell; ++k)
+      sum += columns[i * per_cell + k];
+    out[i] = static_cast<std::uint16_t>(out[i] + (sum << shift));
+  }
+}
+
+void add_column_boxes(const std::uint16_t* columns, int per_cell, int shift, int count, std::uint16_t* out) {
+  if (per_cell == 1)
+    add_boxes_of<1>(columns, shift, count, out);
+  else if (per_cell == 2)
+    add_boxes_of<2>(columns, shift, count, out);
+  else
+    add_boxes_of<4>(columns, shift, count, out);
+}
+
+void color_steps_between(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,
+                         std::uint16_t* out) {
+#if HWY_TARGET != HWY_SCALAR
+  const D32 d;
+  if (cover(count, static_cast<int>(hn::Lanes(d)), [&](int i) HWY_ATTR {
+        const auto difference = [&](std::size_t c)
+                                    HWY_ATTR { return hn::Sub(load_cells(a[c] + i), load_cells(b[c] + i)); };
+        const V32 far = color_distance(difference(0), difference(1), difference(2));
+        const V32 step = hn::Min(hn::ShiftRight<8>(hn::Mul(far, hn::Set(d, gain))), hn::Set(d, limit));
+        const hn::Rebind<std::uint16_t, D32> d16;
+        hn::StoreU(hn::DemoteTo(d16, step), d16, out + i);
+      }))
+    return;
+#endif
+  for (int i = 0; i < count; ++i) {
+    const int far = color_distance(a[0][i] - b[0][i], a[1][i] - b[1][i], a[2][i] - b[2][i]);
+    out[i] = static_cast<std::uint16_t>(std::min((far * gain) >> 8, limit));
+  }
+}
+
+void follow_cells(const ComponentRow& cells, const std::uint8_t* ignored, const FollowRule& rule,
+                  const std::array<std::int32_t*, 3>& reference, int count, std::int8_t* penalty) {
+  int i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const D32 d;
+  const int n = static_cast<int>(hn::Lanes(d));
+  const V32 zero = hn::Zero(d);
+  for (; i + n <= count; i += n) {
+    const auto off = [&](std::size_t c) HWY_ATTR {
+      return hn::Sub(hn::ShiftLeft<4>(load_cells(cells[c] + i)), hn::LoadU(d, reference[c] + i));
+    };
+    const V32 dy = off(0), du = off(1), dv = off(2);
+    const V32 far = hn::ShiftRight<12>(hn::Mul(color_distance(dy, du, dv), hn::Set(d, rule.gain)));
+    const V32 beyond = hn::ShiftRight<1>(hn::Sub(far, hn::Set(d, rule.free_below)));
+    const hn::Rebind<std::int8_t, D32> d8;
+    hn::StoreU(hn::DemoteTo(d8, hn::Min(hn::Max(beyond, zero), hn::Set(d, rule.most))), d8, penalty + i);
+    const auto follows =
+        hn::And(hn::Lt(far, hn::Set(d, rule.follow_below)), hn::Eq(load_cells(ignored + i), zero));
+    const auto move = [&](std::size_t c, V32 distance) HWY_ATTR {
+      const V32 step = hn::IfThenElseZero(follows, hn::ShiftRight<2>(distance));
+      hn::StoreU(hn::Add(hn::LoadU(d, reference[c] + i), step), d, reference[c] + i);
+    };
+    move(0, dy);
+    move(1, du);
+    move(2, dv);
+  }
+#endif
+  for (; i < count; ++i) {
+    const auto off = [&](std::size_t c) HWY_ATTR { return 16 * cells[c][i] - reference[c][i]; };
+    const std::array<int, 3> distance{off(0), off(1), off(2)};
+    const int far = (color_distance(distance[0], distance[1], distance[2]) * rule.gain) >> 12;
+    penalty[i] = static_cast<std::int8_t>(within((far - rule.free_below) >> 1, 0, rule.most));
+    if (far < rule.follow_below && !ignored[i])
+      for (std::size_t c = 0; c < 3; ++c)
+        reference[c][i] += distance[c] >> 2;
+  }
+}
+
+// Compilers make vectors of it.
+void smooth_cells(const std::int32_t* __restrict in, int count, std::int32_t* __restrict out) {
+  if (count == 1) {
+    out[0] = in[0];
+    return;
+  }
+  out[0] = (3 * in[0] + in[1]) >> 2;
+  for (int i = 1; i < count - 1; ++i)
+    out[i] = (in[i - 1] + 2 * in[i] + in[i + 1]) >> 2;
+  out[count - 1] = (in[count - 2] + 3 * in[count - 1]) >> 2;
+}
+
+void strongest_of_strip(const Strip& strip, const std::array<std::array<std::int32_t, 3>, 3>& matrix,
+                        int rows, const std::uint8_t* last, std::uint8_t* best) {
+#if HWY_TARGET != HWY_SCALAR
+  const D32 d;
+  cover(strip_columns, static_cast<int>(hn::Lanes(d)), [&](int i) HWY_ATTR {
+    const V32 lowest = load_cells(last + i);
+    V32 strongest = hn::Set(d, -1), at = hn::Zero(d);
+    V32 y = load_cells(&strip[0][0][0] + i), u = load_cells(&strip[0][1][0] + i),
+        v = load_cells(&strip[0][2][0] + i);
+    for (int row = 1; row < rows; ++row) {
+      const auto& here = strip[static_cast<std::size_t>(row)];
+      const V32 y0 = y, u0 = u, v0 = v;
+      y = load_cells(&here[0][0] + i);
+      u = load_cells(&here[1][0] + i);
+      v = load_cells(&here[2][0] + i);
+      const V32 a = hn::Sub(y, y0), b = hn::Sub(u, u0), c = hn::Sub(v, v0);
+      const V32 strength = color_distance(hn::ShiftRight<8>(weighted(matrix[0], a, b, c)),
+                                          hn::ShiftRight<8>(weighted(matrix[1], a, b, c)),
+                                          hn::ShiftRight<8>(weighted(matrix[2], a, b, c)));
+      const V32 this_row = hn::Set(d, row);
+      // Not above the last row: that is "row <= last".
+      const auto stronger = hn::AndNot(hn::Gt(this_row, lowest), hn::Gt(strength, strongest));
+      strongest = hn::IfThenElse(stronger, strength, strongest);
+      at = hn::IfThenElse(stronger, this_row, at);
+    }
+    const hn::Rebind<std::uint8_t, D32> d8;
+    hn::StoreU(hn::DemoteTo(d8, at), d8, best + i);
+  });
+#else
+  for (std::size_t i = 0; i < strip_columns; ++i) {
+    int strongest = -1;
+    best[i] = 0;
+    for (std::size_t row = 1; row < static_cast<std::size_t>(rows) && row <= last[i]; ++row) {
+      const auto step = [&](std::size_t c) { return strip[row][c][i] - strip[row - 1][c][i]; };
+      const auto mapped = [&](std::size_t k) {
+        return (matrix[k][0] * step(0) + matrix[k][1] * step(1) + matrix[k][2] * step(2)) >> 8;
+      };
+      const int strength = color_distance(mapped(0), mapped(1), mapped(2));
+      if (strength > strongest) {
+        strongest = strength;
+        best[i] = static_cast<std::uint8_t>(row);
+      }
+    }
+  }
+#endif
+}
+
+// Compilers make vectors of it.
+void write_segment(int start, int step, int most, int count, std::uint16_t* __restrict out) {
+  for (int i = 0; i < count; ++i)
+    out[i] = static_cast<std::uint16_t>(within((start + i * step) >> 1, 0, most));
+}
+
+} // namespace HWY_NAMESPACE
+} // namespace terrainseg::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace terrainseg::kernels {
+
+HWY_EXPORT(weigh_cells);
+HWY_EXPORT(add_pair_differences);
+HWY_EXPORT(add_column_boxes);
+HWY_EXPORT(color_steps_between);
+HWY_EXPORT(follow_cells);
+HWY_EXPORT(smooth_cells);
+HWY_EXPORT(strongest_of_strip);
+HWY_EXPORT(write_segment);
+
+void weigh_components(const ComponentRow& in, const std::array<std::int32_t, 3>& weights, std::int32_t offset,
+                      int count, std::uint8_t* out) {
+  HWY_DYNAMIC_DISPATCH(weigh_cells)(in, weights, offset, count, out);
+}
+
+void add_differences(const std::uint8_t* luma, int count, std::uint16_t* sums) {
+  HWY_DYNAMIC_DISPATCH(add_pair_differences)(luma, count, sums);
+}
+
+void add_boxes(const std::uint16_t* columns, int per_cell, int shift, int count, std::uint16_t* out) {
+  HWY_DYNAMIC_DISPATCH(add_column_boxes)(columns, per_cell, shift, count, out);
+}
+
+void color_steps(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,
+                 std::uint16_t* out) {
+  HWY_DYNAMIC_DISPATCH(color_steps_between)(a, b, gain, limit, count, out);
+}
+
+void follow_row(const ComponentRow& cells, const std::uint8_t* ignored, const FollowRule& rule,
+                const std::array<std::int32_t*, 3>& reference, int count, std::int8_t* penalty) {
+  HWY_DYNAMIC_DISPATCH(follow_cells)(cells, ignored, rule, reference, count, penalty);
+}
+
+void smooth_row(const std::int32_t* in, int count, std::int32_t* out) {
+  HWY_DYNAMIC_DISPATCH(smooth_cells)(in, count, out);
+}
+
+void strongest_edges(const Strip& strip, const std::array<std::array<std::int32_t, 3>, 3>& matrix, int rows,
+                     const std::uint8_t* last, std::uint8_t* best) {
+  HWY_DYNAMIC_DISPATCH(strongest_of_strip)(strip, matrix, rows, last, best);
+}
+
+void write_line(int start, int step, int most, int count, std::uint16_t* out) {
+  HWY_DYNAMIC_DISPATCH(write_segment)(start, step, most, count, out);
+}
+
+} // namespace terrainseg::kernels
+#endif

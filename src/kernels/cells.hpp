@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Loops over coarse cells: too few of them to fill a cache, but enough to count beside one pass over a frame.
+//
+// No function reads or writes past its counts, whatever the alignment. All vector variants and the plain one
+// give the same bits; where a loop is only plain, compilers make vectors of it for each target.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace terrainseg::kernels {
+
+/// A row of cells or pixels: three components of equal length.
+using ComponentRow = std::array<const std::uint8_t*, 3>;
+
+/// out[i] = (weights * cell i + offset) >> 16, clamped to 0..255. `out` must not overlap `in`.
+void weigh_components(const ComponentRow& in, const std::array<std::int32_t, 3>& weights, std::int32_t offset,
+                      int count, std::uint8_t* out);
+
+/// sums[i] += |luma[2i + 1] - luma[2i]|.
+void add_differences(const std::uint8_t* luma, int count, std::uint16_t* sums);
+
+/// out[i] += sum of the `per_cell` (1, 2 or 4) columns from i * per_cell on, shifted left by `shift`; modulo
+/// 2^16.
+void add_boxes(const std::uint16_t* columns, int per_cell, int shift, int count, std::uint16_t* out);
+
+/// out[i] = min(limit, ((|dY| + 2 |dU| + 2 |dV|) * gain) >> 8) between cells i of two rows; gain is Q8, below
+/// 2^20.
+void color_steps(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,
+                 std::uint16_t* out);
+
+/// How the local reference takes a row of cells in.
+struct FollowRule {
+  int gain;         ///< Q8, of the exposure, below 2^16
+  int free_below;   ///< distance without a penalty
+  int most;         ///< largest penalty, up to 127
+  int follow_below; ///< distance up to which the reference follows
+};
+
+/// Per cell the weighted distance from its column's reference (Q4) as a penalty; where it is small, and the
+/// cell is not ignored, the reference moves a quarter of the way.
+void follow_row(const ComponentRow& cells, const std::uint8_t* ignored, const FollowRule& rule,
+                const std::array<std::int32_t*, 3>& reference, int count, std::int8_t* penalty);
+
+/// 1-2-1 over a row, the ends repeated: (a + 2b + c) >> 2. `out` must not overlap `in`.
+void smooth_row(const std::int32_t* in, int count, std::int32_t* out);
+
+/// Columns of a strip that are searched for their strongest edge together, and the most rows of a strip.
+inline constexpr int strip_columns = 16, strip_rows = 8;
+
+/// A strip of pixels around a curve: strip[row][component][column].
+using Strip = std::array<std::array<std::array<std::uint8_t, strip_columns>, 3>, strip_rows>;
+
+/// Per column the first row 1..rows-1 in which the colour differs most from the row above it: |dY| + 2 |dU| +
+/// 2 |dV| of the differences mapped by `matrix` (Q8 after the map), rows 1..last[column]. 0 where
+/// last[column] is 0.
+void strongest_edges(const Strip& strip, const std::array<std::array<std::int32_t, 3>, 3>& matrix, int rows,
+                     const std::uint8_t* last, std::uint8_t* best);
+
+/// out[i] = clamp((start + i * step) >> 1, 0, most).
+void write_line(int start, int step, int most, int count, std::uint16_t* out);
+
+} // namespace terrainseg::kernels
