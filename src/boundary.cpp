@@ -6,6 +6,7 @@
 #include <cstdlib>
 
 #include "fixed_log.hpp"
+#include "kernels/cells.hpp"
 
 namespace terrainseg {
 namespace {
@@ -25,25 +26,29 @@ constexpr int upright_floor = 32;
 constexpr int leave_price = 24;
 constexpr int leave_rows = 2;
 
-// Logarithms of the few hundred values that a colour step is worth looking up for.
-template <int floor, int per_octave>
-constexpr auto octaves = [] {
-  std::array<std::int16_t, 1024> table{};
-  for (int e = 0; e < 1024; ++e)
-    table[static_cast<std::size_t>(e)] = static_cast<std::int16_t>(
-        ((log2_q8(static_cast<std::uint64_t>(e + floor)) - log2_q8(floor)) * per_octave) >> 8);
-  return table;
-}();
+/// No colour step beyond it weighs more.
+constexpr int most_step = 1023;
 
-// The break between the row above the curve and the row below it.
-int edge_at(const CoarseGrid& grid, std::size_t above, std::size_t below, int gain_q8) {
-  if (grid.ignored[above] || grid.ignored[below])
-    return 0;
-  const int step = std::min(color_step(grid, above, below, gain_q8), 1023);
-  const int edge = std::min<int>(edge_limit, octaves<4, edge_per_octave>[static_cast<std::size_t>(step)]);
-  // The base of an obstacle lies in its own shadow.
-  const int darker = ((grid.y[below] - grid.y[above]) * gain_q8) >> 8;
-  return edge + std::clamp(shadow_per_grey * darker, 0, shadow_limit);
+// What a colour step is worth, in Q4: logarithms of few enough values to be looked up.
+template <typename Worth> constexpr std::array<std::int16_t, most_step + 1> table_of(Worth worth) {
+  std::array<std::int16_t, most_step + 1> table{};
+  for (int step = 0; step <= most_step; ++step)
+    table[static_cast<std::size_t>(step)] = static_cast<std::int16_t>(16 * worth(step));
+  return table;
+}
+constexpr int octaves_above(int step, int floor, int per_octave) {
+  return ((log2_q8(static_cast<std::uint64_t>(step + floor)) - log2_q8(static_cast<std::uint64_t>(floor))) *
+          per_octave) >>
+         8;
+}
+constexpr auto edge_worth =
+    table_of([](int step) { return std::min(edge_limit, octaves_above(step, 4, edge_per_octave)); });
+constexpr auto step_prices = table_of([](int step) {
+  return std::max(step_price - octaves_above(step, upright_floor, upright_per_octave), least_step_price);
+});
+
+kernels::ComponentRow components_at(const CoarseGrid& grid, std::size_t cell) {
+  return {&grid.y[cell], &grid.u[cell], &grid.v[cell]};
 }
 
 } // namespace
@@ -54,27 +59,30 @@ void BoundarySearch::find(const CoarseGrid& grid, const std::vector<std::int16_t
   const int rows = grid.height + 1;
   const auto column_of = [rows](auto& table, int j) { return &table[static_cast<std::size_t>(j) * rows]; };
   weigh_columns(grid, score, prior, gain_q8, before);
+  price_steps(grid, gain_q8);
   best_.assign(utility_.begin(), utility_.begin() + rows);
   came_from_.resize(utility_.size());
-  step_.resize(static_cast<std::size_t>(grid.height));
   for (int j = 1; j < grid.width; ++j) {
     // The best predecessor of every row: a distance transform, down and up.
-    price_steps(grid, j, gain_q8);
     std::uint16_t* from = column_of(came_from_, j);
     std::int32_t* best = best_.data();
-    const std::int32_t* step = step_.data();
-    for (int r = 0; r < rows; ++r)
-      from[r] = static_cast<std::uint16_t>(r);
+    const std::int16_t* price = &price_[static_cast<std::size_t>(j) * static_cast<std::size_t>(grid.height)];
+    std::int32_t leader = best[0];
+    std::uint16_t origin = 0;
+    // Which of the two wins is anyone's guess: a branch would be mispredicted every third time.
+    const auto pass = [&](int r, std::int32_t step, std::uint16_t own_origin) {
+      const std::int32_t passed = leader - step;
+      const auto keep = static_cast<std::uint16_t>(-static_cast<int>(passed > best[r]));
+      leader = std::max(passed, best[r]);
+      origin = static_cast<std::uint16_t>((origin & keep) | (own_origin & ~keep));
+      best[r] = leader;
+      from[r] = origin;
+    };
+    from[0] = 0;
     for (int r = 1; r < rows; ++r)
-      if (best[r - 1] - step[r - 1] > best[r]) {
-        best[r] = best[r - 1] - step[r - 1];
-        from[r] = from[r - 1];
-      }
+      pass(r, price[r - 1], static_cast<std::uint16_t>(r));
     for (int r = rows - 2; r >= 0; --r)
-      if (best[r + 1] - step[r] > best[r]) {
-        best[r] = best[r + 1] - step[r];
-        from[r] = from[r + 1];
-      }
+      pass(r, price[r], from[r]);
     const std::int32_t* utility = column_of(utility_, j);
     for (int r = 0; r < rows; ++r)
       best[r] += utility[r];
@@ -92,34 +100,60 @@ void BoundarySearch::weigh_columns(const CoarseGrid& grid, const std::vector<std
                                    const std::vector<std::int16_t>& prior, int gain_q8,
                                    const std::vector<std::uint16_t>& before) {
   const int rows = grid.height + 1;
-  utility_.resize(static_cast<std::size_t>(grid.width) * rows);
-  for (int j = 0; j < grid.width; ++j) {
-    std::int32_t* utility = &utility_[static_cast<std::size_t>(j) * rows];
-    std::int32_t sum = 0;
-    for (int i = 0; i < grid.height; ++i)
-      sum += score[grid.at(i, j)] + 16 * prior[static_cast<std::size_t>(i)];
-    utility[0] = sum;
-    for (int r = 1; r < rows; ++r) {
-      const std::size_t above = grid.at(r - 1, j);
-      sum -= 2 * (score[above] + 16 * prior[static_cast<std::size_t>(r - 1)]);
-      utility[r] = sum + (r < grid.height ? 16 * edge_at(grid, above, above + grid.width, gain_q8) : 0);
+  const auto width = static_cast<std::size_t>(grid.width);
+  utility_.resize(width * static_cast<std::size_t>(rows));
+  sums_.assign(width, 0);
+  // From each cell to the one below it, all rows in one go: they lie one after the other.
+  const int steps = grid.width * (grid.height - 1);
+  steps_.resize(grid.size());
+  kernels::color_steps(components_at(grid, 0), components_at(grid, width), gain_q8, most_step, steps,
+                       steps_.data());
+  const auto weight = [&](int row, std::size_t j) {
+    return score[grid.at(row, 0) + j] + 16 * prior[static_cast<std::size_t>(row)];
+  };
+  for (int i = 0; i < grid.height; ++i)
+    for (std::size_t j = 0; j < width; ++j)
+      sums_[j] += weight(i, j);
+  const auto utility_at = [&](std::size_t j, int r) -> std::int32_t& {
+    return utility_[j * static_cast<std::size_t>(rows) + static_cast<std::size_t>(r)];
+  };
+  for (std::size_t j = 0; j < width; ++j)
+    utility_at(j, 0) = sums_[j];
+  for (int r = 1; r < rows; ++r) {
+    for (std::size_t j = 0; j < width; ++j)
+      sums_[j] -= 2 * weight(r - 1, j);
+    if (r == grid.height) {
+      for (std::size_t j = 0; j < width; ++j)
+        utility_at(j, r) = sums_[j];
+      break;
     }
-    if (!before.empty())
-      for (int r = 0; r < rows; ++r)
-        utility[r] -=
-            16 * leave_price * std::min(std::abs(r - before[static_cast<std::size_t>(j)]), leave_rows);
+    // The break between the row above the curve and the row below it.
+    const std::size_t above = grid.at(r - 1, 0), below = grid.at(r, 0);
+    for (std::size_t j = 0; j < width; ++j) {
+      // The base of an obstacle lies in its own shadow.
+      const int darker = ((grid.y[below + j] - grid.y[above + j]) * gain_q8) >> 8;
+      const int edge =
+          edge_worth[steps_[above + j]] + 16 * std::clamp(shadow_per_grey * darker, 0, shadow_limit);
+      const bool seen = (grid.ignored[above + j] | grid.ignored[below + j]) == 0;
+      utility_at(j, r) = sums_[j] + (seen ? edge : 0);
+    }
   }
+  if (!before.empty())
+    for (std::size_t j = 0; j < width; ++j)
+      for (int r = 0; r < rows; ++r)
+        utility_at(j, r) -= 16 * leave_price * std::min(std::abs(r - before[j]), leave_rows);
 }
 
-// What it costs the curve to pass row r between column - 1 and column.
-void BoundarySearch::price_steps(const CoarseGrid& grid, int column, int gain_q8) {
-  for (int r = 0; r < grid.height; ++r) {
-    const std::size_t cell = grid.at(r, column);
-    const int edge = std::min(color_step(grid, cell, cell - 1, gain_q8), 1023);
-    step_[static_cast<std::size_t>(r)] =
-        16 * std::max(step_price - octaves<upright_floor, upright_per_octave>[static_cast<std::size_t>(edge)],
-                      least_step_price);
-  }
+// What it costs the curve to pass a row between a column and the one to its left.
+void BoundarySearch::price_steps(const CoarseGrid& grid, int gain_q8) {
+  const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height);
+  price_.resize(width * height);
+  // Those from a row's last cell to the next row's first are not looked at.
+  kernels::color_steps(components_at(grid, 0), components_at(grid, 1), gain_q8, most_step,
+                       static_cast<int>(grid.size()) - 1, steps_.data());
+  for (std::size_t r = 0; r < height; ++r)
+    for (std::size_t j = 1; j < width; ++j)
+      price_[j * height + r] = step_prices[steps_[grid.at(static_cast<int>(r), static_cast<int>(j)) - 1]];
 }
 
 } // namespace terrainseg

@@ -25,11 +25,13 @@ class BoundarySearch {
   void weigh_columns(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
                      const std::vector<std::int16_t>& prior, int gain_q8,
                      const std::vector<std::uint16_t>& before);
-  void price_steps(const CoarseGrid& grid, int column, int gain_q8);
+  void price_steps(const CoarseGrid& grid, int gain_q8);
 
   std::vector<std::int32_t> utility_; ///< columns x (rows + 1), Q4
   std::vector<std::int32_t> best_;    ///< of all curves that end here
-  std::vector<std::int32_t> step_;    ///< price of each row between two columns
+  std::vector<std::int32_t> sums_;    ///< of a row's columns: what is below minus what is above
+  std::vector<std::uint16_t> steps_;  ///< colour steps between neighbouring cells
+  std::vector<std::int16_t> price_;   ///< columns x rows: of passing a row on the way from the column before
   std::vector<std::uint16_t> came_from_;
 };
 

@@ -41,13 +41,4 @@ PyramidPlan coarse_plan(PixelFormat format, int coarsest);
 void read_grid(const Pyramid& pyramid, int level, const ColorTransform& transform,
                std::span<const Rectangle> ignore_regions, CoarseGrid& grid);
 
-/// How two cells one above or beside the other differ: |dY| + 2|dU| + 2|dV|, brought to the learned exposure.
-inline int color_step(const CoarseGrid& grid, std::size_t a, std::size_t b, int gain_q8) {
-  const auto difference = [](int p, int q) { return p < q ? q - p : p - q; };
-  return ((difference(grid.y[a], grid.y[b]) + 2 * difference(grid.u[a], grid.u[b]) +
-           2 * difference(grid.v[a], grid.v[b])) *
-          gain_q8) >>
-         8;
-}
-
 } // namespace terrainseg
