@@ -20,12 +20,19 @@ std::uint8_t of_separation(std::int64_t separation) {
 std::uint8_t mask_confidence(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
                              const std::vector<std::uint16_t>& boundary) {
   std::int64_t below = 0, above = 0, cells_below = 0, jumps = 0;
-  for (int i = 0; i < grid.height; ++i)
+  for (int i = 0; i < grid.height; ++i) {
+    const std::int16_t* row = &score[grid.at(i, 0)];
+    std::int32_t sum = 0, sum_below = 0, count_below = 0;
     for (int j = 0; j < grid.width; ++j) {
-      const bool is_below = i >= boundary[static_cast<std::size_t>(j)];
-      (is_below ? below : above) += score[grid.at(i, j)];
-      cells_below += is_below;
+      const std::int32_t is_below = i >= boundary[static_cast<std::size_t>(j)];
+      sum += row[j];
+      sum_below += row[j] & -is_below;
+      count_below += is_below;
     }
+    below += sum_below;
+    above += sum - sum_below;
+    cells_below += count_below;
+  }
   for (int j = 1; j < grid.width; ++j)
     jumps += std::abs(boundary[static_cast<std::size_t>(j)] - boundary[static_cast<std::size_t>(j - 1)]);
   const auto cells_above = static_cast<std::int64_t>(grid.size()) - cells_below;

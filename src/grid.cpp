@@ -25,9 +25,9 @@ bool is_blank(const Grid& grid) {
       const auto [low, high] = std::minmax_element(plane.row(y), plane.row(y) + grid.width);
       least = std::min<int>(least, *low);
       most = std::max<int>(most, *high);
+      if (most - least > noise)
+        return false;
     }
-    if (most - least > noise)
-      return false;
   }
   return true;
 }

@@ -2,6 +2,7 @@
 #include "indices.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "fixed_log.hpp"
 
@@ -17,6 +18,15 @@ constexpr int middle_grey = 1664; ///< log2(90) Q8
 /// 24 bins over 10 octaves, Q16.
 constexpr int bins_per_octave = 614;
 
+// What a luma takes off the roughness, log2 Q8.
+constexpr std::array<std::int16_t, 256> brightness = [] {
+  std::array<std::int16_t, 256> table{};
+  for (int y = 0; y < 256; ++y)
+    table[static_cast<std::size_t>(y)] = static_cast<std::int16_t>(
+        (brightness_slope * (middle_grey - log2_q8(static_cast<std::uint64_t>(y) + 16))) >> 8);
+  return table;
+}();
+
 std::uint8_t normalised_chroma(int chroma, int gain) {
   return static_cast<std::uint8_t>(std::clamp(128 + (((chroma - 128) * gain) >> 8), 0, 255));
 }
@@ -30,9 +40,6 @@ void index_cells(const CoarseGrid& grid, const std::vector<std::uint16_t>& textu
   out.v.resize(grid.size());
   out.color.resize(grid.size());
   out.texture.resize(grid.size());
-  std::array<int, 256> bright{};
-  for (int y = 0; y < 256; ++y)
-    bright[y] = (brightness_slope * (middle_grey - log2_q8(y + 16))) >> 8;
   for (std::size_t i = 0; i < grid.size(); ++i) {
     const int y = exposure.luma[grid.y[i]], gain = exposure.chroma_gain[grid.y[i]];
     const std::uint8_t u = normalised_chroma(grid.u[i], gain), v = normalised_chroma(grid.v[i], gain);
@@ -42,7 +49,7 @@ void index_cells(const CoarseGrid& grid, const std::vector<std::uint16_t>& textu
     out.color[i] = static_cast<std::uint16_t>((y >> luma_bin_shift) << 8 | (u >> chroma_bin_shift) << 4 |
                                               v >> chroma_bin_shift);
     const int rough = log2_q8(((static_cast<std::uint32_t>(texture[i]) * exposure.gain) >> 8) + noise_floor) -
-                      512 + bright[y];
+                      512 + brightness[static_cast<std::size_t>(y)];
     out.texture[i] =
         static_cast<std::uint8_t>(std::clamp((rough * bins_per_octave) >> 16, 0, texture_bins - 1));
   }

@@ -399,6 +399,10 @@ void Pyramid::State::run(Band& band, const Routes& ways) {
       const Route& route = ways.route[r];
       Course& course = band.course[r];
       const int available = std::min((y >> route.source_level) + 1, course.source.end);
+      // Rows of the next level begin and end with the odd ones among them, and with the last.
+      const bool again = y % (1 << route.source_level) != 0;
+      if (again || (available % 2 == 0 && available < course.source.end))
+        continue;
       advance(band, route, course, route.source_level + 1, available);
     }
   }
