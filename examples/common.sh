@@ -27,6 +27,16 @@ lines_branch() {
 # pipeline TEXT: runs it; Ctrl-C ends it properly. The text is one string, so that it can be copied to a terminal.
 pipeline() { eval "exec gst-launch-1.0 -q -e $1"; }
 
+# rover SINK: the rover's end of a link: H.264 and one KLV unit per frame in an MPEG transport stream, into SINK.
+# A leaky queue belongs before terrainseg only: behind it video and metadata must stay together.
+rover() {
+  pipeline "$SOURCE ! videoconvert ! video/x-raw,format=I420 ! queue leaky=downstream max-size-buffers=2 ! terrainseg $SETTINGS ! tee name=t \
+    t. ! queue ! x264enc tune=zerolatency speed-preset=veryfast bitrate=4000 key-int-max=30 ! h264parse config-interval=-1 ! mux. \
+    $(lines_branch) \
+    t. ! queue ! terrainextract ! meta/x-klv,parsed=true ! mux. \
+    mpegtsmux name=mux alignment=7 latency=100000000 ! $1"
+}
+
 # A rendered rover, as slow as a real one, in place of the camera.
 test_frames=90
 test_source="terrainscenesrc is-live=true num-buffers=$test_frames ! video/x-raw,format=I420,width=320,height=180,framerate=30/1"
@@ -36,6 +46,11 @@ stop() { kill -INT "$1" 2>/dev/null || true; wait "$1" || true; }
 
 # Closing an SRT connection throws away what is younger than its latency: a stream may lose that much at its end.
 may_lose_at_end=0
+
+# free_port: a UDP port that nobody has, so that tests may run side by side.
+free_port() {
+  /usr/bin/python3 -c 'import socket; s = socket.socket(type=socket.SOCK_DGRAM); s.bind(("", 0)); print(s.getsockname()[1])'
+}
 
 # link_test RECEIVER_URI SENDER ARGUMENTS...: runs a sender against ground_station.sh on this machine; every frame that
 # was sent must come through with the metadata that it left with.

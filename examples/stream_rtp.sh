@@ -7,10 +7,6 @@
 case "${1:-}" in
   --help) usage ;;
   "") usage 2 ;;
-  --self-test) link_test rtp://:17710 "$0" 127.0.0.1 17710; exit ;;
+  --self-test) port=$(free_port); link_test "rtp://:$port" "$0" 127.0.0.1 "$port"; exit ;;
 esac
-pipeline "$SOURCE ! videoconvert ! video/x-raw,format=I420 ! queue leaky=downstream max-size-buffers=2 ! terrainseg $SETTINGS ! tee name=t \
-  t. ! queue ! x264enc tune=zerolatency speed-preset=veryfast bitrate=4000 key-int-max=30 ! h264parse config-interval=-1 ! mux. \
-  $(lines_branch) \
-  t. ! queue ! terrainextract ! meta/x-klv,parsed=true ! mux. \
-  mpegtsmux name=mux alignment=7 latency=100000000 ! rtpmp2tpay ! udpsink host=$1 port=${2:-7010} sync=false"
+rover "rtpmp2tpay ! udpsink host=$1 port=${2:-7010} sync=false"

@@ -9,12 +9,9 @@ case "${1:-}" in
   --self-test)
     export SRT_PASSPHRASE="only for this test"
     may_lose_at_end=8
-    link_test srt://127.0.0.1:17701 "$0" 17701
+    port=$(free_port)
+    link_test "srt://127.0.0.1:$port" "$0" "$port"
     exit ;;
 esac
 secret=${SRT_PASSPHRASE:+"passphrase=\"\$SRT_PASSPHRASE\" pbkeylen=16"}
-pipeline "$SOURCE ! videoconvert ! video/x-raw,format=I420 ! queue leaky=downstream max-size-buffers=2 ! terrainseg $SETTINGS ! tee name=t \
-  t. ! queue ! x264enc tune=zerolatency speed-preset=veryfast bitrate=4000 key-int-max=30 ! h264parse config-interval=-1 ! mux. \
-  $(lines_branch) \
-  t. ! queue ! terrainextract ! meta/x-klv,parsed=true ! mux. \
-  mpegtsmux name=mux alignment=7 latency=100000000 ! srtsink uri=srt://:${1:-7001}?mode=listener wait-for-connection=true $secret"
+rover "srtsink uri=srt://:${1:-7001}?mode=listener wait-for-connection=true $secret"

@@ -13,7 +13,6 @@ import json
 import os
 import pathlib
 import shutil
-import socket
 import struct
 import subprocess
 import sys
@@ -21,6 +20,7 @@ import tempfile
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from ports import free_port  # noqa: E402
 from tap import contains, equal, main  # noqa: E402
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
@@ -28,12 +28,6 @@ SIZE = (320, 180)
 SCENE = f'terrainscenesrc is-live=true motion=still ! video/x-raw,width={SIZE[0]},height={SIZE[1]},framerate=15/1'
 SCREENSHOT = None
 WAIT = 60
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(('127.0.0.1', 0))
-        return probe.getsockname()[1]
 
 
 @contextlib.contextmanager

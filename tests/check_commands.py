@@ -10,7 +10,8 @@ exist. Words behind `sh` say what cannot be run alone:
   install     changes the machine or builds it: not run here (other tests run these commands)
   live        has no end of its own: must run for some seconds without failing
   background  starts before the next block and is stopped after it; it must not have failed until then
-What is changed before a block runs: a window becomes a sink without a screen, and a scene without an end gets one.
+What is changed before a block runs: a window becomes a sink without a screen, a scene without an end gets one, and
+each port of a page becomes one that is free.
 """
 import os
 import pathlib
@@ -22,14 +23,25 @@ import sys
 import tempfile
 import time
 
+from ports import free_port
+
 TOP = pathlib.Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r'^( *)```sh([^\n]*)\n(.*?)^ *```', re.M | re.S)
+PORT = re.compile(r'((?:\bport=|--port |\bmosquitto -p |srt://[\w.]*:))(\d+)\b')
 LIMIT = 60
 
 
 def runnable(text):
     """The command with an end."""
     return re.sub(r'\bterrainscenesrc\b(?![^!]*num-buffers)', 'terrainscenesrc num-buffers=60', text)
+
+
+def with_free_ports(text, ports):
+    def replaced(match):
+        if match[2] not in ports:
+            ports[match[2]] = free_port()
+        return f'{match[1]}{ports[match[2]]}'
+    return PORT.sub(replaced, text)
 
 
 def start(text, folder, environment):
@@ -71,7 +83,7 @@ def main():
                        cwd=stock, env=environment, check=True, timeout=LIMIT)
         for page in pages:
             page = page.resolve()
-            background = []
+            background, ports = [], {}
             for indent, words, text in BLOCK.findall(page.read_text()):
                 words = words.split()
                 unknown = set(words) - {'camera', 'install', 'background', 'live'}
@@ -86,6 +98,7 @@ def main():
                 shutil.copytree(stock, folder)
                 for name in ('examples', 'docs', 'tests'):
                     (folder / name).symlink_to(TOP / name)
+                text = with_free_ports(text, ports)
                 process = start(text if 'background' in words else runnable(text), folder, environment)
                 ran += 1
                 if 'background' in words:

@@ -14,6 +14,7 @@ import sys
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from ports import free_port  # noqa: E402
 from tap import Skip, contains, equal, main  # noqa: E402
 
 EXAMPLES = pathlib.Path(os.environ['TERRAINSEG_EXAMPLES'])
@@ -249,12 +250,6 @@ def pixel(line, x, y):
 def supervising_wants_its_arguments(folder):
     contains(run(os.environ['SUPERVISE'], code=2).stderr, 'usage: supervise')
     contains(run(os.environ['SUPERVISE'], 'none%d.png', 'none%d.png', 'x.jsonl', cwd=folder, code=1).stderr, 'none')
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(('127.0.0.1', 0))
-        return probe.getsockname()[1]
 
 
 def start_broker(port):

@@ -7,7 +7,6 @@ both ends, and each frame's line (mask, boundary, horizon, models) on the ground
 import json
 import os
 import random
-import socket
 import subprocess
 import sys
 import tempfile
@@ -20,8 +19,10 @@ import gi
 gi.require_version('Gst', '1.0')
 from gi.repository import Gst  # noqa: E402
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', 'unit'))
+TESTS = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..')
+sys.path[:0] = [TESTS, os.path.join(TESTS, 'unit')]
 import klv_decoder  # noqa: E402
+from ports import free_udp_block  # noqa: E402
 
 FRAMES = 100
 RATE = 50
@@ -50,24 +51,6 @@ def rover_ts_after_encoder(sink):
     return (source(False) + 't. ! queue ! x264enc bframes=2 b-adapt=false key-int-max=25 ! h264parse ! tee name=e '
             'e. ! queue ! mux. e. ! queue ! terrainextract ! meta/x-klv,parsed=true ! queue ! mux. '
             f'mpegtsmux name=mux alignment=7 ! {sink}')
-
-
-def free_port():
-    """An even UDP port whose successors are free too, for RTP and RTCP."""
-    while True:
-        base = random.randrange(20000, 60000, 8)
-        sockets = []
-        try:
-            for port in range(base, base + 8):
-                s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-                sockets.append(s)
-                s.bind(('127.0.0.1', port))
-            return base
-        except OSError:
-            continue
-        finally:
-            for s in sockets:
-                s.close()
 
 
 def check_with_ffmpeg(path):
@@ -290,7 +273,7 @@ def ts_file(make_rover):
 
 
 def rtp_klv():
-    port = free_port()
+    port = free_udp_block()
     rover = source(True, 25) + (
         f'rtpbin name=rtp '
         f't. ! queue ! {ENCODER} ! rtph264pay pt=96 ! rtp.send_rtp_sink_0 '
@@ -321,7 +304,7 @@ def rtp_klv():
 
 def udp_restart():
     """The rover is switched off and on again; the ground station is not."""
-    port = free_port()
+    port = free_udp_block()
     ground = Pipeline(f'udpsrc port={port} address=127.0.0.1 buffer-size=2000000 ! tsparse ! {DEMUX}')
     for name in ('sink', 'meta', 'src'):
         ground.count('combine', name)
@@ -368,7 +351,7 @@ def main(kind):
         return rtp_klv()
     if kind == 'udp-restart':
         return udp_restart()
-    port = free_port()
+    port = free_udp_block()
     if kind == 'udp-loss':
         return both(rover_ts(True, f'udpsink host=127.0.0.1 port={port} sync=false'),
                     f'udpsrc port={port} address=127.0.0.1 buffer-size=2000000 ! tsparse ! {DEMUX}', (0.05, 1))
