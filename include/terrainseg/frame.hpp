@@ -76,6 +76,15 @@ constexpr int row_bytes(const FormatLayout& layout, int plane, int width) {
   return bytes;
 }
 
+/// Rows of a plane of a frame of `height` rows. `plane` in 0..layout.planes - 1.
+constexpr int plane_rows(const FormatLayout& layout, int plane, int height) {
+  int rows = 0;
+  for (const ComponentLayout& part : layout.components)
+    if (part.plane == plane)
+      rows = subsampled(height, part.y_shift);
+  return rows;
+}
+
 /// A read-only plane. Rows are `stride` bytes apart; the stride may exceed the row or be negative.
 struct Plane {
   const std::uint8_t* data = nullptr;
@@ -105,8 +114,8 @@ struct Frame {
   int height = 0; ///< pixels, 1..32767
   Colorimetry colorimetry;
   std::array<Plane, 3> planes;
-  std::int64_t pts =
-      -1; ///< presentation time in nanoseconds, -1 = unknown; tells the frame rate, nothing else
+  std::int64_t pts = -1; ///< presentation time in nanoseconds, -1 = unknown; a gap of more than 2 s ends the
+                         ///< averaging of scores
 };
 
 /// A frame to draw on.
