@@ -42,15 +42,9 @@ struct Scene {
     frame.pts = std::int64_t{40000000} * number;
     const FormatLayout& layout = layout_of(format);
     for (int p = 0; p < layout.planes; ++p) {
-      int bytes = 0, rows = 0;
-      for (const ComponentLayout& c : layout.components)
-        if (c.plane == p) {
-          bytes = std::max(bytes, subsampled(width, c.x_shift) * c.step);
-          rows = subsampled(height, c.y_shift);
-        }
-      bytes = (bytes + 3) / 4 * 4;
-      memory[p].resize(static_cast<std::size_t>(bytes) * rows);
-      frame.planes[p] = {memory[p].data(), bytes};
+      const int stride = (row_bytes(layout, p, width) + 3) / 4 * 4;
+      memory[p].resize(static_cast<std::size_t>(stride) * plane_rows(layout, p, height));
+      frame.planes[p] = {memory[p].data(), stride};
     }
     std::uint32_t state = 12345U + static_cast<std::uint32_t>(number);
     for (int c = 0; c < 3; ++c) {

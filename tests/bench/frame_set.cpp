@@ -31,15 +31,10 @@ FrameSet::FrameSet(PixelFormat format, int width, int height, std::size_t bytes)
     : format_(format), width_(width), height_(height) {
   const FormatLayout& layout = layout_of(format);
   for (int p = 0; p < layout.planes; ++p) {
-    int row = 0, rows = 0;
-    for (const ComponentLayout& c : layout.components)
-      if (c.plane == p) {
-        row = std::max(row, subsampled(width, c.x_shift) * c.step);
-        rows = subsampled(height, c.y_shift);
-      }
-    strides_[p] = (row + 3) / 4 * 4;
+    strides_[p] = (row_bytes(layout, p, width) + 3) / 4 * 4;
     offsets_[p] = frame_bytes_;
-    frame_bytes_ += static_cast<std::size_t>(strides_[p]) * static_cast<std::size_t>(rows);
+    frame_bytes_ +=
+        static_cast<std::size_t>(strides_[p]) * static_cast<std::size_t>(plane_rows(layout, p, height));
   }
   frame_bytes_ = (frame_bytes_ + alignment - 1) / alignment * alignment;
   count_ = static_cast<int>(std::max<std::size_t>(rendered_frames, bytes / frame_bytes_));

@@ -9,11 +9,11 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "../support/same_estimate.hpp"
 #include "../unit/exchange_estimates.hpp"
 #include "estimate_meta.hpp"
 #include "exchange/vmti_klv.hpp"
@@ -73,35 +73,6 @@ inline std::string text_of(GstBuffer* buffer) {
   std::string text(gst_buffer_get_size(buffer), '\0');
   gst_buffer_extract(buffer, 0, text.data(), text.size());
   return text;
-}
-
-inline std::vector<std::uint8_t> packed(const GrayView& m) {
-  std::vector<std::uint8_t> pixels;
-  for (int y = 0; y < m.height; ++y)
-    pixels.insert(pixels.end(), m.plane.row(y), m.plane.row(y) + m.width);
-  return pixels;
-}
-
-inline void expect_same(const Estimate& a, const Estimate& b) {
-  EXPECT_EQ(a.frame, b.frame);
-  EXPECT_EQ(a.frame_width, b.frame_width);
-  EXPECT_EQ(a.frame_height, b.frame_height);
-  EXPECT_EQ(a.horizon_row, b.horizon_row);
-  EXPECT_EQ(a.horizon_confidence, b.horizon_confidence);
-  EXPECT_EQ(a.mask_region, b.mask_region);
-  EXPECT_EQ(a.confidence, b.confidence);
-  EXPECT_EQ(a.traversable_permille, b.traversable_permille);
-  EXPECT_EQ(a.window, b.window);
-  EXPECT_EQ(a.model_generation, b.model_generation);
-  EXPECT_EQ(a.flags, b.flags);
-  EXPECT_EQ(packed(a.mask), packed(b.mask));
-  EXPECT_TRUE(std::equal(a.boundary.begin(), a.boundary.end(), b.boundary.begin(), b.boundary.end()));
-  ASSERT_EQ(a.model_count, b.model_count);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(a.model_count); ++i) {
-    EXPECT_EQ(a.models[i].mean, b.models[i].mean);
-    EXPECT_EQ(a.models[i].variance, b.models[i].variance);
-    EXPECT_EQ(a.models[i].mass, b.models[i].mass);
-  }
 }
 
 /// The next event of a type that came out; others are dropped.

@@ -1,48 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // A running element allocates nothing of its own: operator new is counted, in the plugin too, which binds to
 // the one that this program exports. What GStreamer takes for its metas and structures comes from elsewhere.
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
+#include "../support/allocations.hpp"
 #include "harness.hpp"
-
-namespace {
-std::atomic<bool> counting = false;
-std::atomic<int> allocations = 0;
-
-void* counted(std::size_t size) {
-  if (counting)
-    ++allocations;
-  if (void* memory = std::malloc(size ? size : 1))
-    return memory;
-  throw std::bad_alloc();
-}
-} // namespace
-
-void* operator new(std::size_t size) {
-  return counted(size);
-}
-void* operator new[](std::size_t size) {
-  return counted(size);
-}
-void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
 
 namespace terrainseg::test {
 namespace {
 
-int allocations_of_a_frame(const char* settings, const char* format) {
+long allocations_of_a_frame(const char* settings, const char* format) {
   Rig rig(settings, caps_text(format, 320, 240));
   for (int i = 0; i < 12; ++i)
     rig.step();
@@ -50,22 +15,18 @@ int allocations_of_a_frame(const char* settings, const char* format) {
   std::vector<GstBuffer*> buffers;
   for (int i = 0; i < frames; ++i)
     buffers.push_back(new_frame(rig.info(), 12 + i, 1 + i));
-  allocations = 0;
-  counting = true;
+  const long before = allocations;
   for (GstBuffer* buffer : buffers) {
     EXPECT_EQ(rig.push(buffer), GST_FLOW_OK);
     rig.pull();
   }
-  counting = false;
-  return allocations;
+  return allocations - before;
 }
 
 TEST(Allocation, IsCountedInThePluginToo) {
-  allocations = 0;
-  counting = true;
+  const long before = allocations;
   make_element("terrainseg"); // makes its state with new
-  counting = false;
-  EXPECT_GT(allocations, 0);
+  EXPECT_GT(allocations, before);
 }
 
 TEST(Allocation, NoneAFrameOnceRunning) {

@@ -24,15 +24,10 @@ class OwnedFrame {
     frame_.format = format;
     frame_.width = width;
     frame_.height = height;
-    for (const ComponentLayout& part : layout.components) {
-      const std::ptrdiff_t row = row_bytes(layout, part.plane, width);
-      auto& stride = frame_.planes[part.plane].stride;
-      stride = std::max(stride, row + padding);
-    }
-    for (const ComponentLayout& part : layout.components) {
-      const auto size =
-          static_cast<std::size_t>(frame_.planes[part.plane].stride * subsampled(height, part.y_shift));
-      planes_[part.plane].resize(std::max(planes_[part.plane].size(), size), 0xa5);
+    for (int p = 0; p < layout.planes; ++p) {
+      const int stride = row_bytes(layout, p, width) + padding;
+      planes_[p].assign(static_cast<std::size_t>(stride) * plane_rows(layout, p, height), 0xa5);
+      frame_.planes[p] = {planes_[p].data(), stride};
     }
     for (int c = 0; c < 3; ++c) {
       const ComponentLayout& part = layout.components[c];
@@ -41,8 +36,6 @@ class OwnedFrame {
           planes_[part.plane][y * frame_.planes[part.plane].stride + part.offset + x * part.step] =
               paint(x << part.x_shift, y << part.y_shift)[c];
     }
-    for (int p = 0; p < layout.planes; ++p)
-      frame_.planes[p].data = planes_[p].data();
   }
   OwnedFrame(const OwnedFrame&) = delete;
   OwnedFrame& operator=(const OwnedFrame&) = delete;

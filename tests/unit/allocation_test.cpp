@@ -1,66 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Counts every allocation: once running, a frame needs none.
-#include <atomic>
-#include <cstdlib>
-#include <new>
+#include <memory>
 
 #include <gtest/gtest.h>
 
+#include "support/allocations.hpp"
 #include "support/frames.hpp"
 #include "terrainseg/segmenter.hpp"
 
-namespace {
-std::atomic<long> allocations{0};
-
-void* counted(std::size_t size, std::size_t alignment) {
-  ++allocations;
-  if (void* memory = alignment > alignof(std::max_align_t)
-                         ? std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment)
-                         : std::malloc(size ? size : 1))
-    return memory;
-  throw std::bad_alloc();
-}
-} // namespace
-
-void* operator new(std::size_t size) {
-  return counted(size, 0);
-}
-void* operator new[](std::size_t size) {
-  return counted(size, 0);
-}
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  return counted(size, static_cast<std::size_t>(alignment));
-}
-void* operator new[](std::size_t size, std::align_val_t alignment) {
-  return counted(size, static_cast<std::size_t>(alignment));
-}
-void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::align_val_t) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory, std::align_val_t) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept {
-  std::free(memory);
-}
-
 namespace terrainseg {
 namespace {
+
+using test::allocations;
 
 TEST(Allocation, TheCounterCounts) {
   const long before = allocations;

@@ -26,13 +26,7 @@ struct OwnedFrame {
     std::mt19937 random(seed);
     const FormatLayout& layout = layout_of(format);
     for (int p = 0; p < layout.planes; ++p) {
-      int row = 0, rows = 0;
-      for (const ComponentLayout& c : layout.components)
-        if (c.plane == p) {
-          row = std::max(row, subsampled(width, c.x_shift) * c.step);
-          rows = subsampled(height, c.y_shift);
-        }
-      const int stride = row + padding;
+      const int stride = row_bytes(layout, p, width) + padding, rows = plane_rows(layout, p, height);
       memory[p].resize(static_cast<std::size_t>(stride) * rows);
       // Runs of extremes between the noise: sums that would overflow show.
       for (std::size_t i = 0; i < memory[p].size(); ++i) {

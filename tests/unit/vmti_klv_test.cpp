@@ -10,11 +10,13 @@
 
 #include "exchange/bytes.hpp"
 #include "exchange_estimates.hpp"
+#include "support/same_estimate.hpp"
 
 namespace terrainseg {
 namespace {
 
 using test::OwnedEstimate;
+using test::packed;
 using Bytes = std::vector<std::uint8_t>;
 
 Bytes encoded(const Estimate& e, std::uint64_t time = 0) {
@@ -53,32 +55,10 @@ Bytes drawn(const KlvUnit& unit) {
   return pixels;
 }
 
-Bytes packed(const GrayView& m) {
-  Bytes pixels;
-  for (int y = 0; y < m.height; ++y)
-    pixels.insert(pixels.end(), m.plane.row(y), m.plane.row(y) + m.width);
-  return pixels;
-}
-
-void expect_same_numbers(const Estimate& a, const Estimate& b) {
-  EXPECT_EQ(a.frame, b.frame);
-  EXPECT_EQ(a.frame_width, b.frame_width);
-  EXPECT_EQ(a.frame_height, b.frame_height);
-  EXPECT_EQ(a.horizon_row, b.horizon_row);
-  EXPECT_EQ(a.horizon_confidence, b.horizon_confidence);
-  EXPECT_EQ(a.mask_region, b.mask_region);
-  EXPECT_EQ(a.confidence, b.confidence);
-  EXPECT_EQ(a.traversable_permille, b.traversable_permille);
-  EXPECT_EQ(a.window, b.window);
-  EXPECT_EQ(a.model_generation, b.model_generation);
-  EXPECT_EQ(a.flags, b.flags);
-  ASSERT_EQ(a.model_count, b.model_count);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(a.model_count); ++i) {
-    EXPECT_EQ(a.models[i].mean, b.models[i].mean);
-    EXPECT_EQ(a.models[i].variance, b.models[i].variance);
-    EXPECT_EQ(a.models[i].mass, b.models[i].mass);
+void expect_same_numbers_and_colors(const Estimate& a, const Estimate& b) {
+  test::expect_same_numbers(a, b);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(a.model_count); ++i)
     EXPECT_EQ(a.models[i].rgb, b.models[i].rgb);
-  }
 }
 
 TEST(VmtiKlv, ComesBackAsItWas) {
@@ -94,7 +74,7 @@ TEST(VmtiKlv, ComesBackAsItWas) {
     ASSERT_LE(bytes.size(), klv_unit_limit);
     ASSERT_EQ(unit.decode(bytes), KlvVerdict::ok) << unit.error();
     EXPECT_EQ(unit.time_us(), time);
-    expect_same_numbers(unit.estimate(), o.estimate);
+    expect_same_numbers_and_colors(unit.estimate(), o.estimate);
     ASSERT_EQ(unit.estimate().mask.width, o.estimate.mask.width);
     ASSERT_EQ(unit.estimate().mask.height, o.estimate.mask.height);
     EXPECT_EQ(unit.sender_mask_width(), o.estimate.mask.width);
@@ -115,7 +95,7 @@ TEST(VmtiKlv, ExtremesComeBack) {
   o.estimate.boundary = o.rows;
   KlvUnit unit;
   ASSERT_EQ(unit.decode(encoded(o.estimate, ~0ull)), KlvVerdict::ok) << unit.error();
-  expect_same_numbers(unit.estimate(), o.estimate);
+  expect_same_numbers_and_colors(unit.estimate(), o.estimate);
   EXPECT_EQ(unit.time_us(), ~0ull);
   EXPECT_EQ(drawn(unit), Bytes{255});
 
@@ -234,7 +214,7 @@ TEST(VmtiKlv, HalvesUntilItFits) {
     ASSERT_EQ(unit.decode(bytes), KlvVerdict::ok) << unit.error();
     EXPECT_EQ(unit.sender_mask_width(), 1921);
     EXPECT_EQ(unit.sender_mask_height(), 1079);
-    expect_same_numbers(unit.estimate(), o.estimate);
+    expect_same_numbers_and_colors(unit.estimate(), o.estimate);
     const int w = unit.estimate().mask.width, h = unit.estimate().mask.height;
     int level = 0;
     while (subsampled(1921, level) > w)
