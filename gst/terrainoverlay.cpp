@@ -174,12 +174,7 @@ static void gst_terrain_overlay_class_init(GstTerrainOverlayClass* klass) {
   gst_element_class_set_static_metadata(element_class, "Traversable terrain overlay", "Filter/Editor/Video",
                                         "Draws the metadata of terrainseg onto the frames that carry it",
                                         "The terrainseg developers");
-  static GstStaticPadTemplate sink =
-      GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
-  static GstStaticPadTemplate source =
-      GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
-  gst_element_class_add_static_pad_template(element_class, &sink);
-  gst_element_class_add_static_pad_template(element_class, &source);
+  add_video_pad_templates(element_class);
 
   transform_class->start = start;
   transform_class->set_caps = set_caps;

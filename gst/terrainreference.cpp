@@ -544,17 +544,12 @@ static void gst_terrain_reference_class_init(GstTerrainReferenceClass* klass) {
   object_class->get_property = get_property;
   object_class->finalize = finalize;
   install_properties(object_class);
-  static GstStaticPadTemplate sink =
-      GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
-  static GstStaticPadTemplate source =
-      GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
-  gst_element_class_add_static_pad_template(element_class, &sink);
-  gst_element_class_add_static_pad_template(element_class, &source);
+  add_video_pad_templates(element_class);
   gst_element_class_set_static_metadata(element_class, "Terrain learning, unmodified algorithm",
                                         "Filter/Analyzer/Video",
                                         "Labels traversable ground as Dahlkamp et al. 2006 did: full "
                                         "resolution, full covariances, floating point",
-                                        "The terrainseg authors");
+                                        "The terrainseg developers");
   transform_class->start = start;
   transform_class->stop = stop;
   transform_class->set_caps = set_caps;

@@ -744,12 +744,7 @@ static void gst_terrain_seg_class_init(GstTerrainSegClass* klass) {
       element_class, "Traversable terrain", "Filter/Analyzer/Video",
       "Learns the appearance of the ground in front of a rover and labels what is traversable",
       "The terrainseg developers");
-  static GstStaticPadTemplate sink =
-      GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
-  static GstStaticPadTemplate source =
-      GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
-  gst_element_class_add_static_pad_template(element_class, &sink);
-  gst_element_class_add_static_pad_template(element_class, &source);
+  add_video_pad_templates(element_class);
 
   transform_class->start = start;
   transform_class->stop = stop;

@@ -147,6 +147,15 @@ std::optional<std::string> describe_unusable(const GstVideoInfo& info, GstBuffer
   return std::nullopt;
 }
 
+void add_video_pad_templates(GstElementClass* element_class) {
+  static GstStaticPadTemplate sink =
+      GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
+  static GstStaticPadTemplate source =
+      GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
+  gst_element_class_add_static_pad_template(element_class, &sink);
+  gst_element_class_add_static_pad_template(element_class, &source);
+}
+
 MappedFrame::MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlags flags) {
   // NO_REF: the caller holds the buffer, and a second reference would make it unwritable.
   mapped_ = gst_video_frame_map(

@@ -21,6 +21,9 @@ namespace terrainseg {
 std::optional<PixelFormat> pixel_format_of(GstVideoFormat format);
 GstVideoFormat gst_format_of(PixelFormat format);
 
+/// `sink` and `src` of an element that takes and gives those formats.
+void add_video_pad_templates(GstElementClass* element_class);
+
 /// Range and matrix as the core tells them apart; what GStreamer does not know is taken as it guesses itself.
 Colorimetry colorimetry_of(const GstVideoInfo& info);
 

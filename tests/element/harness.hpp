@@ -7,24 +7,14 @@
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
 
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "estimate_meta.hpp"
+#include "owned.hpp"
 #include "video_frame.hpp"
 
 namespace terrainseg::test {
-
-struct Unref {
-  void operator()(GstBuffer* p) const { gst_buffer_unref(p); }
-  void operator()(GstCaps* p) const { gst_caps_unref(p); }
-  void operator()(GstElement* p) const { gst_object_unref(p); }
-  void operator()(GstMessage* p) const { gst_message_unref(p); }
-  void operator()(GstBus* p) const { gst_object_unref(p); }
-  void operator()(GstEvent* p) const { gst_event_unref(p); }
-};
-template <class T> using Owned = std::unique_ptr<T, Unref>;
 
 inline const char* format_name(int format) {
   return gst_video_format_to_string(gst_format_of(static_cast<PixelFormat>(format)));

@@ -9,7 +9,6 @@
 
 #include <gtest/gtest.h>
 
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -17,23 +16,11 @@
 #include "../unit/exchange_estimates.hpp"
 #include "estimate_meta.hpp"
 #include "exchange/vmti_klv.hpp"
+#include "owned.hpp"
 
 namespace terrainseg::test {
 
 constexpr GstClockTime frame_time = GST_SECOND / 25;
-
-struct Unref {
-  void operator()(GstBuffer* b) const { gst_buffer_unref(b); }
-  void operator()(GstEvent* e) const { gst_event_unref(e); }
-  void operator()(GstMessage* m) const { gst_message_unref(m); }
-  void operator()(GstCaps* c) const { gst_caps_unref(c); }
-  void operator()(GstHarness* h) const { gst_harness_teardown(h); }
-  void operator()(GstElement* e) const {
-    gst_element_set_state(e, GST_STATE_NULL);
-    gst_object_unref(e);
-  }
-};
-template <class T> using Owned = std::unique_ptr<T, Unref>;
 
 /// GStreamer with the plugin loaded, which registers the metadata.
 class GStreamer : public testing::Environment {

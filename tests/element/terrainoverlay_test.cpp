@@ -18,13 +18,8 @@ namespace {
 
 using namespace terrainseg;
 
-struct Unref {
-  void operator()(GstBuffer* buffer) const { gst_buffer_unref(buffer); }
-  void operator()(GstHarness* harness) const { gst_harness_teardown(harness); }
-  void operator()(GstMessage* message) const { gst_message_unref(message); }
-};
-using Buffer = std::unique_ptr<GstBuffer, Unref>;
-using Harness = std::unique_ptr<GstHarness, Unref>;
+using Buffer = test::Owned<GstBuffer>;
+using Harness = test::Owned<GstHarness>;
 
 GstVideoInfo info_of(PixelFormat format, int width, int height) {
   GstVideoInfo info;
@@ -258,7 +253,7 @@ TEST_F(TerrainOverlay, AShortBufferIsAnError) {
   Buffer in(gst_buffer_new_allocate(nullptr, 100, nullptr));
   ASSERT_TRUE(attach(in.get(), known.estimate, known.mask, nullptr));
   EXPECT_EQ(gst_harness_push(h.get(), in.release()), GST_FLOW_ERROR);
-  const std::unique_ptr<GstMessage, Unref> message(gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR));
+  const test::Owned<GstMessage> message(gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR));
   EXPECT_TRUE(message);
   gst_element_set_bus(h->element, nullptr);
   gst_object_unref(bus);

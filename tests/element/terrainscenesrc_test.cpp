@@ -16,13 +16,8 @@ namespace {
 
 using namespace terrainseg;
 
-struct Unref {
-  void operator()(GstBuffer* buffer) const { gst_buffer_unref(buffer); }
-  void operator()(GstHarness* harness) const { gst_harness_teardown(harness); }
-  void operator()(GstMessage* message) const { gst_message_unref(message); }
-};
-using Buffer = std::unique_ptr<GstBuffer, Unref>;
-using Harness = std::unique_ptr<GstHarness, Unref>;
+using Buffer = test::Owned<GstBuffer>;
+using Harness = test::Owned<GstHarness>;
 
 constexpr guint64 frame_time(guint64 n, int rate = 30) {
   return n * GST_SECOND / static_cast<guint64>(rate);
@@ -346,7 +341,7 @@ TEST(TerrainSceneSrc, RefusesWhatItCannotRender) {
     GstBus* bus = gst_bus_new();
     gst_element_set_bus(h->element, bus);
     gst_harness_play(h.get());
-    const std::unique_ptr<GstMessage, Unref> message(
+    const test::Owned<GstMessage> message(
         gst_bus_timed_pop_filtered(bus, 10 * GST_SECOND, GST_MESSAGE_ERROR));
     EXPECT_TRUE(message) << caps;
     gst_element_set_bus(h->element, nullptr);

@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# clang-tidy 14, with the checks of .clang-tidy, over the sources of src/ and gst/ and their headers: a finding is a failure.
+# usage: tests/tidy.sh [FILE...]
+set -euo pipefail
+cd "$(dirname "$0")/.."
+./install-dependencies.sh build test
+# Another major version has other checks, as with clang-format: the one of Debian 12 decides.
+tidy=$(command -v clang-tidy-14) || { echo "tidy.sh: clang-tidy 14 is not here; nothing was checked" >&2; exit 1; }
+[ -f build-tidy/build.ninja ] ||
+  CC=clang CXX=clang++ meson setup build-tidy -Dtests=false -Dbench=disabled >build-tidy.log || { cat build-tidy.log >&2; exit 1; }
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# A check that finds nothing must be one that could.
+printf 'int *wrong(int n) { int *p = 0; if (n) return p; return p + *p; }\n' >"$work/wrong.cpp"
+if "$tidy" --quiet --config-file=.clang-tidy "$work/wrong.cpp" -- -std=c++20 >"$work/wrong.log" 2>&1; then
+  echo "tidy.sh: clang-tidy passes a null pointer that is read" >&2
+  exit 1
+fi
+
+[ $# -gt 0 ] || mapfile -t files < <(git ls-files 'src/*.cpp' 'gst/*.cpp')
+[ $# -eq 0 ] || files=("$@")
+status=0
+printf '%s\0' "${files[@]}" | xargs -0 -n 1 -P "$(nproc)" "$tidy" -p build-tidy --quiet >"$work/found" 2>"$work/log" || status=$?
+grep -E -A3 '(warning|error):' "$work/found" || true
+[ "$status" -eq 0 ] || { grep -E 'error' "$work/log" || true; echo "tidy.sh: the findings above"; exit 1; }
+echo "tidy.sh: no finding in ${#files[@]} files ($SECONDS s)"
