@@ -563,7 +563,7 @@ def a_full_disk_is_reported_and_leaves_nothing(folder):
 
     result = run('-o', 'out', 'clip.mp4', preexec_fn=small_files)
     equal(result.returncode, 1, result.stderr)
-    contains(result.stderr, 'clip.mp4: ')
+    contains(result.stderr, 'clip.mp4: cannot write out/clip.')
     equal(left('out'), [], 'nothing is kept')
 
 

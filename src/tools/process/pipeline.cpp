@@ -76,6 +76,8 @@ class Run {
 
  private:
   bool wants(Output kind) const { return options_.wanted[static_cast<int>(kind)]; }
+  /// The beginning of a message when it comes from what writes a file; empty otherwise.
+  std::string unwritten_file(const GstObject* from);
   AtomicFile& file(Output kind) { return files_[static_cast<int>(kind)]; }
 
   std::optional<std::string> open_files();
@@ -114,6 +116,7 @@ class Run {
   const Options& options_;
   Progress& progress_;
   std::array<AtomicFile, output_count> files_;
+  std::array<GstElement*, output_count> file_sinks_{}; // of the pipeline
   Record record_;
   Source source_;
   GstElement* pipeline_ = nullptr;
@@ -160,6 +163,7 @@ GstElement* Run::branch(GstElement* tee) {
 GstElement* Run::add_sink(Output kind) {
   GstElement* sink = add("fdsink");
   g_object_set(sink, "fd", file(kind).fd(), "sync", FALSE, "async", FALSE, nullptr);
+  file_sinks_[static_cast<std::size_t>(kind)] = sink;
   watch_end(sink);
   return sink;
 }
@@ -380,7 +384,7 @@ void Run::handle(GstMessage* message) {
   case GST_MESSAGE_ERROR: {
     std::string& error = decoding ? source_error_ : filter_error_;
     if (error.empty())
-      error = text_of(message);
+      error = unwritten_file(message->src) + text_of(message);
     break;
   }
   case GST_MESSAGE_WARNING:
@@ -394,6 +398,13 @@ void Run::handle(GstMessage* message) {
   default:
     break;
   }
+}
+
+std::string Run::unwritten_file(const GstObject* from) {
+  for (std::size_t i = 0; i < files_.size(); ++i)
+    if (file_sinks_[i] && GST_OBJECT(file_sinks_[i]) == from)
+      return "cannot write " + files_[i].final_path().string() + ": ";
+  return {};
 }
 
 std::uint64_t Run::moved() const {
