@@ -49,6 +49,7 @@ Horizon find_horizon(const Grid& grid, const GroundColor& ground, int window_top
   const std::int64_t others = window_end - 1, rest = total - least; // others * average = rest
   if (2 * least * others >= rest)
     return {};
+  // NOLINTNEXTLINE(clang-analyzer-core.DivideZero): behind the line above `rest` is greater than 0
   return {poorest, static_cast<std::uint8_t>(255 - 255 * least * others / rest)};
 }
 

@@ -153,7 +153,7 @@ std::vector<PaperReading::Model> PaperReading::cluster(const Colors& samples) co
   return live;
 }
 
-void PaperReading::learn(std::vector<Model> training, double cap) {
+void PaperReading::learn(const std::vector<Model>& training, double cap) {
   learned_.resize(static_cast<std::size_t>(readings_.learned_models));
   for (const Model& seen : training) {
     Model* match = nullptr;
@@ -273,9 +273,9 @@ const cv::Mat& PaperReading::process(const cv::Mat& bgr) {
   const Colors samples = training_samples(pyramid, mean, variance);
   live_clusters_ = 0;
   if (!samples.empty()) {
-    std::vector<Model> training = cluster(samples);
+    const std::vector<Model> training = cluster(samples);
     live_clusters_ = static_cast<int>(training.size());
-    learn(std::move(training), readings_.mass_cap * static_cast<double>(samples.size()));
+    learn(training, readings_.mass_cap * static_cast<double>(samples.size()));
   }
   const cv::Rect cells = cells_of(window_of(bgr.size(), readings_), readings_.levels);
   const int row =

@@ -72,7 +72,7 @@ class PaperReading {
 
   Colors training_samples(const std::vector<cv::Mat>& pyramid, cv::Vec3d& mean, cv::Vec3d& variance) const;
   std::vector<Model> cluster(const Colors& samples) const;
-  void learn(std::vector<Model> training, double cap);
+  void learn(const std::vector<Model>& training, double cap);
   int find_horizon(const cv::Mat& coarse, const cv::Vec3d& mean, const cv::Vec3d& variance, int window_top,
                    int window_end) const;
   void label(const cv::Mat& bgr);

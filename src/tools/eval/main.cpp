@@ -142,6 +142,7 @@ std::vector<Sample> read_all(const Sequence& sequence) {
 
 std::vector<cv::Mat1b> labels_of(const std::vector<Sample>& samples) {
   std::vector<cv::Mat1b> labels;
+  labels.reserve(samples.size());
   for (const Sample& s : samples)
     labels.push_back(s.labels);
   return labels;
@@ -264,6 +265,7 @@ void evaluate(const Options& o) {
     for (const std::string& input : o.inputs) {
       std::cerr << sequence.name << ": " << o.engines[0] << ", " << input << '\n';
       std::vector<Sample> changed;
+      changed.reserve(samples.size());
       for (const Sample& s : samples)
         changed.push_back({s.picture.clone(), s.labels.clone()});
       perturb(input, changed);

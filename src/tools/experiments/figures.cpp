@@ -40,6 +40,7 @@ Tile shifted(const cv::Mat& picture, int b) {
 cv::Mat bit_shifts(Material& material) {
   const cv::Mat picture = material.shot(material.size / 3).picture;
   std::vector<Tile> tiles;
+  tiles.reserve(8);
   for (int b = 0; b < 8; ++b)
     tiles.push_back(shifted(picture, b));
   return sheet(tiles, 4, 320);

@@ -132,6 +132,7 @@ std::vector<std::unique_ptr<Material>> open_material(const std::string& data, in
     if (fs::exists(entry.path() / "sequence.json"))
       folders.push_back(entry.path());
   std::sort(folders.begin(), folders.end());
+  all.reserve(folders.size());
   for (const fs::path& folder : folders)
     all.push_back(std::make_unique<Folder>(folder, limit));
   if (all.empty())

@@ -109,8 +109,9 @@ cv::Mat chart(const std::string& title, const std::string& x_name, const std::st
     if (most[1] > 0)
       write(picture, number(top[1] * i / lines, top[1] < 10 ? 1 : 0), {area.x + area.width + 6, y + 4});
   }
-  for (double x = std::ceil(x_low); x <= x_high; x += std::max(1.0, std::round((x_high - x_low) / 8))) {
-    const cv::Point p = place({x, 0}, false);
+  const int step = std::max(1, static_cast<int>(std::lround((x_high - x_low) / 8)));
+  for (int x = static_cast<int>(std::ceil(x_low)); x <= x_high; x += step) {
+    const cv::Point p = place({static_cast<double>(x), 0}, false);
     cv::line(picture, p, {p.x, p.y + 4}, ink);
     write(picture, number(x, 0), {p.x - 4, p.y + 18});
   }

@@ -62,8 +62,8 @@ std::string compare_training(const Context& context, Material& material) {
     return material.name + ": no floor in the depth of its first frames.\n";
 
   std::vector<double> limits;
-  for (double limit = 1.1; limit <= 3.11; limit += 0.1)
-    limits.push_back(limit);
+  for (int tenths = 11; tenths <= 31; ++tenths)
+    limits.push_back(tenths / 10.0);
   std::vector<std::vector<Overlap>> overlaps(std::size(selections), std::vector<Overlap>(limits.size()));
   std::vector<double> distances, centre_distances;
   double pure[1 + std::size(selections)] = {}, counted[1 + std::size(selections)] = {};

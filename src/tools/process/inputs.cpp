@@ -168,6 +168,7 @@ void add_pattern(const fs::path& argument, const Pattern& pattern, std::vector<I
     return;
   }
   std::vector<fs::path> images;
+  images.reserve(numbered.size());
   for (const auto& [number, path] : numbered)
     images.push_back(path);
   inputs.push_back(sequence(argument.string(), folder_name(folder), std::move(images)));

@@ -218,9 +218,7 @@ Exit Batch::run() {
   return failures_ > 0 || finished_ < static_cast<int>(inputs_.size()) ? Exit::some_failed : Exit::ok;
 }
 
-} // namespace
-
-int main(int argc, char** argv) {
+int process(int argc, char** argv) {
   std::setlocale(LC_CTYPE, ""); // file names on the command line; numbers stay as they are
   point_to_own_plugin();
   const auto parsed = parse_options(argc, argv);
@@ -259,4 +257,15 @@ int main(int argc, char** argv) {
     return 128 + last_signal;
   }
   return static_cast<int>(result);
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return process(argc, argv);
+  } catch (const std::exception& problem) { // such as no memory
+    std::fprintf(stderr, "terrainseg-process: %s\n", problem.what());
+    return static_cast<int>(Exit::some_failed);
+  }
 }

@@ -173,7 +173,7 @@ std::string Record::to_json() const {
 std::string describe(const Options& options, const Input& input) {
   std::string text = "preset=" + (options.preset.empty() ? std::string("default") : options.preset);
   for (const auto& [name, value] : options.settings)
-    text += " " + name + "=" + value;
+    text.append(" ").append(name).append("=").append(value);
   if (options.wanted[static_cast<int>(Output::annotated)])
     text += " quality=" + std::to_string(options.quality);
   if (options.json_mask)
