@@ -3,7 +3,7 @@
 # Builds optimised, measures, and writes bench/report.json and bench/report.txt: processor, compiler, commit, and every
 # figure beside its floor, taken in the same loop.
 # usage: tests/bench/run.sh [--quick] [--out FOLDER] [SECTION...]
-#   sections: kernels goal formats stages paper streams element files     without one: all
+#   sections: kernels goal formats stages paper streams element outlets files     without one: all
 # "files" times decode + filter + encode of a HD file (of the rendered scene, or of $TERRAINSEG_VIDEO).
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -14,12 +14,12 @@ while [ $# -gt 0 ]; do
   case "$1" in
     --quick) quick=(--quick) ;;
     --out) out=$2; shift ;;
-    kernels | goal | formats | stages | paper | streams | element | files) sections+=("$1") ;;
+    kernels | goal | formats | stages | paper | streams | element | outlets | files) sections+=("$1") ;;
     *) sed -n '3,8s/^# //p' "$0" >&2; exit 2 ;;
   esac
   shift
 done
-[ ${#sections[@]} -gt 0 ] || sections=(kernels goal formats stages paper streams element files)
+[ ${#sections[@]} -gt 0 ] || sections=(kernels goal formats stages paper streams element outlets files)
 wants() { [[ " ${sections[*]} " == *" $1 "* ]]; }
 
 ./install-dependencies.sh test
@@ -47,6 +47,9 @@ rm -f "$out"/part-*.json
   fi
   if wants element; then
     "$build/tests/bench/terrainseg-bench-elements" "${quick[@]}" --json "$out/part-element.json"
+  fi
+  if wants outlets; then
+    tests/bench/outlets.py "$build/tests/bench/outlet_elements_bench" "$out/part-outlets.json" "${quick[@]}"
   fi
   if wants files; then
     tests/bench/files.sh "${quick[@]}" "$out/part-files.json"
