@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # The suite on Debian 13 (GCC 14, GStreamer 1.26 with GstAnalytics, OpenCV 4.10), in a clean root that it makes itself.
 # usage: tests/debian13.sh [FOLDER]     FOLDER: where the root lies (default: /var/tmp/terrainseg-debian13)
-# Ends with "N passed, N failed" of the suite inside. Takes 10 to 20 minutes; run it by hand, .ci/run does not.
+# Ends with "N passed, N failed" of the suite inside. Where no root can be made (no root rights, no debootstrap, no Debian
+# mirror) it says so and fails, like tests/packages.sh.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 . tests/debian_root.sh
