@@ -5,7 +5,8 @@
 usage: steer.py [--depth 0.25] [VIDEO]        without a video: a rendered scene of 90 frames
 
 Prints   frame 12 steer +0.130 speed 0.72   (steer: -1 full left .. 1 full right; speed: 0 stop .. 1)
-and      frame 13 stop: blocked             when the way is blocked or nothing is known.
+and      frame 13 stop: blocked             when the way is blocked or nothing is known,
+         stop: no picture                  when none came for half a second: a camera that died sees nothing.
 
 A mask is no proof that the ground carries: the near-range sensor stays in charge of stopping.
 """
@@ -20,6 +21,7 @@ gi.require_version('Gst', '1.0')
 from gi.repository import Gst  # noqa: E402
 
 BLOCKED = 32
+SILENCE = Gst.SECOND // 2
 
 
 def widest_run(free):
@@ -94,7 +96,7 @@ def main():
     driver = Driver(options.depth)
     pipeline.set_state(Gst.State.PLAYING)
     while True:
-        sample = out.emit('try-pull-sample', Gst.SECOND // 10)
+        sample = out.emit('try-pull-sample', SILENCE)
         if sample:
             meta = sample.get_buffer().get_custom_meta('GstTerrainSegMeta')
             fields = meta.get_structure() if meta else None
@@ -104,6 +106,7 @@ def main():
         message = bus.pop_filtered(Gst.MessageType.ERROR)
         if message or out.get_property('eos'):
             break
+        print('stop: no picture', flush=True)
     pipeline.set_state(Gst.State.NULL)
     if message:
         sys.exit(f'steer: {message.parse_error()[0].message}')
