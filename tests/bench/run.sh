@@ -2,20 +2,23 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Builds optimised, measures, and writes bench/report.json and bench/report.txt: processor, compiler, commit, and every
 # figure beside its floor, taken in the same loop.
-# usage: tests/bench/run.sh [--quick] [--out FOLDER] [SECTION...]
+# usage: tests/bench/run.sh [--quick] [--realtime] [--out FOLDER] [SECTION...]
 #   sections: kernels goal formats stages paper streams element outlets files     without one: all
+#   --realtime: before all other programs of the machine, as far as the user may (all but whole pipelines)
 # "files" times decode + filter + encode of a HD file (of the rendered scene, or of $TERRAINSEG_VIDEO).
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 out=bench
 quick=()
+first=()
 sections=()
 while [ $# -gt 0 ]; do
   case "$1" in
     --quick) quick=(--quick) ;;
+    --realtime) first=(chrt -f 10) ;;
     --out) out=$2; shift ;;
     kernels | goal | formats | stages | paper | streams | element | outlets | files) sections+=("$1") ;;
-    *) sed -n '3,8s/^# //p' "$0" >&2; exit 2 ;;
+    *) sed -n '3,9s/^# //p' "$0" >&2; exit 2 ;;
   esac
   shift
 done
@@ -33,6 +36,10 @@ fi
 build=build-bench
 [ -d "$build" ] || meson setup "$build" --buildtype=release -Dbench=enabled >/dev/null
 ninja -C "$build" >"$build.log" 2>&1 || { tail -n 30 "$build.log"; exit 1; }
+if [ ${#first[@]} -gt 0 ] && ! "${first[@]}" true 2>/dev/null; then
+  echo "no right to real-time priority (chrt): measured as an ordinary program" >&2
+  first=()
+fi
 export GST_PLUGIN_PATH=$PWD/$build/gst GST_REGISTRY=$PWD/$build/bench-registry.bin
 
 mkdir -p "$out"
@@ -43,10 +50,10 @@ rm -f "$out"/part-*.json
     if wants "$section"; then core+=("$section"); fi
   done
   if [ ${#core[@]} -gt 0 ]; then
-    "$build/tests/bench/terrainseg-bench" "${quick[@]}" --json "$out/part-core.json" "${core[@]}"
+    "${first[@]}" "$build/tests/bench/terrainseg-bench" "${quick[@]}" --json "$out/part-core.json" "${core[@]}"
   fi
   if wants element; then
-    "$build/tests/bench/terrainseg-bench-elements" "${quick[@]}" --json "$out/part-element.json"
+    "${first[@]}" "$build/tests/bench/terrainseg-bench-elements" "${quick[@]}" --json "$out/part-element.json"
   fi
   if wants outlets; then
     tests/bench/outlets.py "$build/tests/bench/outlet_elements_bench" "$out/part-outlets.json" "${quick[@]}"
