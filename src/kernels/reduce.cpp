@@ -164,7 +164,9 @@ HWY_INLINE hn::Vec<D16> advance(D16, hn::Vec<D16> odd, hn::Vec<D16> even, hn::Ve
 
 // The processor's own prefetch stops at pages, which is every second row of a 1080p frame. Asked for in step
 // with the arithmetic, lines come while it goes on; a whole row at once would wait for the row. To the second
-// cache: 4K NV12 takes 1.7 ms so, 2.0 with all of it in the first, 2.35 without.
+// cache: 4K NV12 takes 1.7 ms so, 2.0 with all of it in the first, 2.35 without. One row after the other,
+// although two are worked on: that prefetch joins in where it sees one sequence a page (1080p NV12 0.36 ms,
+// 0.41 in turns).
 HWY_INLINE void ask_ahead(const std::uint8_t* at, std::size_t bytes) {
   constexpr std::size_t cache_line = 64;
   for (std::size_t i = 0; i < bytes; i += cache_line)
@@ -222,8 +224,8 @@ HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t
   const auto tail_out = rounded(tail_low, upper(tail, tail_p1, tail_h1));
   for (std::size_t i = 0; i < tail; i += block) {
     if (ahead != 0) {
-      ask_ahead(odd + source(i) + ahead, source(block));
-      ask_ahead(even + source(i) + ahead, source(block));
+      const bool second = 2 * i >= tail;
+      ask_ahead((second ? even + source(2 * i - tail) : odd + source(2 * i)) + ahead, 2 * source(block));
     }
     hn::Vec<decltype(d16)> p0, h0, p1, h1;
     const auto low = lower(i, p0, h0);
