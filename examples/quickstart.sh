@@ -8,7 +8,9 @@ set -euo pipefail
 top=$(cd "$(dirname "$0")/.." && pwd)
 fail() { echo "quickstart: $*" >&2; exit 1; }
 
-[ $# -le 1 ] || { sed -n '3,6s/^# //p' "$0"; exit 2; }
+usage() { sed -n '3,6s/^# //p' "$0"; exit "$1"; }
+case "${1:-}" in --help | -h) usage 0 ;; esac
+[ $# -le 1 ] || usage 2
 video=${1:-}
 if [ -n "$video" ]; then
   [ -f "$video" ] && [ -r "$video" ] || fail "$video is not a file that can be read"
@@ -36,9 +38,11 @@ else
   echo "running the filter on a rendered scene ..."
 fi
 
-out=$top/quickstart
-mkdir -p "$out"
-rm -f "$out"/{annotated.mp4,masks.mkv,terrain.jsonl,preview.png}
+# Only what is whole gets its name: whatever stops this run, what the last one left is still there.
+results=$top/quickstart
+mkdir -p "$results"
+out=$(mktemp -d "$results/unfinished-XXXXXX")
+trap 'rm -rf "$out"' EXIT
 begin=$(date +%s%N)
 # One decoding, one filter, three ways out. The tee stands still until all three have begun: tune=zerolatency, or x264enc
 # would look 50 frames ahead before its first one. (async=false instead loses the end of the stream behind decodebin.)
@@ -69,4 +73,7 @@ print(f'{len(lines)} frames of {lines[0]["width"]}x{lines[0]["height"]} in {seco
       f'{len(lines) / seconds:.0f} frames per second, with decoding and encoding')
 print(f'traversable: {share:.0f} % of the view')
 PYTHON
-printf '%s\n' "$out/annotated.mp4" "$out/masks.mkv" "$out/terrain.jsonl" "$out/preview.png"
+for name in annotated.mp4 masks.mkv terrain.jsonl preview.png; do
+  mv "$out/$name" "$results/$name"
+  echo "$results/$name"
+done
