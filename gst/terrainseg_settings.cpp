@@ -136,9 +136,17 @@ const Row rows[] = {
      "Whether colours are also compared with the terrain right below them, which follows shadows and "
      "gradients",
      &Settings::local_reference},
+    {"geodesic", "Geodesic distance",
+     "Whether the edges that lie between a place and the window count, which keeps smooth obstacles apart",
+     &Settings::geodesic},
     {"free-space", "Free space",
-     "Whether only ground that is reachable from the window without a break is traversable",
+     "Whether one boundary over the whole picture parts the ground from what stands on it, false = each "
+     "pixel by its own colour",
      &Settings::free_space},
+    {"ground-behind", "Ground behind",
+     "Whether ground that is seen behind an obstacle is traversable too, and an obstacle on open ground cut "
+     "out",
+     &Settings::ground_behind},
     {"refine", "Refine", "Whether the edges of the mask follow the edges of the full frame",
      &Settings::refine},
     {"negatives", "Negatives", "What stands against the terrain when a colour is scored",

@@ -14,17 +14,20 @@ namespace {
 // All in units of the score, 32 = 1 nat; used in Q4.
 constexpr int edge_limit = 288;
 constexpr int edge_per_octave = 88;
-constexpr int shadow_limit = 160;
+constexpr int shadow_limit = 200;
 constexpr int shadow_per_grey = 10;
-constexpr int step_price = 160;
+constexpr int step_price = 140;
 constexpr int least_step_price = 16;
 /// What an upright edge takes off the price, per octave above a difference of 32: obstacles have upright
 /// sides. Takes 0.2 points of error and a tenth of the unsafe pixels off a drive in town.
 constexpr int upright_per_octave = 72;
 constexpr int upright_floor = 32;
 /// For leaving the last frame's row, per row, two rows at most: 0.2 points less flicker at 15 Hz.
-constexpr int leave_price = 24;
+constexpr int leave_price = 48;
 constexpr int leave_rows = 2;
+/// For ground above an obstacle. Without it a column is cut at an obstacle only when the ground behind it
+/// weighs less; below 300 kerbs and markings cut the ground, too.
+constexpr int behind_price = 360;
 
 /// No colour step beyond it weighs more.
 constexpr int most_step = 1023;
@@ -47,18 +50,17 @@ constexpr auto step_prices = table_of([](int step) {
   return std::max(step_price - octaves_above(step, upright_floor, upright_per_octave), least_step_price);
 });
 
-kernels::ComponentRow components_at(const CoarseGrid& grid, std::size_t cell) {
-  return {&grid.y[cell], &grid.u[cell], &grid.v[cell]};
-}
-
 } // namespace
 
 void BoundarySearch::find(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
                           const std::vector<std::int16_t>& prior, int gain_q8,
-                          const std::vector<std::uint16_t>& before, std::vector<std::uint16_t>& boundary) {
+                          const std::vector<std::uint16_t>& before, bool ground_behind,
+                          std::vector<std::uint16_t>& boundary) {
   const int rows = grid.height + 1;
   const auto column_of = [rows](auto& table, int j) { return &table[static_cast<std::size_t>(j) * rows]; };
   weigh_columns(grid, score, prior, gain_q8, before);
+  if (ground_behind)
+    add_ground_behind(grid, score, prior);
   price_steps(grid, gain_q8);
   best_.assign(utility_.begin(), utility_.begin() + rows);
   came_from_.resize(utility_.size());
@@ -142,6 +144,23 @@ void BoundarySearch::weigh_columns(const CoarseGrid& grid, const std::vector<std
     for (std::size_t j = 0; j < width; ++j)
       for (int r = 0; r < rows; ++r)
         utility_at(j, r) -= 16 * leave_price * std::min(std::abs(r - before[j]), leave_rows);
+}
+
+// What the best stretch of ground above the row over the curve turns from minus to plus, less its price.
+void BoundarySearch::add_ground_behind(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+                                       const std::vector<std::int16_t>& prior) {
+  const auto width = static_cast<std::size_t>(grid.width), rows = static_cast<std::size_t>(grid.height) + 1;
+  stretch_.assign(width, 0);
+  behind_.assign(width, 16 * behind_price);
+  for (std::size_t r = 2; r < rows; ++r) {
+    const std::int16_t* above = &score[(r - 2) * width];
+    const int row_prior = 16 * prior[r - 2];
+    for (std::size_t j = 0; j < width; ++j) {
+      stretch_[j] = std::max(stretch_[j], 0) + 2 * (above[j] + row_prior);
+      behind_[j] = std::max(behind_[j], stretch_[j]);
+      utility_[j * rows + r] += behind_[j] - 16 * behind_price;
+    }
+  }
 }
 
 // What it costs the curve to pass a row between a column and the one to its left.

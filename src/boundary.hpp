@@ -15,21 +15,26 @@ class BoundarySearch {
   /// column means: cells r and below are ground; 0 = all of it, grid.height = none. Maximises, over all
   /// curves, the sum of (score + prior) below minus above plus the colour edge at the curve, less a price for
   /// every row that neighbours differ by (cheap where the picture has an upright edge there) and for leaving
-  /// the rows `before` (the last frame's curve; empty = none). Exact, by dynamic programming over the
-  /// columns.
+  /// the rows `before` (the last frame's curve; empty = none). With `ground_behind` a column may hold one
+  /// more stretch of ground above the curve, an obstacle's height away from it, for a price. Exact, by
+  /// dynamic programming over the columns.
   void find(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
             const std::vector<std::int16_t>& prior, int gain_q8, const std::vector<std::uint16_t>& before,
-            std::vector<std::uint16_t>& boundary);
+            bool ground_behind, std::vector<std::uint16_t>& boundary);
 
  private:
   void weigh_columns(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
                      const std::vector<std::int16_t>& prior, int gain_q8,
                      const std::vector<std::uint16_t>& before);
+  void add_ground_behind(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+                         const std::vector<std::int16_t>& prior);
   void price_steps(const CoarseGrid& grid, int gain_q8);
 
   std::vector<std::int32_t> utility_; ///< columns x (rows + 1), Q4
   std::vector<std::int32_t> best_;    ///< of all curves that end here
   std::vector<std::int32_t> sums_;    ///< of a row's columns: what is below minus what is above
+  std::vector<std::int32_t> stretch_; ///< of a row's columns: the stretch of ground that ends here ...
+  std::vector<std::int32_t> behind_;  ///< ... and the best one above, both doubled
   std::vector<std::uint16_t> steps_;  ///< colour steps between neighbouring cells
   std::vector<std::int16_t> price_;   ///< columns x rows: of passing a row on the way from the column before
   std::vector<std::uint16_t> came_from_;

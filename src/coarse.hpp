@@ -9,6 +9,7 @@
 
 #include "color_transform.hpp"
 #include "grid.hpp"
+#include "kernels/cells.hpp"
 #include "pyramid.hpp"
 
 namespace terrainseg {
@@ -23,6 +24,11 @@ struct CoarseGrid {
   std::size_t size() const { return y.size(); }
   std::size_t at(int row, int column) const { return static_cast<std::size_t>(row) * width + column; }
 };
+
+/// The cells from `cell` on.
+inline kernels::ComponentRow components_at(const CoarseGrid& grid, std::size_t cell) {
+  return {&grid.y[cell], &grid.u[cell], &grid.v[cell]};
+}
 
 /// Level of the refinement: two finer than the grid where there are two.
 constexpr int refinement_level(int coarsest) {

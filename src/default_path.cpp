@@ -89,6 +89,8 @@ void DefaultPath::score(const std::vector<Cell>& trusted, std::int64_t pts, cons
     local_reference_.climb(grid_, reference_color(trusted, terrain), exposure_.gain, penalty_);
   else
     penalty_.assign(grid_.size(), 0);
+  if (settings.geodesic)
+    geodesic_.raise(grid_, trusted, exposure_.gain, penalty_);
   score_.resize(grid_.size());
   for (std::size_t i = 0; i < grid_.size(); ++i) {
     const int evidence = tables_.color[cells_.color[i]] + tables_.texture[cells_.texture[i]] - penalty_[i];
@@ -130,12 +132,16 @@ void DefaultPath::find_boundary(const Settings& settings, int horizon_limit, Ter
   // The first frame knows no horizon: it is searched twice, the second time with its own.
   for (int pass = terrain.horizon == 0 ? 0 : 1; pass < 2; ++pass) {
     row_prior(grid_.height, terrain.horizon, settings.row_prior, settings.caution, prior_);
-    search_.find(grid_, average_, prior_, exposure_.gain, before_, boundary_);
+    search_.find(grid_, average_, prior_, exposure_.gain, before_, settings.ground_behind, boundary_);
     terrain.horizon = follow_horizon(pass == 0 ? 0 : terrain.horizon, boundary_, grid_.height, scratch_);
   }
-  confidence_ = mask_confidence(grid_, average_, boundary_);
   for (std::uint16_t& row : boundary_)
     row = std::max(row, static_cast<std::uint16_t>(std::clamp(horizon_limit, 0, grid_.height)));
+  if (settings.ground_behind)
+    behind_search_.find(grid_, average_, boundary_, exposure_.gain, behind_);
+  else
+    behind_.any = false;
+  confidence_ = mask_confidence(grid_, average_, boundary_);
   walk_doubtful(grid_, average_, settings.doubtful, boundary_, safe_);
 }
 
@@ -149,6 +155,14 @@ const FreeSpaceCurves& DefaultPath::refine(const Pyramid& pyramid, const Frame& 
   bring(safe_, curves_.safe);
   for (std::size_t x = 0; x < curves_.safe.size(); ++x)
     curves_.safe[x] = std::max(curves_.safe[x], curves_.boundary[x]);
+  curves_.ground_behind = behind_.any;
+  if (behind_.any) {
+    bring(behind_.first, curves_.behind_first);
+    bring(behind_.end, curves_.behind_end);
+    for (std::size_t x = 0; x < curves_.safe.size(); ++x)
+      curves_.behind_end[x] =
+          std::min(curves_.behind_end[x], static_cast<std::uint16_t>(std::max(curves_.boundary[x] - 1, 0)));
+  }
   return curves_;
 }
 

@@ -14,6 +14,8 @@
 #include "evidence.hpp"
 #include "exposure.hpp"
 #include "free_space.hpp"
+#include "geodesic.hpp"
+#include "ground_behind.hpp"
 #include "indices.hpp"
 #include "local_reference.hpp"
 #include "refinement.hpp"
@@ -94,12 +96,15 @@ class DefaultPath {
   EvidenceTables tables_;
   bool tables_are_old_ = true;
   LocalReference local_reference_;
+  GeodesicPenalty geodesic_;
   std::vector<std::int8_t> penalty_;
   std::vector<std::int16_t> score_, average_, prior_;
   ScoreAverage averaging_;
   bool continued_ = false;
   BoundarySearch search_;
   std::vector<std::uint16_t> boundary_, before_, safe_, scratch_;
+  GroundBehindSearch behind_search_;
+  GroundBehind behind_;
   Refinement refinement_;
   FreeSpaceCurves curves_;
   std::uint8_t confidence_ = 0;

@@ -20,7 +20,7 @@ constexpr int least_positive = -3968;
 /// In favour of the terrain, log2 Q8: "the rest of the frame" is ground for the most part, so the plain ratio
 /// sits near 0 on the ground itself. Flat from 3 to 4.5 octaves; without it the mean error of five sequences
 /// is 8.4 in place of 5.5.
-constexpr int rest_is_ground = 896;
+constexpr int rest_is_ground = 950;
 /// Of a training model, log2 Q8: a fifth. Flat from an eighth to a half; without it single frames after a
 /// jump of the scene lose their ground altogether (off-road 11.6 in place of 10.8 % with forgetting by >> 6).
 constexpr int training_share = -619;

@@ -23,14 +23,42 @@ std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
         std::clamp(subsampled(curves.safe[x], mask_level), int{boundary_[x]}, height));
     traversable += static_cast<std::uint64_t>(height - safe_[x]);
   }
+  Stretch behind;
+  if (curves.ground_behind)
+    behind = bring_behind(curves, mask_level, traversable);
   const int bands = workers.count();
   work_.resize(2 * width * static_cast<std::size_t>(bands));
   workers.run(bands, [&](int band) {
-    kernels::write_mask_rows(boundary_.data(), safe_.data(), static_cast<int>(width), height * band / bands,
-                             height * (band + 1) / bands, mask.data, mask.stride,
-                             &work_[2 * width * static_cast<std::size_t>(band)]);
+    const int first = height * band / bands, end = height * (band + 1) / bands;
+    kernels::write_mask_rows(boundary_.data(), safe_.data(), static_cast<int>(width), first, end, mask.data,
+                             mask.stride, &work_[2 * width * static_cast<std::size_t>(band)]);
+    kernels::add_mask_stretches(behind_first_.data() + behind.left, behind_end_.data() + behind.left,
+                                behind.right - behind.left, std::max(first, behind.top),
+                                std::min(end, behind.bottom), mask.data + behind.left, mask.stride);
   });
   return traversable - mark_ignored(ignored, mask_level, mask, static_cast<int>(width), height);
+}
+
+FreeSpace::Stretch FreeSpace::bring_behind(const FreeSpaceCurves& curves, int mask_level,
+                                           std::uint64_t& traversable) {
+  const std::size_t width = curves.safe.size();
+  behind_first_.resize(width);
+  behind_end_.resize(width);
+  Stretch all{static_cast<int>(width), 0, 65535, 0};
+  for (std::size_t x = 0; x < width; ++x) {
+    const int end = std::min<int>(subsampled(curves.behind_end[x], mask_level), boundary_[x]),
+              first = std::min(subsampled(curves.behind_first[x], mask_level), end);
+    behind_first_[x] = static_cast<std::uint16_t>(first);
+    behind_end_[x] = static_cast<std::uint16_t>(end);
+    if (first == end)
+      continue;
+    traversable += static_cast<std::uint64_t>(end - first);
+    all.left = std::min(all.left, static_cast<int>(x));
+    all.right = static_cast<int>(x) + 1;
+    all.top = std::min(all.top, first);
+    all.bottom = std::max(all.bottom, end);
+  }
+  return all.left < all.right ? all : Stretch{};
 }
 
 void reachable_rows(const std::vector<std::uint16_t>& safe, int mask_level, const Rectangle& window,

@@ -14,20 +14,30 @@ namespace terrainseg {
 class Workers;
 
 /// Curves per mask column in rows of the frame: ground begins at `boundary`, ground without doubt at `safe`.
+/// With `ground_behind` the rows behind_first .. behind_end - 1 above the boundary are ground, too.
 struct FreeSpaceCurves {
   std::vector<std::uint16_t> boundary, safe;
+  bool ground_behind = false;
+  std::vector<std::uint16_t> behind_first, behind_end;
 };
 
 class FreeSpace {
  public:
   /// Writes a mask of curves.boundary.size() columns, `height` rows, 2^mask_level times smaller than the
-  /// frame: 0 above the boundary, 128 from there to the safe row, 255 below, 128 where ignored. Returns the
-  /// number of traversable pixels.
+  /// frame: 0 above the boundary, 128 from there to the safe row, 255 below and behind obstacles, 128 where
+  /// ignored. Returns the number of traversable pixels.
   std::uint64_t write(const FreeSpaceCurves& curves, int mask_level, std::span<const Rectangle> ignored,
                       const MutablePlane& mask, int height, Workers& workers);
 
  private:
-  std::vector<std::uint16_t> boundary_, safe_; ///< in rows of the mask
+  /// Columns left .. right - 1 and rows top .. bottom - 1 of the mask.
+  struct Stretch {
+    int left = 0, right = 0, top = 0, bottom = 0;
+  };
+  /// Where the mask has ground behind obstacles; adds its pixels to `traversable`.
+  Stretch bring_behind(const FreeSpaceCurves& curves, int mask_level, std::uint64_t& traversable);
+
+  std::vector<std::uint16_t> boundary_, safe_, behind_first_, behind_end_; ///< in rows of the mask
   std::vector<std::uint8_t> work_;
 };
 

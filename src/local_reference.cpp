@@ -7,8 +7,8 @@ namespace terrainseg {
 namespace {
 
 constexpr int follow_below = 48; ///< distance that is still the same surface in another light
-constexpr int free_below = 28;   ///< distance without a penalty
-constexpr int most = 44;
+constexpr int free_below = 34;   ///< distance without a penalty
+constexpr int most = 36;
 
 } // namespace
 
@@ -23,7 +23,7 @@ void LocalReference::climb(const CoarseGrid& grid, const std::array<int, 3>& sta
   const kernels::FollowRule rule{gain, free_below, most, follow_below};
   for (int i = grid.height - 1; i >= 0; --i) {
     const std::size_t row = grid.at(i, 0);
-    kernels::follow_row({&grid.y[row], &grid.u[row], &grid.v[row]}, &grid.ignored[row], rule,
+    kernels::follow_row(components_at(grid, row), &grid.ignored[row], rule,
                         {reference_[0].data(), reference_[1].data(), reference_[2].data()}, width,
                         &penalty[row]);
     for (int c = 0; c < 3; ++c) {

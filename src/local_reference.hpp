@@ -14,7 +14,7 @@ namespace terrainseg {
 /// between frames.
 class LocalReference {
  public:
-  /// Penalty of each cell, 0..44 (32 = 1 nat), into `penalty`. `start` is the window's mean Y U V, Q4; `gain`
+  /// Penalty of each cell, 0..36 (32 = 1 nat), into `penalty`. `start` is the window's mean Y U V, Q4; `gain`
   /// the exposure's, Q8.
   void climb(const CoarseGrid& grid, const std::array<int, 3>& start, int gain,
              std::vector<std::int8_t>& penalty);

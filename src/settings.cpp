@@ -17,7 +17,8 @@ Settings Settings::of(Preset preset) {
   settings.threshold_q8 = 768;
   settings.horizon = HorizonMode::paper;
   settings.texture = settings.exposure = settings.row_prior = false;
-  settings.local_reference = settings.free_space = settings.refine = false;
+  settings.local_reference = settings.geodesic = false;
+  settings.free_space = settings.ground_behind = settings.refine = false;
   settings.negatives = Negatives::off;
   settings.temporal = Temporal::off;
   settings.doubtful = -96;

@@ -56,7 +56,9 @@ struct Settings {
   bool exposure = true;
   bool row_prior = true;
   bool local_reference = true;
+  bool geodesic = true;
   bool free_space = true;
+  bool ground_behind = true;
   bool refine = true;
   Negatives negatives = Negatives::rest;
   Temporal temporal = Temporal::automatic;

@@ -113,6 +113,38 @@ void write_mask(const std::uint16_t* boundary, const std::uint16_t* safe, int wi
   fill(mask, stride, width, bottom, end, 255);
 }
 
+void add_stretch_row(const std::uint16_t* first, const std::uint16_t* end, int row, int width,
+                     std::uint8_t* out) {
+  int x = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint16_t, 32> d;
+  const hn::Rebind<std::uint8_t, decltype(d)> narrow;
+  const int n = static_cast<int>(hn::Lanes(d));
+  if (width >= n) {
+    const auto here = hn::Set(d, static_cast<std::uint16_t>(row)), zero = hn::Zero(d);
+    for (;;) {
+      const auto begun = hn::Eq(hn::SaturatedSub(hn::LoadU(d, first + x), here), zero);
+      const auto ended = hn::Eq(hn::SaturatedSub(hn::LoadU(d, end + x), here), zero);
+      const auto inside = hn::AndNot(hn::VecFromMask(d, ended), hn::VecFromMask(d, begun));
+      const auto value = hn::TruncateTo(narrow, inside);
+      hn::StoreU(hn::Or(hn::LoadU(narrow, out + x), value), narrow, out + x);
+      if (x + n >= width)
+        return;
+      x = std::min(x + n, width - n);
+    }
+  }
+#endif
+  for (; x < width; ++x)
+    if (row >= first[x] && row < end[x])
+      out[x] = 255;
+}
+
+void add_stretches(const std::uint16_t* first, const std::uint16_t* end, int width, int first_row,
+                   int end_row, std::uint8_t* mask, std::ptrdiff_t stride) {
+  for (int y = first_row; y < end_row; ++y)
+    add_stretch_row(first, end, y, width, mask + y * stride);
+}
+
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels
 HWY_AFTER_NAMESPACE();
@@ -121,11 +153,18 @@ HWY_AFTER_NAMESPACE();
 namespace terrainseg::kernels {
 
 HWY_EXPORT(write_mask);
+HWY_EXPORT(add_stretches);
 
 void write_mask_rows(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
                      std::uint8_t* mask, std::ptrdiff_t stride, std::uint8_t* work) {
   if (width > 0 && first < end)
     HWY_DYNAMIC_DISPATCH(write_mask)(boundary, safe, width, first, end, mask, stride, work);
+}
+
+void add_mask_stretches(const std::uint16_t* first, const std::uint16_t* end, int width, int first_row,
+                        int end_row, std::uint8_t* mask, std::ptrdiff_t stride) {
+  if (width > 0 && first_row < end_row)
+    HWY_DYNAMIC_DISPATCH(add_stretches)(first, end, width, first_row, end_row, mask, stride);
 }
 
 } // namespace terrainseg::kernels

@@ -14,4 +14,9 @@ namespace terrainseg::kernels {
 void write_mask_rows(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
                      std::uint8_t* mask, std::ptrdiff_t stride, std::uint8_t* work);
 
+/// Sets the rows first[x] .. end[x] - 1 of each of `width` columns to 255, within the rows first_row ..
+/// end_row - 1 of `mask`.
+void add_mask_stretches(const std::uint16_t* first, const std::uint16_t* end, int width, int first_row,
+                        int end_row, std::uint8_t* mask, std::ptrdiff_t stride);
+
 } // namespace terrainseg::kernels

@@ -28,7 +28,8 @@ CoarseGrid random_grid(int width, int height, std::mt19937& dice) {
 // What a curve is worth by the definition, written apart from the search: floor and table apart, in floating
 // point.
 double worth(const CoarseGrid& g, const std::vector<std::int16_t>& score,
-             const std::vector<std::int16_t>& prior, int gain, const Curve& before, const Curve& curve) {
+             const std::vector<std::int16_t>& prior, int gain, const Curve& before, bool behind,
+             const Curve& curve) {
   const auto step = [&](int i, int j, int k, int l) {
     const auto a = g.at(i, j), b = g.at(k, l);
     return std::min(std::floor((std::abs(g.y[a] - g.y[b]) + 2.0 * std::abs(g.u[a] - g.u[b]) +
@@ -46,13 +47,22 @@ double worth(const CoarseGrid& g, const std::vector<std::int16_t>& score,
     if (r > 0 && r < g.height && !g.ignored[g.at(r, j)] && !g.ignored[g.at(r - 1, j)]) {
       sum += std::min(288.0, 88 * std::log2((step(r, j, r - 1, j) + 4) / 4));
       sum +=
-          std::clamp(10.0 * std::floor((g.y[g.at(r, j)] - g.y[g.at(r - 1, j)]) * gain / 256.0), 0.0, 160.0);
+          std::clamp(10.0 * std::floor((g.y[g.at(r, j)] - g.y[g.at(r - 1, j)]) * gain / 256.0), 0.0, 200.0);
     }
+    double stretch = 0; // the best one above the curve with a row between them
+    for (int first = 0; behind && first < r - 1; ++first) {
+      double turned = -360;
+      for (int i = first; i < r - 1; ++i) {
+        turned += 2 * (score[g.at(i, j)] / 16.0 + prior[i]);
+        stretch = std::max(stretch, turned);
+      }
+    }
+    sum += stretch;
     if (!before.empty())
-      sum -= 24 * std::min(std::abs(r - before[j]), 2);
+      sum -= 48 * std::min(std::abs(r - before[j]), 2);
     if (j > 0)
       for (int i = std::min(curve[j], curve[j - 1]); i < std::max(curve[j], curve[j - 1]); ++i)
-        sum -= std::max(16.0, 160 - 72 * std::log2((step(i, j, i, j - 1) + 32) / 32));
+        sum -= std::max(16.0, 140 - 72 * std::log2((step(i, j, i, j - 1) + 32) / 32));
   }
   return sum;
 }
@@ -60,23 +70,25 @@ double worth(const CoarseGrid& g, const std::vector<std::int16_t>& score,
 TEST(Boundary, NoCurveIsBetter) {
   std::mt19937 dice(7);
   for (int round = 0; round < 60; ++round) {
-    const int width = 1 + static_cast<int>(dice() % 5), height = 1 + static_cast<int>(dice() % 5);
+    const int width = 1 + static_cast<int>(dice() % 4), height = 1 + static_cast<int>(dice() % 8);
     const CoarseGrid g = random_grid(width, height, dice);
     std::vector<std::int16_t> score, prior;
-    for (int i = 0; i < width * height; ++i)
-      score.push_back(static_cast<std::int16_t>(static_cast<int>(dice() % 1537) - 768));
+    for (int i = 0; i < width * height; ++i) // a few nats now and then, so that a stretch behind pays
+      score.push_back(
+          static_cast<std::int16_t>((static_cast<int>(dice() % 1537) - 768) * (dice() % 2 ? 1 : 3)));
     for (int i = 0; i < height; ++i)
       prior.push_back(static_cast<std::int16_t>(static_cast<int>(dice() % 65) - 32));
     const int gain = 128 + static_cast<int>(dice() % 512);
+    const bool behind = round % 3 != 0;
     Curve before, found, curve(static_cast<std::size_t>(width), 0), best;
     if (round % 2)
       for (int j = 0; j < width; ++j)
         before.push_back(static_cast<std::uint16_t>(dice() % (height + 1)));
-    BoundarySearch().find(g, score, prior, gain, before, found);
+    BoundarySearch().find(g, score, prior, gain, before, behind, found);
     ASSERT_EQ(found.size(), static_cast<std::size_t>(width));
     double most = -1e18;
     for (;;) { // all (height + 1)^width curves
-      const double w = worth(g, score, prior, gain, before, curve);
+      const double w = worth(g, score, prior, gain, before, behind, curve);
       if (w > most) {
         most = w;
         best = curve;
@@ -89,7 +101,7 @@ TEST(Boundary, NoCurveIsBetter) {
       ++curve[j];
     }
     // The tables round: a tie may fall either way.
-    EXPECT_NEAR(worth(g, score, prior, gain, before, found), most, 1.0 + 2.0 * width)
+    EXPECT_NEAR(worth(g, score, prior, gain, before, behind, found), most, 1.0 + 2.0 * width)
         << width << 'x' << height;
   }
 }
@@ -110,9 +122,9 @@ TEST(Boundary, AllAndNothing) {
   const std::vector<std::int16_t> prior(12, 0);
   Curve curve;
   BoundarySearch search;
-  search.find(g, std::vector<std::int16_t>(240, 300), prior, 256, {}, curve);
+  search.find(g, std::vector<std::int16_t>(240, 300), prior, 256, {}, false, curve);
   EXPECT_EQ(curve, Curve(20, 0));
-  search.find(g, std::vector<std::int16_t>(240, -300), prior, 256, {}, curve);
+  search.find(g, std::vector<std::int16_t>(240, -300), prior, 256, {}, false, curve);
   EXPECT_EQ(curve, Curve(20, 12));
 }
 
@@ -128,11 +140,30 @@ TEST(Boundary, FollowsAnUprightEdgeMoreReadilyThanNone) {
     for (int j = 8; j < 11; ++j)
       seen.u[seen.at(i, j)] = 220;
   Curve with, without;
-  BoundarySearch().find(flat(20, 20), score, prior, 256, {}, without);
-  BoundarySearch().find(seen, score, prior, 256, {}, with);
+  BoundarySearch().find(flat(20, 20), score, prior, 256, {}, false, without);
+  BoundarySearch().find(seen, score, prior, 256, {}, false, with);
   EXPECT_EQ(without[9], 8);
   EXPECT_EQ(with[9], 14);
   EXPECT_EQ(with[2], 8);
+}
+
+TEST(Boundary, CutsOutAnObstacleOnOpenGround) {
+  // A dark wall as high as the ground that is seen behind it: one curve alone prefers to run over both.
+  std::vector<std::int16_t> score(20 * 20, 0), prior(20, 0);
+  CoarseGrid g = flat(20, 20);
+  for (int i = 0; i < 20; ++i)
+    for (int j = 0; j < 20; ++j) {
+      const bool ground = i >= 2 && (j < 4 || i < 10 || i >= 15);
+      score[g.at(i, j)] = ground ? 760 : -760;
+      g.y[g.at(i, j)] = ground ? 100 : 30;
+    }
+  Curve whole, cut;
+  BoundarySearch().find(g, score, prior, 256, {}, false, whole);
+  BoundarySearch().find(g, score, prior, 256, {}, true, cut);
+  EXPECT_EQ(whole[9], 2);
+  EXPECT_EQ(cut[9], 15);
+  EXPECT_EQ(cut[18], 15);
+  EXPECT_EQ(cut[2], 2);
 }
 
 } // namespace

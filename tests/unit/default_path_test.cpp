@@ -117,6 +117,8 @@ TEST(DefaultPath, EveryStageCanBeSwitchedOffAndMatters) {
       {"exposure", [](Settings& s) { s.exposure = false; }},
       {"row-prior", [](Settings& s) { s.row_prior = false; }},
       {"local-reference", [](Settings& s) { s.local_reference = false; }},
+      {"geodesic", [](Settings& s) { s.geodesic = false; }},
+      {"ground-behind", [](Settings& s) { s.ground_behind = false; }},
       {"refine", [](Settings& s) { s.refine = false; }},
       {"free-space", [](Settings& s) { s.free_space = false; }},
       {"negatives off", [](Settings& s) { s.negatives = Negatives::off; }},

@@ -98,7 +98,7 @@ TEST(Evidence, IsTheWeightedLogLikelihoodRatio) {
   for (int i = 0; i < 2048; ++i) {
     const double d[3] = {(i >> 8) * 32 + 16 - 112.0, (i >> 4 & 15) * 16 + 8 - 128.0,
                          (i & 15) * 16 + 8 - 128.0};
-    double log2p = 13 + 3.5; // colours of a bin, and the prior for ground among the rest
+    double log2p = 13 + 950 / 256.0; // colours of a bin, and the prior for ground among the rest
     for (int c = 0; c < 3; ++c) {
       const double variance = c == 0 ? 300 : 180;
       log2p -= 0.5 * std::log2(2 * M_PI * variance) + d[c] * d[c] / variance / 2 * M_LOG2E;

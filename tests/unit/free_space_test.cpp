@@ -10,7 +10,9 @@
 namespace terrainseg {
 namespace {
 
-TEST(FreeSpace, EveryPixelByTheCurves) {
+class FreeSpaceMask : public testing::TestWithParam<bool> {};
+
+TEST_P(FreeSpaceMask, HoldsEveryPixelByTheCurves) {
   std::mt19937 dice(3);
   for (const int threads : {1, 3})
     for (const int level : {0, 1, 2, 4}) {
@@ -22,6 +24,13 @@ TEST(FreeSpace, EveryPixelByTheCurves) {
         curves.safe.push_back(static_cast<std::uint16_t>(curves.boundary[x] +
                                                          dice() % (frame_height + 1 - curves.boundary[x])));
       }
+      curves.ground_behind = GetParam();
+      for (int x = 0; GetParam() && x < width; ++x) {
+        const int first = static_cast<int>(dice() % (curves.boundary[x] + 1)),
+                  most = curves.boundary[x] - first;
+        curves.behind_first.push_back(static_cast<std::uint16_t>(first));
+        curves.behind_end.push_back(static_cast<std::uint16_t>(first + dice() % (most + 1)));
+      }
       const std::vector<Rectangle> ignored{{10, 8, 20, 16}, {-5, 40, 9, 100}};
       std::vector<std::uint8_t> mask(static_cast<std::size_t>(width * height), 7);
       Workers workers(threads);
@@ -32,6 +41,8 @@ TEST(FreeSpace, EveryPixelByTheCurves) {
         for (int x = 0; x < width; ++x) {
           const int px = x << level, py = y << level;
           int want = py >= curves.safe[x] ? 255 : py >= curves.boundary[x] ? 128 : 0;
+          if (GetParam() && py >= curves.behind_first[x] && py < curves.behind_end[x])
+            want = 255;
           for (const Rectangle& r : ignored)
             if (px >= r.x && px < r.x + r.width && py >= r.y && py < r.y + r.height)
               want = 128;
@@ -41,6 +52,8 @@ TEST(FreeSpace, EveryPixelByTheCurves) {
       EXPECT_EQ(traversable, count);
     }
 }
+
+INSTANTIATE_TEST_SUITE_P(WithAndWithoutGroundBehind, FreeSpaceMask, testing::Bool());
 
 std::vector<std::uint16_t> reached(const std::vector<std::uint16_t>& safe) {
   std::vector<std::uint16_t> out(safe.size());

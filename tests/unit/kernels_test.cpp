@@ -211,6 +211,33 @@ TEST(Kernels, WriteMaskRows) {
   });
 }
 
+TEST(Kernels, AddMaskStretches) {
+  on_every_target([] {
+    std::mt19937 random(8);
+    for (int width = 1; width <= 150; ++width) {
+      const int height = 1 + static_cast<int>(random() % 30), stride = width + width % 3;
+      const Guarded<std::uint16_t> first(static_cast<std::size_t>(width), true),
+          end(static_cast<std::size_t>(width), true);
+      for (int x = 0; x < width; ++x) {
+        const bool tall = random() % 8 == 0; // rows of an 8K frame do not fit into a byte
+        first[x] = static_cast<std::uint16_t>(random() % (tall ? 65536 : height + 2));
+        end[x] = static_cast<std::uint16_t>(random() % 4 ? random() % (height + 2) : 65535);
+      }
+      const Guarded<std::uint8_t> mask(static_cast<std::size_t>(stride) * (height - 1) + width, true);
+      for (std::size_t i = 0; i < mask.size(); ++i)
+        mask[i] = static_cast<std::uint8_t>(i % 3 == 0 ? 128 : 0);
+      const int from = height / 4;
+      add_mask_stretches(first.data(), end.data(), width, from, height, mask.data(), stride);
+      for (int y = 0; y < height; ++y)
+        for (int x = 0; x < (y == height - 1 ? width : stride); ++x) {
+          const std::size_t i = static_cast<std::size_t>(y) * stride + x;
+          const bool inside = x < width && y >= from && y >= first[x] && y < end[x];
+          ASSERT_EQ(mask[i], inside ? 255 : i % 3 == 0 ? 128 : 0) << width << " at " << x << "," << y;
+        }
+    }
+  });
+}
+
 std::uint8_t mixed(int sample, int coverage, int ink) {
   return static_cast<std::uint8_t>((sample * (256 - coverage) + ink * coverage + 128) / 256);
 }

@@ -39,21 +39,21 @@ TEST(LocalReference, FollowsAGentleSlopeAndNotABreak) {
   LocalReference().climb(step, gray_100, 256, b);
   for (const int p : a)
     EXPECT_EQ(p, 0);
-  EXPECT_EQ(b[step.at(14, 10)], 44);
-  EXPECT_EQ(b[step.at(0, 10)], 44);
+  EXPECT_EQ(b[step.at(14, 10)], 36);
+  EXPECT_EQ(b[step.at(0, 10)], 36);
   EXPECT_EQ(b[step.at(15, 10)], 0);
 }
 
 TEST(LocalReference, ColourBreaksCountDouble) {
   CoarseGrid g = grid_of(20, 10, 100);
   for (int j = 0; j < 20; ++j) {
-    g.u[g.at(4, j)] = 128 + 25; // 2 * 25 = 50: (50 - 28) / 2
+    g.u[g.at(4, j)] = 128 + 25; // 2 * 25 = 50: (50 - 34) / 2
     g.y[g.at(3, j)] = 100 + 50;
   }
   std::vector<std::int8_t> penalty;
   LocalReference().climb(g, gray_100, 256, penalty);
-  EXPECT_EQ(penalty[g.at(4, 10)], 11);
-  EXPECT_EQ(penalty[g.at(3, 10)], 11);
+  EXPECT_EQ(penalty[g.at(4, 10)], 8);
+  EXPECT_EQ(penalty[g.at(3, 10)], 8);
 }
 
 TEST(LocalReference, TheGainScalesItAndIgnoredCellsDoNotLead) {
@@ -77,7 +77,7 @@ TEST(LocalReference, TheGainScalesItAndIgnoredCellsDoNotLead) {
       led.ignored[led.at(i, j)] = 1;
   LocalReference().climb(led, gray_100, 256, blocked);
   EXPECT_EQ(free[led.at(2, 10)], 0);
-  EXPECT_EQ(blocked[led.at(2, 10)], 36);
+  EXPECT_EQ(blocked[led.at(2, 10)], 33);
 }
 
 } // namespace

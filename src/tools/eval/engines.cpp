@@ -62,6 +62,7 @@ void apply(Settings& settings, const std::string& assignment) {
   const std::map<std::string, bool Settings::*> switches{
       {"texture", &Settings::texture},       {"exposure", &Settings::exposure},
       {"row-prior", &Settings::row_prior},   {"local-reference", &Settings::local_reference},
+      {"geodesic", &Settings::geodesic},     {"ground-behind", &Settings::ground_behind},
       {"free-space", &Settings::free_space}, {"refine", &Settings::refine},
       {"learning", &Settings::learning},     {"near-clear", &Settings::near_clear}};
   const std::map<std::string, int Settings::*> numbers{{"window-width", &Settings::window_width},

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "ground_behind.hpp"
+
+#include <gtest/gtest.h>
+
+namespace terrainseg {
+namespace {
+
+constexpr int width = 24, height = 20;
+
+// Ground below row 3, a post in columns 8..12 that stands on row 14 and reaches up to row `top`.
+struct Place {
+  CoarseGrid grid;
+  std::vector<std::int16_t> score;
+  std::vector<std::uint16_t> boundary;
+
+  explicit Place(int top) {
+    grid.width = width;
+    grid.height = height;
+    grid.y.assign(width * height, 100);
+    grid.u = grid.v = std::vector<std::uint8_t>(width * height, 128);
+    grid.ignored.assign(width * height, 0);
+    score.assign(width * height, 400);
+    boundary.assign(width, 3);
+    for (int i = 0; i < height; ++i)
+      for (int j = 0; j < width; ++j) {
+        const bool post = in_post(j) && i >= top && i < 14;
+        if (i >= 3 && !post)
+          continue;
+        score[grid.at(i, j)] = -500;
+        grid.y[grid.at(i, j)] = static_cast<std::uint8_t>(post ? 30 : 220);
+      }
+    for (int j = 8; j < 13; ++j)
+      boundary[static_cast<std::size_t>(j)] = 14;
+  }
+  static bool in_post(int j) { return j >= 8 && j < 13; }
+  GroundBehind find(int gain = 256) const {
+    GroundBehind behind;
+    GroundBehindSearch().find(grid, score, boundary, gain, behind);
+    return behind;
+  }
+};
+
+TEST(GroundBehind, IsFoundOverAPostAndNowhereElse) {
+  const GroundBehind behind = Place(9).find();
+  ASSERT_TRUE(behind.any);
+  for (int j = 0; j < width; ++j) {
+    const auto x = static_cast<std::size_t>(j);
+    EXPECT_EQ(behind.first[x], Place::in_post(j) ? 3 : 0) << j;
+    EXPECT_EQ(behind.end[x], Place::in_post(j) ? 9 : 0) << j;
+  }
+}
+
+TEST(GroundBehind, WhatHidesAllOfItShowsNone) {
+  const GroundBehind behind = Place(3).find();
+  EXPECT_FALSE(behind.any);
+  EXPECT_EQ(behind.end, std::vector<std::uint16_t>(width, 0));
+}
+
+TEST(GroundBehind, AnotherColourThanBesideItIsNoGround) {
+  Place place(9);
+  for (int i = 3; i < 9; ++i)
+    for (int j = 8; j < 13; ++j)
+      place.grid.u[place.grid.at(i, j)] = 170; // a roof that scores as ground
+  EXPECT_FALSE(place.find().any);
+}
+
+TEST(GroundBehind, WeakScoresAreNotEnough) {
+  Place place(9);
+  for (auto& s : place.score)
+    s = s > 0 ? 100 : s; // a fifth of a nat a cell, less than the margin
+  EXPECT_FALSE(place.find().any);
+}
+
+TEST(GroundBehind, RowsWithoutGroundOnEitherSideCannotBe) {
+  Place place(9);
+  for (int j = 0; j < width; ++j)
+    if (!Place::in_post(j))
+      place.boundary[static_cast<std::size_t>(j)] = 4; // row 3 is no ground elsewhere
+  const GroundBehind behind = place.find();
+  EXPECT_EQ(behind.first[10], 4);
+  EXPECT_EQ(behind.end[10], 9);
+}
+
+TEST(GroundBehind, OneSideIsEnough) {
+  Place place(9);
+  for (int j = 13; j < width; ++j)
+    place.boundary[static_cast<std::size_t>(j)] = height; // a wall from the post to the edge
+  const GroundBehind behind = place.find();
+  EXPECT_EQ(behind.first[8], 3);
+  EXPECT_EQ(behind.end[8], 9);
+}
+
+TEST(GroundBehind, IgnoredCellsLendNoColour) {
+  Place place(9);
+  for (int i = 0; i < height; ++i)
+    for (int j = 0; j < width; ++j)
+      if (!Place::in_post(j))
+        place.grid.ignored[place.grid.at(i, j)] = 1;
+  EXPECT_FALSE(place.find().any);
+}
+
+TEST(GroundBehind, EmptyAndFullPicturesHaveNone) {
+  Place place(9);
+  for (const int row : {0, height}) {
+    place.boundary.assign(width, static_cast<std::uint16_t>(row));
+    EXPECT_FALSE(place.find().any);
+  }
+}
+
+} // namespace
+} // namespace terrainseg
