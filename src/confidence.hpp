@@ -6,14 +6,16 @@
 #include <vector>
 
 #include "coarse.hpp"
+#include "ground_behind.hpp"
 
 namespace terrainseg {
 
-/// 0..255: how far the scores (Q4) below the boundary stand above those over it, less the more rows the
-/// boundary jumps: a curve that has to dodge does not know where to go. Measured on five labelled sequences
-/// its rank correlation with the frame's error is negative in each (docs/accuracy.md).
+/// 0..255: how far the scores (Q4) of the ground stand above those of the rest, in the whole picture and in
+/// the rows next to the boundary, less the more rows the boundary jumps: a curve that has to dodge does not
+/// know where to go. Measured on five labelled sequences its rank correlation with the frame's error is
+/// negative in each (docs/accuracy.md).
 std::uint8_t mask_confidence(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
-                             const std::vector<std::uint16_t>& boundary);
+                             const std::vector<std::uint16_t>& boundary, const GroundBehind& behind);
 
 /// 0..255: the mask's confidence, less the farther apart the boundary's highest columns are: `spread` rows of
 /// the frame between two of its uppermost percentiles.

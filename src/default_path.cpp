@@ -141,7 +141,7 @@ void DefaultPath::find_boundary(const Settings& settings, int horizon_limit, Ter
     behind_search_.find(grid_, average_, boundary_, exposure_.gain, behind_);
   else
     behind_.any = false;
-  confidence_ = mask_confidence(grid_, average_, boundary_);
+  confidence_ = mask_confidence(grid_, average_, boundary_, behind_);
   walk_doubtful(grid_, average_, settings.doubtful, boundary_, safe_);
 }
 

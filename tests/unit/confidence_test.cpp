@@ -18,7 +18,7 @@ class Confidence : public testing::Test {
     for (int i = 0; i < 30; ++i)
       for (int j = 0; j < 40; ++j)
         score.push_back(static_cast<std::int16_t>(16 * (i >= boundary[j] ? below : above)));
-    return mask_confidence(grid_, score, boundary);
+    return mask_confidence(grid_, score, boundary, {});
   }
   CoarseGrid grid_;
   const std::vector<std::uint16_t> level_ = std::vector<std::uint16_t>(40, 12);
@@ -40,6 +40,29 @@ TEST_F(Confidence, FallsWithTheJumpsOfTheCurve) {
   for (std::size_t j = 0; j < jagged.size(); j += 2)
     jagged[j] = 16;
   EXPECT_LT(of(40, -20, jagged), of(40, -20, level_) / 2);
+}
+
+TEST_F(Confidence, TheRowsNextToTheBoundaryCountMost) {
+  // Half a picture's worth of sure scores far away, or the same next to the curve.
+  std::vector<std::int16_t> far_off, near_by;
+  for (int i = 0; i < 30; ++i)
+    for (int j = 0; j < 40; ++j) {
+      const int sign = i >= 12 ? 1 : -1;
+      const bool near = i >= 9 && i < 15;
+      far_off.push_back(static_cast<std::int16_t>(16 * sign * (near ? 0 : 30)));
+      near_by.push_back(static_cast<std::int16_t>(16 * sign * (near ? 30 : 20)));
+    }
+  EXPECT_GT(mask_confidence(grid_, near_by, level_, {}), mask_confidence(grid_, far_off, level_, {}));
+}
+
+TEST_F(Confidence, GroundBehindCountsAsGround) {
+  const std::vector<std::uint16_t> base(40, 20);
+  GroundBehind behind{std::vector<std::uint16_t>(40, 6), std::vector<std::uint16_t>(40, 14), true};
+  std::vector<std::int16_t> score;
+  for (int i = 0; i < 30; ++i)
+    for (int j = 0; j < 40; ++j)
+      score.push_back(i >= 20 || (i >= 6 && i < 14) ? 300 : -300);
+  EXPECT_GT(mask_confidence(grid_, score, base, behind), mask_confidence(grid_, score, base, {}) + 20);
 }
 
 TEST_F(Confidence, ACurveThatPartsNothingIsNone) {

@@ -198,7 +198,7 @@ TEST(Confidence, FallsWhereTheErrorGrows) {
       }
   const double correlation = rank_correlation(errors, confidences);
   RecordProperty("rank_correlation", std::to_string(correlation));
-  EXPECT_LT(correlation, -0.15); // measured -0.19 over four kinds of place; most of the errors are grass
+  EXPECT_LT(correlation, -0.3); // measured -0.38 over four kinds of place; most of the errors are grass
 }
 
 // What no label tells: situations in which nothing should be believed. A drive over noisy ground, then
