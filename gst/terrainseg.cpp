@@ -468,17 +468,7 @@ gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
 }
 
 gboolean src_event(GstBaseTransform* transform, GstEvent* event) {
-  const bool taken = guarded(transform, false, [&] {
-    switch (GST_EVENT_TYPE(event)) {
-    case GST_EVENT_CUSTOM_UPSTREAM:
-    case GST_EVENT_CUSTOM_BOTH:
-    case GST_EVENT_CUSTOM_BOTH_OOB:
-      return take_near_event(transform, event);
-    default:
-      break;
-    }
-    return false;
-  });
+  const bool taken = guarded(transform, false, [&] { return take_near_event(transform, event); });
   return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->src_event(transform, event) || taken;
 }
 

@@ -61,16 +61,21 @@ inline void paint_road(GstVideoFrame& frame, unsigned seed) {
   }
 }
 
-/// A frame with GStreamer's own strides.
-inline GstBuffer* new_frame(const GstVideoInfo& info, int index = 0, unsigned seed = 1) {
-  GstBuffer* buffer = gst_buffer_new_allocate(nullptr, GST_VIDEO_INFO_SIZE(&info), nullptr);
-  gst_buffer_memset(buffer, 0, 0, GST_VIDEO_INFO_SIZE(&info));
+/// The road and the times of frame `index`.
+inline void fill_with_road(GstBuffer* buffer, const GstVideoInfo& info, int index, unsigned seed) {
   GstVideoFrame frame;
   EXPECT_TRUE(gst_video_frame_map(&frame, &info, buffer, GST_MAP_WRITE));
   paint_road(frame, seed);
   gst_video_frame_unmap(&frame);
   GST_BUFFER_PTS(buffer) = gst_util_uint64_scale(index, GST_SECOND, 30);
   GST_BUFFER_DURATION(buffer) = GST_SECOND / 30;
+}
+
+/// A frame with GStreamer's own strides.
+inline GstBuffer* new_frame(const GstVideoInfo& info, int index = 0, unsigned seed = 1) {
+  GstBuffer* buffer = gst_buffer_new_allocate(nullptr, GST_VIDEO_INFO_SIZE(&info), nullptr);
+  gst_buffer_memset(buffer, 0, 0, GST_VIDEO_INFO_SIZE(&info));
+  fill_with_road(buffer, info, index, seed);
   return buffer;
 }
 
@@ -92,12 +97,7 @@ inline GstBuffer* new_padded_frame(const GstVideoInfo& info, int index = 0, unsi
   gst_buffer_add_video_meta_full(buffer, GST_VIDEO_FRAME_FLAG_NONE, GST_VIDEO_INFO_FORMAT(&info),
                                  GST_VIDEO_INFO_WIDTH(&info), GST_VIDEO_INFO_HEIGHT(&info),
                                  GST_VIDEO_INFO_N_PLANES(&info), offset, stride);
-  GstVideoFrame frame;
-  EXPECT_TRUE(gst_video_frame_map(&frame, &info, buffer, GST_MAP_WRITE));
-  paint_road(frame, seed);
-  gst_video_frame_unmap(&frame);
-  GST_BUFFER_PTS(buffer) = gst_util_uint64_scale(index, GST_SECOND, 30);
-  GST_BUFFER_DURATION(buffer) = GST_SECOND / 30;
+  fill_with_road(buffer, info, index, seed);
   return buffer;
 }
 
