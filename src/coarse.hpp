@@ -27,7 +27,8 @@ struct CoarseGrid {
 
 /// The cells from `cell` on.
 inline kernels::ComponentRow components_at(const CoarseGrid& grid, std::size_t cell) {
-  return {&grid.y[cell], &grid.u[cell], &grid.v[cell]};
+  // Not by operator[]: of a grid of one row there is no second one, and nothing of it is looked at.
+  return {grid.y.data() + cell, grid.u.data() + cell, grid.v.data() + cell};
 }
 
 /// Level of the refinement: two finer than the grid where there are two.
