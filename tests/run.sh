@@ -63,7 +63,7 @@ fi
 if wants sanitizers; then
   step "Clang, address and undefined behaviour sanitizers"
   if CC=clang CXX=clang++ configure_and_build build-sanitizers --werror --buildtype=debugoptimized \
-      -Db_sanitize=address,undefined -Db_lundef=false -Dtools=disabled -Dbench=disabled; then
+      -Dcpp_args=-D_GLIBCXX_ASSERTIONS -Db_sanitize=address,undefined -Db_lundef=false -Dtools=disabled -Dbench=disabled; then
     ASAN_OPTIONS=detect_leaks=0:detect_odr_violation=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 \
       GST_REGISTRY_FORK=no TERRAINSEG_SANITIZED=1 \
       run_tests build-sanitizers --num-processes 2 --timeout-multiplier 4 --suite unit --suite element --suite golden
