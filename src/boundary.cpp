@@ -6,7 +6,6 @@
 #include <cstdlib>
 
 #include "fixed_log.hpp"
-#include "kernels/cells.hpp"
 
 namespace terrainseg {
 namespace {
@@ -29,13 +28,10 @@ constexpr int leave_rows = 2;
 /// weighs less; below 300 kerbs and markings cut the ground, too.
 constexpr int behind_price = 360;
 
-/// No colour step beyond it weighs more.
-constexpr int most_step = 1023;
-
 // What a colour step is worth, in Q4: logarithms of few enough values to be looked up.
-template <typename Worth> constexpr std::array<std::int16_t, most_step + 1> table_of(Worth worth) {
-  std::array<std::int16_t, most_step + 1> table{};
-  for (int step = 0; step <= most_step; ++step)
+template <typename Worth> constexpr std::array<std::int16_t, most_color_step + 1> table_of(Worth worth) {
+  std::array<std::int16_t, most_color_step + 1> table{};
+  for (int step = 0; step <= most_color_step; ++step)
     table[static_cast<std::size_t>(step)] = static_cast<std::int16_t>(16 * worth(step));
   return table;
 }
@@ -52,16 +48,16 @@ constexpr auto step_prices = table_of([](int step) {
 
 } // namespace
 
-void BoundarySearch::find(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
-                          const std::vector<std::int16_t>& prior, int gain_q8,
-                          const std::vector<std::uint16_t>& before, bool ground_behind,
+void BoundarySearch::find(const CoarseGrid& grid, const ColorSteps& steps,
+                          const std::vector<std::int16_t>& score, const std::vector<std::int16_t>& prior,
+                          int gain_q8, const std::vector<std::uint16_t>& before, bool ground_behind,
                           std::vector<std::uint16_t>& boundary) {
   const int rows = grid.height + 1;
   const auto column_of = [rows](auto& table, int j) { return &table[static_cast<std::size_t>(j) * rows]; };
-  weigh_columns(grid, score, prior, gain_q8, before);
+  weigh_columns(grid, steps, score, prior, gain_q8, before);
   if (ground_behind)
     add_ground_behind(grid, score, prior);
-  price_steps(grid, gain_q8);
+  price_steps(grid, steps);
   best_.assign(utility_.begin(), utility_.begin() + rows);
   came_from_.resize(utility_.size());
   for (int j = 1; j < grid.width; ++j) {
@@ -98,18 +94,14 @@ void BoundarySearch::find(const CoarseGrid& grid, const std::vector<std::int16_t
   }
 }
 
-void BoundarySearch::weigh_columns(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+void BoundarySearch::weigh_columns(const CoarseGrid& grid, const ColorSteps& steps,
+                                   const std::vector<std::int16_t>& score,
                                    const std::vector<std::int16_t>& prior, int gain_q8,
                                    const std::vector<std::uint16_t>& before) {
   const int rows = grid.height + 1;
   const auto width = static_cast<std::size_t>(grid.width);
   utility_.resize(width * static_cast<std::size_t>(rows));
   sums_.assign(width, 0);
-  // From each cell to the one below it, all rows in one go: they lie one after the other.
-  const int steps = grid.width * (grid.height - 1);
-  steps_.resize(grid.size());
-  kernels::color_steps(components_at(grid, 0), components_at(grid, width), gain_q8, most_step, steps,
-                       steps_.data());
   const auto weight = [&](int row, std::size_t j) {
     return score[grid.at(row, 0) + j] + 16 * prior[static_cast<std::size_t>(row)];
   };
@@ -135,7 +127,7 @@ void BoundarySearch::weigh_columns(const CoarseGrid& grid, const std::vector<std
       // The base of an obstacle lies in its own shadow.
       const int darker = ((grid.y[below + j] - grid.y[above + j]) * gain_q8) >> 8;
       const int edge =
-          edge_worth[steps_[above + j]] + 16 * std::clamp(shadow_per_grey * darker, 0, shadow_limit);
+          edge_worth[steps.down[above + j]] + 16 * std::clamp(shadow_per_grey * darker, 0, shadow_limit);
       const bool seen = (grid.ignored[above + j] | grid.ignored[below + j]) == 0;
       utility_at(j, r) = sums_[j] + (seen ? edge : 0);
     }
@@ -164,15 +156,13 @@ void BoundarySearch::add_ground_behind(const CoarseGrid& grid, const std::vector
 }
 
 // What it costs the curve to pass a row between a column and the one to its left.
-void BoundarySearch::price_steps(const CoarseGrid& grid, int gain_q8) {
+void BoundarySearch::price_steps(const CoarseGrid& grid, const ColorSteps& steps) {
   const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height);
   price_.resize(width * height);
-  // Those from a row's last cell to the next row's first are not looked at.
-  kernels::color_steps(components_at(grid, 0), components_at(grid, 1), gain_q8, most_step,
-                       static_cast<int>(grid.size()) - 1, steps_.data());
   for (std::size_t r = 0; r < height; ++r)
     for (std::size_t j = 1; j < width; ++j)
-      price_[j * height + r] = step_prices[steps_[grid.at(static_cast<int>(r), static_cast<int>(j)) - 1]];
+      price_[j * height + r] =
+          step_prices[steps.right[grid.at(static_cast<int>(r), static_cast<int>(j)) - 1]];
 }
 
 } // namespace terrainseg

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "coarse.hpp"
+#include "color_steps.hpp"
 
 namespace terrainseg {
 
@@ -18,24 +18,23 @@ class BoundarySearch {
   /// the rows `before` (the last frame's curve; empty = none). With `ground_behind` a column may hold one
   /// more stretch of ground above the curve, an obstacle's height away from it, for a price. Exact, by
   /// dynamic programming over the columns.
-  void find(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+  void find(const CoarseGrid& grid, const ColorSteps& steps, const std::vector<std::int16_t>& score,
             const std::vector<std::int16_t>& prior, int gain_q8, const std::vector<std::uint16_t>& before,
             bool ground_behind, std::vector<std::uint16_t>& boundary);
 
  private:
-  void weigh_columns(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+  void weigh_columns(const CoarseGrid& grid, const ColorSteps& steps, const std::vector<std::int16_t>& score,
                      const std::vector<std::int16_t>& prior, int gain_q8,
                      const std::vector<std::uint16_t>& before);
   void add_ground_behind(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
                          const std::vector<std::int16_t>& prior);
-  void price_steps(const CoarseGrid& grid, int gain_q8);
+  void price_steps(const CoarseGrid& grid, const ColorSteps& steps);
 
   std::vector<std::int32_t> utility_; ///< columns x (rows + 1), Q4
   std::vector<std::int32_t> best_;    ///< of all curves that end here
   std::vector<std::int32_t> sums_;    ///< of a row's columns: what is below minus what is above
   std::vector<std::int32_t> stretch_; ///< of a row's columns: the stretch of ground that ends here ...
   std::vector<std::int32_t> behind_;  ///< ... and the best one above, both doubled
-  std::vector<std::uint16_t> steps_;  ///< colour steps between neighbouring cells
   std::vector<std::int16_t> price_;   ///< columns x rows: of passing a row on the way from the column before
   std::vector<std::uint16_t> came_from_;
 };

@@ -89,8 +89,9 @@ void DefaultPath::score(const std::vector<Cell>& trusted, std::int64_t pts, cons
     local_reference_.climb(grid_, reference_color(trusted, terrain), exposure_.gain, penalty_);
   else
     penalty_.assign(grid_.size(), 0);
+  measure_color_steps(grid_, exposure_.gain, settings.geodesic, steps_);
   if (settings.geodesic)
-    geodesic_.raise(grid_, trusted, exposure_.gain, penalty_);
+    geodesic_.raise(grid_, steps_, trusted, penalty_);
   score_.resize(grid_.size());
   for (std::size_t i = 0; i < grid_.size(); ++i) {
     const int evidence = tables_.color[cells_.color[i]] + tables_.texture[cells_.texture[i]] - penalty_[i];
@@ -132,7 +133,7 @@ void DefaultPath::find_boundary(const Settings& settings, int horizon_limit, Ter
   // The first frame knows no horizon: it is searched twice, the second time with its own.
   for (int pass = terrain.horizon == 0 ? 0 : 1; pass < 2; ++pass) {
     row_prior(grid_.height, terrain.horizon, settings.row_prior, settings.caution, prior_);
-    search_.find(grid_, average_, prior_, exposure_.gain, before_, settings.ground_behind, boundary_);
+    search_.find(grid_, steps_, average_, prior_, exposure_.gain, before_, settings.ground_behind, boundary_);
     terrain.horizon = follow_horizon(pass == 0 ? 0 : terrain.horizon, boundary_, grid_.height, scratch_);
   }
   for (std::uint16_t& row : boundary_)

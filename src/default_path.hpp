@@ -95,6 +95,7 @@ class DefaultPath {
   Evidence evidence_;
   EvidenceTables tables_;
   bool tables_are_old_ = true;
+  ColorSteps steps_;
   LocalReference local_reference_;
   GeodesicPenalty geodesic_;
   std::vector<std::int8_t> penalty_;

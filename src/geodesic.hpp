@@ -3,11 +3,10 @@
 // distance of image segmentation: P. J. Toivanen, Pattern Recognition Letters 17, 1996).
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
-#include "coarse.hpp"
+#include "color_steps.hpp"
 
 namespace terrainseg {
 
@@ -17,17 +16,13 @@ class GeodesicPenalty {
  public:
   /// Raises `penalty` (32 = 1 nat) to what each cell's distance from the `seeds` is worth, 0..40. The ways
   /// climb: from a row to the same row or to the one above it, to any of the eight neighbours there. A step
-  /// costs what it differs in colour (color_step(), `gain_q8` the exposure's) beyond what the cells of the
+  /// costs what it differs in colour (`steps`, the slanting ones too) beyond what the cells of the
   /// window differ among themselves; an eighth of the distance is forgiven with every row. Cells below all
   /// seeds are left as they are.
-  void raise(const CoarseGrid& grid, const std::vector<Cell>& seeds, int gain_q8,
+  void raise(const CoarseGrid& grid, const ColorSteps& steps, const std::vector<Cell>& seeds,
              std::vector<std::int8_t>& penalty);
 
  private:
-  void measure_steps(const CoarseGrid& grid, int gain_q8);
-  int own_step(const CoarseGrid& grid, const std::vector<Cell>& seeds) const;
-
-  std::vector<std::uint16_t> right_, down_, down_left_, down_right_; ///< steps from a cell to its neighbour
   std::vector<std::uint8_t> is_seed_;
   std::vector<int> here_, below_; ///< distances of two rows
 };

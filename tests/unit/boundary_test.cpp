@@ -7,19 +7,18 @@
 
 #include <gtest/gtest.h>
 
+#include "support/coarse_grids.hpp"
+
 namespace terrainseg {
 namespace {
 
 using Curve = std::vector<std::uint16_t>;
 
 CoarseGrid random_grid(int width, int height, std::mt19937& dice) {
-  CoarseGrid g;
-  g.width = width;
-  g.height = height;
+  CoarseGrid g = test::gray_grid(width, height);
   for (auto* plane : {&g.y, &g.u, &g.v})
-    for (int i = 0; i < width * height; ++i)
-      plane->push_back(static_cast<std::uint8_t>(dice() % 3 ? 128 + dice() % 8 : dice() % 256));
-  g.ignored.assign(static_cast<std::size_t>(width * height), 0);
+    for (auto& sample : *plane)
+      sample = static_cast<std::uint8_t>(dice() % 3 ? 128 + dice() % 8 : dice() % 256);
   for (auto& i : g.ignored)
     i = dice() % 9 == 0;
   return g;
@@ -67,6 +66,11 @@ double worth(const CoarseGrid& g, const std::vector<std::int16_t>& score,
   return sum;
 }
 
+void find(const CoarseGrid& g, const std::vector<std::int16_t>& score, const std::vector<std::int16_t>& prior,
+          int gain, const Curve& before, bool behind, Curve& found) {
+  BoundarySearch().find(g, test::color_steps_of(g, gain), score, prior, gain, before, behind, found);
+}
+
 TEST(Boundary, NoCurveIsBetter) {
   std::mt19937 dice(7);
   for (int round = 0; round < 60; ++round) {
@@ -84,7 +88,7 @@ TEST(Boundary, NoCurveIsBetter) {
     if (round % 2)
       for (int j = 0; j < width; ++j)
         before.push_back(static_cast<std::uint16_t>(dice() % (height + 1)));
-    BoundarySearch().find(g, score, prior, gain, before, behind, found);
+    find(g, score, prior, gain, before, behind, found);
     ASSERT_EQ(found.size(), static_cast<std::size_t>(width));
     double most = -1e18;
     for (;;) { // all (height + 1)^width curves
@@ -106,25 +110,13 @@ TEST(Boundary, NoCurveIsBetter) {
   }
 }
 
-CoarseGrid flat(int width, int height) {
-  CoarseGrid g;
-  g.width = width;
-  g.height = height;
-  const auto size = static_cast<std::size_t>(width * height);
-  g.y.assign(size, 100);
-  g.u = g.v = std::vector<std::uint8_t>(size, 128);
-  g.ignored.assign(size, 0);
-  return g;
-}
-
 TEST(Boundary, AllAndNothing) {
-  const CoarseGrid g = flat(20, 12);
+  const CoarseGrid g = test::gray_grid(20, 12);
   const std::vector<std::int16_t> prior(12, 0);
   Curve curve;
-  BoundarySearch search;
-  search.find(g, std::vector<std::int16_t>(240, 300), prior, 256, {}, false, curve);
+  find(g, std::vector<std::int16_t>(240, 300), prior, 256, {}, false, curve);
   EXPECT_EQ(curve, Curve(20, 0));
-  search.find(g, std::vector<std::int16_t>(240, -300), prior, 256, {}, false, curve);
+  find(g, std::vector<std::int16_t>(240, -300), prior, 256, {}, false, curve);
   EXPECT_EQ(curve, Curve(20, 12));
 }
 
@@ -135,13 +127,13 @@ TEST(Boundary, FollowsAnUprightEdgeMoreReadilyThanNone) {
   for (int i = 0; i < 20; ++i)
     for (int j = 0; j < 20; ++j)
       score[static_cast<std::size_t>(i * 20 + j)] = i < 8 ? -400 : j >= 8 && j < 11 && i < 14 ? -250 : 400;
-  CoarseGrid seen = flat(20, 20);
+  CoarseGrid seen = test::gray_grid(20, 20);
   for (int i = 8; i < 14; ++i)
     for (int j = 8; j < 11; ++j)
       seen.u[seen.at(i, j)] = 220;
   Curve with, without;
-  BoundarySearch().find(flat(20, 20), score, prior, 256, {}, false, without);
-  BoundarySearch().find(seen, score, prior, 256, {}, false, with);
+  find(test::gray_grid(20, 20), score, prior, 256, {}, false, without);
+  find(seen, score, prior, 256, {}, false, with);
   EXPECT_EQ(without[9], 8);
   EXPECT_EQ(with[9], 14);
   EXPECT_EQ(with[2], 8);
@@ -150,7 +142,7 @@ TEST(Boundary, FollowsAnUprightEdgeMoreReadilyThanNone) {
 TEST(Boundary, CutsOutAnObstacleOnOpenGround) {
   // A dark wall as high as the ground that is seen behind it: one curve alone prefers to run over both.
   std::vector<std::int16_t> score(20 * 20, 0), prior(20, 0);
-  CoarseGrid g = flat(20, 20);
+  CoarseGrid g = test::gray_grid(20, 20);
   for (int i = 0; i < 20; ++i)
     for (int j = 0; j < 20; ++j) {
       const bool ground = i >= 2 && (j < 4 || i < 10 || i >= 15);
@@ -158,8 +150,8 @@ TEST(Boundary, CutsOutAnObstacleOnOpenGround) {
       g.y[g.at(i, j)] = ground ? 100 : 30;
     }
   Curve whole, cut;
-  BoundarySearch().find(g, score, prior, 256, {}, false, whole);
-  BoundarySearch().find(g, score, prior, 256, {}, true, cut);
+  find(g, score, prior, 256, {}, false, whole);
+  find(g, score, prior, 256, {}, true, cut);
   EXPECT_EQ(whole[9], 2);
   EXPECT_EQ(cut[9], 15);
   EXPECT_EQ(cut[18], 15);

@@ -3,16 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include "support/coarse_grids.hpp"
+
 namespace terrainseg {
 namespace {
 
 class Confidence : public testing::Test {
  protected:
-  Confidence() {
-    grid_.width = 40;
-    grid_.height = 30;
-    grid_.y.assign(1200, 0);
-  }
   std::uint8_t of(int below, int above, const std::vector<std::uint16_t>& boundary) {
     std::vector<std::int16_t> score;
     for (int i = 0; i < 30; ++i)
@@ -20,7 +17,7 @@ class Confidence : public testing::Test {
         score.push_back(static_cast<std::int16_t>(16 * (i >= boundary[j] ? below : above)));
     return mask_confidence(grid_, score, boundary, {});
   }
-  CoarseGrid grid_;
+  CoarseGrid grid_ = test::gray_grid(40, 30);
   const std::vector<std::uint16_t> level_ = std::vector<std::uint16_t>(40, 12);
 };
 

@@ -3,17 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include "support/coarse_grids.hpp"
+
 namespace terrainseg {
 namespace {
 
 class Doubtful : public testing::Test {
  protected:
-  Doubtful() {
-    grid_.width = 9;
-    grid_.height = 12;
-    grid_.y.assign(108, 0);
-    score_.assign(108, 480);
-  }
   void set(int row, int first, int last, int score) {
     for (int j = first; j <= last; ++j)
       score_[grid_.at(row, j)] = static_cast<std::int16_t>(16 * score);
@@ -24,8 +20,8 @@ class Doubtful : public testing::Test {
                   safe);
     return safe;
   }
-  CoarseGrid grid_;
-  std::vector<std::int16_t> score_;
+  CoarseGrid grid_ = test::gray_grid(9, 12);
+  std::vector<std::int16_t> score_ = std::vector<std::int16_t>(108, 480);
 };
 
 TEST_F(Doubtful, GoodGroundIsSafeFromTheBoundaryOn) {

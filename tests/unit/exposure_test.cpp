@@ -5,17 +5,14 @@
 
 #include <gtest/gtest.h>
 
+#include "support/coarse_grids.hpp"
+
 namespace terrainseg {
 namespace {
 
 CoarseGrid gray(int luma, int upper = 255) {
-  CoarseGrid g;
-  g.width = 10;
-  g.height = 8;
-  g.y.assign(80, static_cast<std::uint8_t>(luma));
+  CoarseGrid g = test::gray_grid(10, 8, luma);
   std::fill_n(g.y.begin(), 40, static_cast<std::uint8_t>(upper));
-  g.u = g.v = std::vector<std::uint8_t>(80, 128);
-  g.ignored.assign(80, 0);
   return g;
 }
 

@@ -7,19 +7,12 @@
 
 #include <gtest/gtest.h>
 
+#include "support/coarse_grids.hpp"
+
 namespace terrainseg {
 namespace {
 
-CoarseGrid grid_of(int width, int height, int luma = 100) {
-  CoarseGrid g;
-  g.width = width;
-  g.height = height;
-  const auto size = static_cast<std::size_t>(width * height);
-  g.y.assign(size, static_cast<std::uint8_t>(luma));
-  g.u = g.v = std::vector<std::uint8_t>(size, 128);
-  g.ignored.assign(size, 0);
-  return g;
-}
+using test::gray_grid;
 
 std::vector<Cell> bottom_row(const CoarseGrid& g, int first, int end) {
   std::vector<Cell> cells;
@@ -30,7 +23,7 @@ std::vector<Cell> bottom_row(const CoarseGrid& g, int first, int end) {
 
 std::vector<std::int8_t> raised(const CoarseGrid& g, const std::vector<Cell>& seeds, int gain = 256) {
   std::vector<std::int8_t> penalty(g.size(), 0);
-  GeodesicPenalty().raise(g, seeds, gain, penalty);
+  GeodesicPenalty().raise(g, test::color_steps_of(g, gain), seeds, penalty);
   return penalty;
 }
 
@@ -92,7 +85,7 @@ std::vector<std::int8_t> by_definition(const CoarseGrid& g, const std::vector<Ce
 TEST(Geodesic, IsTheCheapestWay) {
   std::mt19937 dice(11);
   for (int round = 0; round < 40; ++round) {
-    CoarseGrid g = grid_of(2 + static_cast<int>(dice() % 30), 1 + static_cast<int>(dice() % 20));
+    CoarseGrid g = gray_grid(2 + static_cast<int>(dice() % 30), 1 + static_cast<int>(dice() % 20));
     const unsigned range = 1 + dice() % 60;
     for (auto* plane : {&g.y, &g.u, &g.v})
       for (auto& sample : *plane)
@@ -109,7 +102,7 @@ TEST(Geodesic, IsTheCheapestWay) {
 }
 
 TEST(Geodesic, AnEnclosedThingIsFarAndTheGroundAroundItIsNot) {
-  CoarseGrid g = grid_of(30, 20);
+  CoarseGrid g = gray_grid(30, 20);
   for (int i = 4; i < 12; ++i) // a box of the ground's colour inside a dark outline: a car's smooth flank
     for (int j = 10; j < 20; ++j)
       g.y[g.at(i, j)] = i == 4 || i == 11 || j == 10 || j == 19 ? 40 : 100;
@@ -120,7 +113,7 @@ TEST(Geodesic, AnEnclosedThingIsFarAndTheGroundAroundItIsNot) {
 }
 
 TEST(Geodesic, AGentleSlopeAndTheGroundsOwnGrainCostNothing) {
-  CoarseGrid g = grid_of(30, 30);
+  CoarseGrid g = gray_grid(30, 30);
   for (int i = 0; i < 30; ++i)
     for (int j = 0; j < 30; ++j)
       g.y[g.at(i, j)] = static_cast<std::uint8_t>(60 + 4 * (29 - i) + 4 * ((i + j) % 2));
@@ -129,7 +122,7 @@ TEST(Geodesic, AGentleSlopeAndTheGroundsOwnGrainCostNothing) {
 }
 
 TEST(Geodesic, ALineAcrossTheRoadIsForgiven) {
-  CoarseGrid g = grid_of(30, 40);
+  CoarseGrid g = gray_grid(30, 40);
   for (int j = 0; j < 30; ++j)
     g.y[g.at(33, j)] = 140;
   const auto penalty = raised(g, bottom_row(g, 10, 20));
@@ -138,14 +131,14 @@ TEST(Geodesic, ALineAcrossTheRoadIsForgiven) {
 }
 
 TEST(Geodesic, LeavesAloneWhatLiesBelowTheWindowAndWhatIsWorseAlready) {
-  CoarseGrid g = grid_of(20, 20);
+  CoarseGrid g = gray_grid(20, 20);
   for (int j = 0; j < 20; ++j)
     g.y[g.at(18, j)] = 250; // a bonnet
   std::vector<std::int8_t> penalty(g.size(), 7);
-  GeodesicPenalty().raise(g, {{10, 15}}, 256, penalty);
+  GeodesicPenalty().raise(g, test::color_steps_of(g), {{10, 15}}, penalty);
   for (const int p : penalty)
     EXPECT_EQ(p, 7);
-  GeodesicPenalty().raise(g, {}, 256, penalty); // nothing is trusted
+  GeodesicPenalty().raise(g, test::color_steps_of(g), {}, penalty); // nothing is trusted
   EXPECT_EQ(penalty, std::vector<std::int8_t>(g.size(), 7));
 }
 

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "ground_behind.hpp"
 
+#include <algorithm>
+
 #include <gtest/gtest.h>
+
+#include "support/coarse_grids.hpp"
 
 namespace terrainseg {
 namespace {
@@ -10,18 +14,11 @@ constexpr int width = 24, height = 20;
 
 // Ground below row 3, a post in columns 8..12 that stands on row 14 and reaches up to row `top`.
 struct Place {
-  CoarseGrid grid;
-  std::vector<std::int16_t> score;
-  std::vector<std::uint16_t> boundary;
+  CoarseGrid grid = test::gray_grid(width, height);
+  std::vector<std::int16_t> score = std::vector<std::int16_t>(width * height, 400);
+  std::vector<std::uint16_t> boundary = std::vector<std::uint16_t>(width, 3);
 
   explicit Place(int top) {
-    grid.width = width;
-    grid.height = height;
-    grid.y.assign(width * height, 100);
-    grid.u = grid.v = std::vector<std::uint8_t>(width * height, 128);
-    grid.ignored.assign(width * height, 0);
-    score.assign(width * height, 400);
-    boundary.assign(width, 3);
     for (int i = 0; i < height; ++i)
       for (int j = 0; j < width; ++j) {
         const bool post = in_post(j) && i >= top && i < 14;
@@ -38,6 +35,14 @@ struct Place {
     GroundBehind behind;
     GroundBehindSearch().find(grid, score, boundary, gain, behind);
     return behind;
+  }
+  void bound(int first, int end, int row) {
+    std::fill(boundary.begin() + first, boundary.begin() + end, static_cast<std::uint16_t>(row));
+  }
+  void expect_behind(std::size_t column, int first, int end) const {
+    const GroundBehind behind = find();
+    EXPECT_EQ(behind.first[column], first);
+    EXPECT_EQ(behind.end[column], end);
   }
 };
 
@@ -74,21 +79,15 @@ TEST(GroundBehind, WeakScoresAreNotEnough) {
 
 TEST(GroundBehind, RowsWithoutGroundOnEitherSideCannotBe) {
   Place place(9);
-  for (int j = 0; j < width; ++j)
-    if (!Place::in_post(j))
-      place.boundary[static_cast<std::size_t>(j)] = 4; // row 3 is no ground elsewhere
-  const GroundBehind behind = place.find();
-  EXPECT_EQ(behind.first[10], 4);
-  EXPECT_EQ(behind.end[10], 9);
+  place.bound(0, 8, 4); // row 3 is no ground elsewhere
+  place.bound(13, width, 4);
+  place.expect_behind(10, 4, 9);
 }
 
 TEST(GroundBehind, OneSideIsEnough) {
   Place place(9);
-  for (int j = 13; j < width; ++j)
-    place.boundary[static_cast<std::size_t>(j)] = height; // a wall from the post to the edge
-  const GroundBehind behind = place.find();
-  EXPECT_EQ(behind.first[8], 3);
-  EXPECT_EQ(behind.end[8], 9);
+  place.bound(13, width, height); // a wall from the post to the edge
+  place.expect_behind(8, 3, 9);
 }
 
 TEST(GroundBehind, IgnoredCellsLendNoColour) {

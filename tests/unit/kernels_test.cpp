@@ -436,6 +436,19 @@ struct GuardedCells {
   Guarded<std::uint8_t> a, b, c;
 };
 
+// Runs `check` on every target for all counts up to a few vectors and all fills, at both ends of a page.
+template <class Check> void on_every_row(unsigned seed, Check check) {
+  on_every_target([&] {
+    std::mt19937 random(seed);
+    for (int count = 1; count <= 140; ++count)
+      for (const Fill how : all_fills) {
+        check(count, count % 2 == 0, how, random);
+        if (testing::Test::HasFatalFailure())
+          return;
+      }
+  });
+}
+
 int floor_shift(std::int64_t value, int bits) {
   const std::int64_t unit = std::int64_t{1} << bits;
   return static_cast<int>((value - ((value % unit) + unit) % unit) / unit);
@@ -450,125 +463,100 @@ std::int32_t between(std::int32_t least, std::int32_t most, std::mt19937& random
 }
 
 TEST(Kernels, WeighComponents) {
-  on_every_target([] {
-    std::mt19937 random(8);
-    for (int count = 1; count <= 140; ++count)
-      for (const Fill how : all_fills) {
-        const bool at_end = count % 2 == 0;
-        const GuardedCells in(count, at_end, how, random);
-        const Guarded<std::uint8_t> out(static_cast<std::size_t>(count), at_end);
-        std::array<std::int32_t, 3> weights;
-        for (auto& w : weights)
-          w = between(-130000, 130000, random);
-        const std::int32_t offset = between(-40000000, 40000000, random);
-        weigh_components(in.row(), weights, offset, count, out.data());
-        for (std::size_t i = 0; i < out.size(); ++i) {
-          const std::int64_t sum = std::int64_t{weights[0]} * in.a[i] + std::int64_t{weights[1]} * in.b[i] +
-                                   std::int64_t{weights[2]} * in.c[i] + offset;
-          ASSERT_EQ(out[i], std::clamp(floor_shift(sum, 16), 0, 255)) << count << " at " << i;
-        }
-      }
+  on_every_row(8, [](int count, bool at_end, Fill how, std::mt19937& random) {
+    const GuardedCells in(count, at_end, how, random);
+    const Guarded<std::uint8_t> out(static_cast<std::size_t>(count), at_end);
+    std::array<std::int32_t, 3> weights;
+    for (auto& w : weights)
+      w = between(-130000, 130000, random);
+    const std::int32_t offset = between(-40000000, 40000000, random);
+    weigh_components(in.row(), weights, offset, count, out.data());
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const std::int64_t sum = std::int64_t{weights[0]} * in.a[i] + std::int64_t{weights[1]} * in.b[i] +
+                               std::int64_t{weights[2]} * in.c[i] + offset;
+      ASSERT_EQ(out[i], std::clamp(floor_shift(sum, 16), 0, 255)) << count << " at " << i;
+    }
   });
 }
 
 TEST(Kernels, AddDifferencesAndBoxes) {
-  on_every_target([] {
-    std::mt19937 random(9);
-    for (int count = 1; count <= 140; ++count)
-      for (const Fill how : all_fills) {
-        const auto size = static_cast<std::size_t>(count);
-        const bool at_end = count % 2 == 0;
-        const Guarded<std::uint8_t> luma(2 * size, at_end);
-        const Guarded<std::uint16_t> sums(size, at_end);
-        fill(luma, how, random);
-        std::vector<int> before(size);
-        for (std::size_t i = 0; i < size; ++i)
-          sums[i] =
-              static_cast<std::uint16_t>(before[i] = how == Fill::full ? 65535 : between(0, 65535, random));
-        add_differences(luma.data(), count, sums.data());
-        for (std::size_t i = 0; i < size; ++i)
-          ASSERT_EQ(sums[i], (before[i] + std::abs(luma[2 * i] - luma[2 * i + 1])) % 65536)
-              << count << " at " << i;
+  on_every_row(9, [](int count, bool at_end, Fill how, std::mt19937& random) {
+    const auto size = static_cast<std::size_t>(count);
+    const Guarded<std::uint8_t> luma(2 * size, at_end);
+    const Guarded<std::uint16_t> sums(size, at_end);
+    fill(luma, how, random);
+    std::vector<int> before(size);
+    for (std::size_t i = 0; i < size; ++i)
+      sums[i] = static_cast<std::uint16_t>(before[i] = how == Fill::full ? 65535 : between(0, 65535, random));
+    add_differences(luma.data(), count, sums.data());
+    for (std::size_t i = 0; i < size; ++i)
+      ASSERT_EQ(sums[i], (before[i] + std::abs(luma[2 * i] - luma[2 * i + 1])) % 65536)
+          << count << " at " << i;
 
-        const int per_cell = 1 << random() % 3, shift = between(0, 4, random), cells = count / per_cell;
-        if (cells == 0)
-          continue;
-        const Guarded<std::uint16_t> boxes(static_cast<std::size_t>(cells), at_end);
-        for (auto& box : boxes)
-          box = 40000;
-        const std::uint16_t* columns = sums.data() + (count - cells * per_cell);
-        add_boxes(columns, per_cell, shift, cells, boxes.data());
-        for (int i = 0; i < cells; ++i) {
-          int sum = 0;
-          for (int k = 0; k < per_cell; ++k)
-            sum += columns[i * per_cell + k];
-          ASSERT_EQ(boxes[static_cast<std::size_t>(i)], (40000 + (sum << shift)) % 65536)
-              << count << " at " << i;
-        }
-      }
+    const int per_cell = 1 << random() % 3, shift = between(0, 4, random), cells = count / per_cell;
+    if (cells == 0)
+      return;
+    const Guarded<std::uint16_t> boxes(static_cast<std::size_t>(cells), at_end);
+    for (auto& box : boxes)
+      box = 40000;
+    const std::uint16_t* columns = sums.data() + (count - cells * per_cell);
+    add_boxes(columns, per_cell, shift, cells, boxes.data());
+    for (int i = 0; i < cells; ++i) {
+      int sum = 0;
+      for (int k = 0; k < per_cell; ++k)
+        sum += columns[i * per_cell + k];
+      ASSERT_EQ(boxes[static_cast<std::size_t>(i)], (40000 + (sum << shift)) % 65536) << count << " at " << i;
+    }
   });
 }
 
 TEST(Kernels, ColorSteps) {
-  on_every_target([] {
-    std::mt19937 random(10);
-    for (int count = 1; count <= 140; ++count)
-      for (const Fill how : all_fills) {
-        const bool at_end = count % 2 == 0;
-        const GuardedCells a(count, at_end, how, random), b(count, at_end, all_fills[random() % 5], random);
-        const Guarded<std::uint16_t> out(static_cast<std::size_t>(count), at_end);
-        const int gain = count % 3 ? between(1, 4000, random) : (1 << 20) - 1,
-                  limit = count % 5 ? between(0, 2000, random) : 65535;
-        color_steps(a.row(), b.row(), gain, limit, count, out.data());
-        for (std::size_t i = 0; i < out.size(); ++i) {
-          const std::int64_t far = far_apart(a.a[i] - b.a[i], a.b[i] - b.b[i], a.c[i] - b.c[i]);
-          ASSERT_EQ(out[i], std::min<std::int64_t>(far * gain / 256, limit)) << count << " at " << i;
-        }
-      }
+  on_every_row(10, [](int count, bool at_end, Fill how, std::mt19937& random) {
+    const GuardedCells a(count, at_end, how, random), b(count, at_end, all_fills[random() % 5], random);
+    const Guarded<std::uint16_t> out(static_cast<std::size_t>(count), at_end);
+    const int gain = count % 3 ? between(1, 4000, random) : (1 << 20) - 1,
+              limit = count % 5 ? between(0, 2000, random) : 65535;
+    color_steps(a.row(), b.row(), gain, limit, count, out.data());
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const std::int64_t far = far_apart(a.a[i] - b.a[i], a.b[i] - b.b[i], a.c[i] - b.c[i]);
+      ASSERT_EQ(out[i], std::min<std::int64_t>(far * gain / 256, limit)) << count << " at " << i;
+    }
   });
 }
 
 TEST(Kernels, FollowAndSmoothRow) {
-  on_every_target([] {
-    std::mt19937 random(11);
-    for (int count = 1; count <= 140; ++count)
-      for (const Fill how : all_fills) {
-        const auto size = static_cast<std::size_t>(count);
-        const bool at_end = count % 2 == 0;
-        const GuardedCells cells(count, at_end, how, random);
-        const Guarded<std::uint8_t> ignored(size, at_end);
-        const Guarded<std::int8_t> penalty(size, at_end);
-        const Guarded<std::int32_t> ry(size, at_end), ru(size, at_end), rv(size, at_end),
-            smooth(size, at_end);
-        for (std::size_t i = 0; i < size; ++i) {
-          ignored[i] = random() % 4 == 0;
-          // Near the cell, or anywhere.
-          const bool near = random() % 2;
-          ry[i] = near ? 16 * cells.a[i] + between(-99, 99, random) : between(0, 4080, random);
-          ru[i] = near ? 16 * cells.b[i] + between(-99, 99, random) : between(0, 4080, random);
-          rv[i] = near ? 16 * cells.c[i] + between(-99, 99, random) : between(0, 4080, random);
-        }
-        const std::vector<std::int32_t> y(ry.begin(), ry.end()), u(ru.begin(), ru.end()),
-            v(rv.begin(), rv.end());
-        const FollowRule rule{count % 7 ? between(100, 4000, random) : 65535, 28, count % 2 ? 44 : 127, 48};
-        follow_row(cells.row(), ignored.data(), rule, {ry.data(), ru.data(), rv.data()}, count,
-                   penalty.data());
-        for (std::size_t i = 0; i < size; ++i) {
-          const int dy = 16 * cells.a[i] - y[i], du = 16 * cells.b[i] - u[i], dv = 16 * cells.c[i] - v[i];
-          const auto far = static_cast<int>(std::int64_t{far_apart(dy, du, dv)} * rule.gain / 4096);
-          ASSERT_EQ(penalty[i], std::clamp(floor_shift(far - 28, 1), 0, rule.most)) << count << " at " << i;
-          const bool follows = far < 48 && !ignored[i];
-          ASSERT_EQ(ry[i], y[i] + (follows ? floor_shift(dy, 2) : 0)) << count << " at " << i;
-          ASSERT_EQ(ru[i], u[i] + (follows ? floor_shift(du, 2) : 0)) << count << " at " << i;
-          ASSERT_EQ(rv[i], v[i] + (follows ? floor_shift(dv, 2) : 0)) << count << " at " << i;
-        }
-        smooth_row(ry.data(), count, smooth.data());
-        for (int i = 0; i < count; ++i) {
-          const auto at = [&](int k) { return ry[static_cast<std::size_t>(std::clamp(k, 0, count - 1))]; };
-          ASSERT_EQ(smooth[static_cast<std::size_t>(i)], floor_shift(at(i - 1) + 2 * at(i) + at(i + 1), 2))
-              << count << " at " << i;
-        }
-      }
+  on_every_row(11, [](int count, bool at_end, Fill how, std::mt19937& random) {
+    const auto size = static_cast<std::size_t>(count);
+    const GuardedCells cells(count, at_end, how, random);
+    const Guarded<std::uint8_t> ignored(size, at_end);
+    const Guarded<std::int8_t> penalty(size, at_end);
+    const Guarded<std::int32_t> ry(size, at_end), ru(size, at_end), rv(size, at_end), smooth(size, at_end);
+    for (std::size_t i = 0; i < size; ++i) {
+      ignored[i] = random() % 4 == 0;
+      // Near the cell, or anywhere.
+      const bool near = random() % 2;
+      ry[i] = near ? 16 * cells.a[i] + between(-99, 99, random) : between(0, 4080, random);
+      ru[i] = near ? 16 * cells.b[i] + between(-99, 99, random) : between(0, 4080, random);
+      rv[i] = near ? 16 * cells.c[i] + between(-99, 99, random) : between(0, 4080, random);
+    }
+    const std::vector<std::int32_t> y(ry.begin(), ry.end()), u(ru.begin(), ru.end()), v(rv.begin(), rv.end());
+    const FollowRule rule{count % 7 ? between(100, 4000, random) : 65535, 28, count % 2 ? 44 : 127, 48};
+    follow_row(cells.row(), ignored.data(), rule, {ry.data(), ru.data(), rv.data()}, count, penalty.data());
+    for (std::size_t i = 0; i < size; ++i) {
+      const int dy = 16 * cells.a[i] - y[i], du = 16 * cells.b[i] - u[i], dv = 16 * cells.c[i] - v[i];
+      const auto far = static_cast<int>(std::int64_t{far_apart(dy, du, dv)} * rule.gain / 4096);
+      ASSERT_EQ(penalty[i], std::clamp(floor_shift(far - 28, 1), 0, rule.most)) << count << " at " << i;
+      const bool follows = far < 48 && !ignored[i];
+      ASSERT_EQ(ry[i], y[i] + (follows ? floor_shift(dy, 2) : 0)) << count << " at " << i;
+      ASSERT_EQ(ru[i], u[i] + (follows ? floor_shift(du, 2) : 0)) << count << " at " << i;
+      ASSERT_EQ(rv[i], v[i] + (follows ? floor_shift(dv, 2) : 0)) << count << " at " << i;
+    }
+    smooth_row(ry.data(), count, smooth.data());
+    for (int i = 0; i < count; ++i) {
+      const auto at = [&](int k) { return ry[static_cast<std::size_t>(std::clamp(k, 0, count - 1))]; };
+      ASSERT_EQ(smooth[static_cast<std::size_t>(i)], floor_shift(at(i - 1) + 2 * at(i) + at(i + 1), 2))
+          << count << " at " << i;
+    }
   });
 }
 

@@ -3,24 +3,17 @@
 
 #include <gtest/gtest.h>
 
+#include "support/coarse_grids.hpp"
+
 namespace terrainseg {
 namespace {
 
-CoarseGrid grid_of(int width, int height, int luma) {
-  CoarseGrid g;
-  g.width = width;
-  g.height = height;
-  const auto size = static_cast<std::size_t>(width * height);
-  g.y.assign(size, static_cast<std::uint8_t>(luma));
-  g.u = g.v = std::vector<std::uint8_t>(size, 128);
-  g.ignored.assign(size, 0);
-  return g;
-}
+using test::gray_grid;
 
 const std::array<int, 3> gray_100{1600, 2048, 2048};
 
 TEST(LocalReference, TheSameColourCostsNothing) {
-  const CoarseGrid g = grid_of(20, 15, 100);
+  const CoarseGrid g = gray_grid(20, 15, 100);
   std::vector<std::int8_t> penalty;
   LocalReference().climb(g, gray_100, 256, penalty);
   for (const int p : penalty)
@@ -28,7 +21,7 @@ TEST(LocalReference, TheSameColourCostsNothing) {
 }
 
 TEST(LocalReference, FollowsAGentleSlopeAndNotABreak) {
-  CoarseGrid slope = grid_of(20, 30, 100), step = slope;
+  CoarseGrid slope = gray_grid(20, 30, 100), step = slope;
   for (int i = 0; i < 30; ++i)
     for (int j = 0; j < 20; ++j) {
       slope.y[slope.at(i, j)] = static_cast<std::uint8_t>(100 + 4 * (29 - i)); // to 216 at the top
@@ -45,7 +38,7 @@ TEST(LocalReference, FollowsAGentleSlopeAndNotABreak) {
 }
 
 TEST(LocalReference, ColourBreaksCountDouble) {
-  CoarseGrid g = grid_of(20, 10, 100);
+  CoarseGrid g = gray_grid(20, 10, 100);
   for (int j = 0; j < 20; ++j) {
     g.u[g.at(4, j)] = 128 + 25; // 2 * 25 = 50: (50 - 34) / 2
     g.y[g.at(3, j)] = 100 + 50;
@@ -57,7 +50,7 @@ TEST(LocalReference, ColourBreaksCountDouble) {
 }
 
 TEST(LocalReference, TheGainScalesItAndIgnoredCellsDoNotLead) {
-  CoarseGrid g = grid_of(20, 20, 100);
+  CoarseGrid g = gray_grid(20, 20, 100);
   for (int i = 0; i < 10; ++i)
     for (int j = 0; j < 20; ++j)
       g.y[g.at(i, j)] = 130;
@@ -66,7 +59,7 @@ TEST(LocalReference, TheGainScalesItAndIgnoredCellsDoNotLead) {
   LocalReference().climb(g, gray_100, 256, plain);
   EXPECT_GT(dark[g.at(9, 5)], plain[g.at(9, 5)]);
   // A way of many small steps that is ignored does not lead the reference on.
-  CoarseGrid led = grid_of(20, 20, 100);
+  CoarseGrid led = gray_grid(20, 20, 100);
   for (int i = 0; i < 20; ++i)
     for (int j = 0; j < 20; ++j)
       led.y[led.at(i, j)] = static_cast<std::uint8_t>(i < 5 ? 200 : 100 + 7 * (19 - i));
