@@ -54,6 +54,7 @@ bool DefaultPath::window_is_foreign(const Rectangle& window, const Settings& set
 void DefaultPath::learn(const std::vector<Cell>& window, const std::vector<Cell>& kept,
                         const TrainingModels& training, const Settings& settings, Terrain& terrain) {
   training_ = training;
+  taught_q8_ = static_cast<int>(256 * window.size() / grid_.size());
   lessons_.assign(grid_.size(), Lesson::against);
   if (settings.negatives == Negatives::split && boundary_.size() == static_cast<std::size_t>(grid_.width))
     for (int j = 0; j < grid_.width; ++j)
@@ -78,7 +79,7 @@ void DefaultPath::rely_on_memory() {
 
 void DefaultPath::refresh_tables(const Settings& settings, const Terrain& terrain) {
   if (tables_are_old_)
-    evidence_.build(terrain, training_.span(), settings, tables_);
+    evidence_.build(terrain, training_.span(), taught_q8_, settings, tables_);
   tables_are_old_ = false;
 }
 
@@ -204,6 +205,7 @@ void DefaultPath::forget_frames() {
 
 void DefaultPath::forget_terrain() {
   training_.count = 0;
+  taught_q8_ = 0;
   tables_are_old_ = true;
 }
 

@@ -92,6 +92,7 @@ class DefaultPath {
   WindowGuard guard_;
   std::vector<Lesson> lessons_;
   TrainingModels training_; ///< of this frame
+  int taught_q8_ = 0;       ///< share of the picture that the last lesson taught
   Evidence evidence_;
   EvidenceTables tables_;
   bool tables_are_old_ = true;

@@ -37,13 +37,14 @@ void learn_histograms(const CellIndices& cells, const std::vector<Lesson>& lesso
 class Evidence {
  public:
   /// Tables from what is learned and from the frame's own training models, which speak with a fixed share of
-  /// the mass: what has just been learned is terrain, however heavy the memory is. Without negatives
-  /// (Negatives::off) all colours stand against it alike.
-  void build(const Terrain& learned, std::span<const TerrainModel> training, const Settings& settings,
-             EvidenceTables& tables);
+  /// the mass: what has just been learned is terrain, however heavy the memory is. `taught_q8` is the share
+  /// of the picture that the last lesson taught as terrain: the more it is, the less ground is left in the
+  /// rest. Without negatives (Negatives::off) all colours stand against the terrain alike.
+  void build(const Terrain& learned, std::span<const TerrainModel> training, int taught_q8,
+             const Settings& settings, EvidenceTables& tables);
 
  private:
-  void weigh_for(const Terrain& learned, std::span<const TerrainModel> training);
+  void weigh_for(const Terrain& learned, std::span<const TerrainModel> training, int favour);
   void weigh_model(const TerrainModel& model, int log_share);
   void weigh_against(const Terrain& learned, Negatives negatives);
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -77,9 +78,6 @@ TEST(Evidence, IsTheWeightedLogLikelihoodRatio) {
     lessons.push_back(Lesson::against);
   }
   learn_histograms(cells_of(rest), lessons, 5, t);
-  EvidenceTables tables;
-  Evidence().build(t, {}, Settings(), tables);
-
   std::vector<double> blurred(2048, 0);
   double total = 0;
   const auto count = [&](int l, int u, int v) {
@@ -95,17 +93,23 @@ TEST(Evidence, IsTheWeightedLogLikelihoodRatio) {
               w[a + 1] * w[b + 1] * w[c + 1] / 64 * count((i >> 8) + a, (i >> 4 & 15) + b, (i & 15) + c);
     total += blurred[i];
   }
-  for (int i = 0; i < 2048; ++i) {
-    const double d[3] = {(i >> 8) * 32 + 16 - 112.0, (i >> 4 & 15) * 16 + 8 - 128.0,
-                         (i & 15) * 16 + 8 - 128.0};
-    double log2p = 13 + 950 / 256.0; // colours of a bin, and the prior for ground among the rest
-    for (int c = 0; c < 3; ++c) {
-      const double variance = c == 0 ? 300 : 180;
-      log2p -= 0.5 * std::log2(2 * M_PI * variance) + d[c] * d[c] / variance / 2 * M_LOG2E;
+  // The prior for ground among the rest, octaves in Q8: less the more of the picture was taught as terrain.
+  for (const auto& [taught, prior] : {std::pair{0, 950}, {32, 950}, {48, 625}, {64, 300}, {256, 300}}) {
+    EvidenceTables tables;
+    Evidence().build(t, {}, taught, Settings(), tables);
+    for (int i = 0; i < 2048; ++i) {
+      const double d[3] = {(i >> 8) * 32 + 16 - 112.0, (i >> 4 & 15) * 16 + 8 - 128.0,
+                           (i & 15) * 16 + 8 - 128.0};
+      double log2p = 13 + prior / 256.0; // colours of a bin
+      for (int c = 0; c < 3; ++c) {
+        const double variance = c == 0 ? 300 : 180;
+        log2p -= 0.5 * std::log2(2 * M_PI * variance) + d[c] * d[c] / variance / 2 * M_LOG2E;
+      }
+      const double against = std::log2((blurred[i] + total / 10000) / total);
+      const double nats = (std::max(log2p, -3968 / 256.0) - against) * M_LN2;
+      EXPECT_NEAR(tables.color[i], std::clamp(0.384 * 32 * nats, -26.0, 26.0), 1.6)
+          << i << " taught " << taught;
     }
-    const double against = std::log2((blurred[i] + total / 10000) / total);
-    const double nats = (std::max(log2p, -3968 / 256.0) - against) * M_LN2;
-    EXPECT_NEAR(tables.color[i], std::clamp(0.384 * 32 * nats, -26.0, 26.0), 1.6) << i;
   }
 }
 
@@ -114,8 +118,8 @@ TEST(Evidence, TheNearestModelSpeaks) {
   two.models.push_back(two.models[0]);
   two.models[1].mean = {60 << 8, 160 << 8, 90 << 8};
   EvidenceTables a, b;
-  Evidence().build(one, {}, Settings(), a);
-  Evidence().build(two, {}, Settings(), b);
+  Evidence().build(one, {}, 0, Settings(), a);
+  Evidence().build(two, {}, 0, Settings(), b);
   EXPECT_LT(a.color[bin(60, 160, 90)], 0);
   EXPECT_GT(b.color[bin(60, 160, 90)], 0);
   EXPECT_GT(b.color[bin(112, 128, 128)], 0);
@@ -128,8 +132,8 @@ TEST(Evidence, WhatIsInTheWindowNowIsTerrain) {
   now.mean = {60 << 8, 160 << 8, 90 << 8};
   now.mass = 70 << 8;
   EvidenceTables before, after;
-  Evidence().build(memory, {}, Settings(), before);
-  Evidence().build(memory, {&now, 1}, Settings(), after);
+  Evidence().build(memory, {}, 0, Settings(), before);
+  Evidence().build(memory, {&now, 1}, 0, Settings(), after);
   EXPECT_LT(before.color[bin(60, 160, 90)], -20);
   EXPECT_GT(after.color[bin(60, 160, 90)], 20);
   EXPECT_EQ(after.color[bin(112, 128, 128)], before.color[bin(112, 128, 128)]);
@@ -145,13 +149,13 @@ TEST(Evidence, TextureIsForWhatTheWindowShows) {
   }
   learn_histograms(cells_of(cells), lessons, 5, t);
   EvidenceTables tables;
-  Evidence().build(t, {}, Settings(), tables);
+  Evidence().build(t, {}, 0, Settings(), tables);
   EXPECT_GT(tables.texture[4], 60);
   EXPECT_LT(tables.texture[17], -60);
   EXPECT_NEAR(tables.texture[4], -tables.texture[17], 2);
   Settings without;
   without.texture = false;
-  Evidence().build(t, {}, without, tables);
+  Evidence().build(t, {}, 0, without, tables);
   for (const int v : tables.texture)
     EXPECT_EQ(v, 0);
 }
