@@ -243,6 +243,35 @@ TEST_F(EvalSequence, EnginesDoWhatTheySay) {
   EXPECT_EQ(run("masks:" + (folder_.path() / "labels").string()).ground.recall(), 0); // 1 is below 192
 }
 
+TEST_F(EvalSequence, MasksOfAPipelineBringTheirEstimates) {
+  const fs::path all = folder_.path() / "written", own = all / folder_.path().filename();
+  fs::create_directories(own);
+  for (int i = 0; i < 4; ++i) {
+    cv::Mat1b mask(120, 160, std::uint8_t{0});
+    mask.rowRange(50 + i, 120) = 255;
+    cv::imwrite((own / ("000" + std::to_string(i) + ".png")).string(), mask);
+  }
+  const std::string engine = "masks:" + all.string();
+  Figures f = run(engine);
+  EXPECT_EQ(f.ground.error(), 0);
+  EXPECT_FALSE(f.horizon.median); // nobody said
+  const auto write = [&](int lines, const char* last) {
+    std::ofstream file(own / "estimates.ndjson");
+    for (int i = 0; i < lines; ++i)
+      file << R"({"frame": 0, "height": 240, "horizon": {"row": )" << 2 * (50 + i) + 12
+           << R"(, "confidence": 9}, "confidence": 200})" << '\n';
+    file << last;
+  };
+  write(3, R"({"height": 240, "horizon": {"row": null, "confidence": 0}, "confidence": 0})");
+  f = run(engine);
+  EXPECT_NEAR(f.horizon.median.value_or(0), 5, 0.01); // 6 rows of 120
+  EXPECT_EQ(f.horizon_null, 25);
+  write(3, "");
+  EXPECT_THROW(run(engine), std::runtime_error); // a line is missing
+  write(4, "{\"height\": 1}");
+  EXPECT_THROW(run(engine), std::runtime_error);
+}
+
 TEST_F(EvalSequence, WrongNamesAreNamed) {
   for (const char* engine : {"nonsense", "default,texture=maybe", "default,colour=1", "default,caution=99",
                              "rows:x", "reference,texture=false", "default,caution=2x", "masks:/nowhere"})

@@ -15,6 +15,7 @@
 
 #include "reference/reference_engine.hpp"
 #include "terrainseg/segmenter.hpp"
+#include "tools/eval/written_masks.hpp"
 
 namespace terrainseg::eval {
 
@@ -27,7 +28,8 @@ const char* const engine_help =
     "height\n"
     "                                       (without R the best row), the best ramp, the mean of the other "
     "frames' labels\n"
-    "  masks:FOLDER                         masks written by something else, PNG named as the labels\n";
+    "  masks:FOLDER                         masks written by something else, PNG named as the labels, in\n"
+    "                                       FOLDER or, where there is one, in FOLDER/SEQUENCE\n";
 
 namespace {
 
@@ -274,25 +276,6 @@ class MeanMask : public Engine {
   cv::Mat1i balance_;
 };
 
-class Written : public Engine {
- public:
-  Written(std::string folder, const Sequence& sequence) : folder_(std::move(folder)), sequence_(sequence) {}
-  Answer look(const cv::Mat3b& picture, std::size_t index) override {
-    const auto path =
-        std::filesystem::path(folder_) / std::filesystem::path(sequence_.labels[index]).filename();
-    const cv::Mat1b mask = cv::imread(path.string(), cv::IMREAD_GRAYSCALE);
-    if (mask.empty())
-      throw std::runtime_error(path.string() + ": missing or not a picture");
-    Answer answer;
-    cv::resize(mask, answer.mask, picture.size(), 0, 0, cv::INTER_NEAREST);
-    return answer;
-  }
-
- private:
-  std::string folder_;
-  const Sequence& sequence_;
-};
-
 } // namespace
 
 std::unique_ptr<Engine> make_engine(const std::string& text, const Sequence& sequence,
@@ -325,7 +308,7 @@ std::unique_ptr<Engine> make_engine(const std::string& text, const Sequence& seq
       throw std::runtime_error(name + ": not a share of the height");
     }
   if (name.starts_with("masks:"))
-    return std::make_unique<Written>(name.substr(6), sequence);
+    return written_masks(name.substr(6), sequence);
   throw std::runtime_error(text + ": no such engine; there are\n" + engine_help);
 }
 
