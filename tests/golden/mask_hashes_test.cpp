@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Masks are the same bytes on every processor and in every build. One hash a format and preset, over the
-// masks and boundaries of eight generated frames.
+// masks and boundaries of eight generated frames, and one a rendered place: those have what the stages are
+// for.
 //
 // When a change of the pipeline is meant to change masks, write the hashes anew and say so in the commit:
 //   TERRAINSEG_WRITE_GOLDEN=tests/golden/mask_hashes.txt build/tests/golden/mask_hashes_test
@@ -10,9 +11,11 @@
 #include <map>
 #include <sstream>
 #include <string>
+#include <utility>
 
 #include <gtest/gtest.h>
 
+#include "scene/scene.hpp"
 #include "support/frames.hpp"
 #include "terrainseg/segmenter.hpp"
 
@@ -22,6 +25,11 @@ namespace {
 constexpr const char* names[pixel_format_count] = {"I420", "YV12", "NV12", "NV21", "Y42B", "Y444",
                                                    "YUY2", "UYVY", "RGB",  "BGR",  "RGBx", "BGRx",
                                                    "xRGB", "xBGR", "RGBA", "BGRA", "ARGB", "ABGR"};
+
+constexpr std::pair<const char*, scene::Kind> places[] = {{"road", scene::Kind::road},
+                                                          {"trail", scene::Kind::trail},
+                                                          {"corridor", scene::Kind::corridor},
+                                                          {"plain", scene::Kind::plain}};
 
 /// FNV-1a.
 class Hash {
@@ -37,6 +45,16 @@ class Hash {
   std::uint64_t value_ = 0xcbf29ce484222325u;
 };
 
+void add(const Estimate& e, Hash& hash) {
+  for (int y = 0; y < e.mask.height; ++y)
+    for (int x = 0; x < e.mask.width; ++x)
+      hash.add(e.mask.plane.row(y)[x]);
+  for (std::uint16_t row : e.boundary) {
+    hash.add(static_cast<std::uint8_t>(row));
+    hash.add(static_cast<std::uint8_t>(row >> 8));
+  }
+}
+
 std::string hash_of(Preset preset, PixelFormat format) {
   constexpr int width = 323, height = 241; // odd, so that every edge is there
   Segmenter segmenter(Settings::of(preset));
@@ -46,14 +64,21 @@ std::string hash_of(Preset preset, PixelFormat format) {
     frame.frame().pts = i * std::int64_t{66666667};
     if (!segmenter.process(frame.frame()).ok())
       return "refused";
-    const Estimate& e = segmenter.estimate();
-    for (int y = 0; y < height; ++y)
-      for (int x = 0; x < width; ++x)
-        hash.add(e.mask.plane.row(y)[x]);
-    for (std::uint16_t row : e.boundary) {
-      hash.add(static_cast<std::uint8_t>(row));
-      hash.add(static_cast<std::uint8_t>(row >> 8));
-    }
+    add(segmenter.estimate(), hash);
+  }
+  return hash.text();
+}
+
+std::string hash_of(Preset preset, scene::Kind kind) {
+  scene::Renderer renderer({kind, scene::Light::day, scene::Motion::turn, 2}, 480, 270);
+  scene::Picture picture(PixelFormat::I420, 480, 270);
+  Segmenter segmenter(Settings::of(preset));
+  Hash hash;
+  for (std::uint64_t i = 0; i < 6; ++i) {
+    renderer.render(12 * i, picture);
+    if (!segmenter.process(picture.frame()).ok())
+      return "refused";
+    add(segmenter.estimate(), hash);
   }
   return hash.text();
 }
@@ -62,10 +87,13 @@ using Hashes = std::map<std::string, std::string>;
 
 Hashes computed() {
   Hashes hashes;
-  for (Preset preset : {Preset::paper, Preset::standard})
+  for (Preset preset : {Preset::paper, Preset::standard}) {
+    const std::string name = preset == Preset::paper ? "paper " : "default ";
     for (int format = 0; format < pixel_format_count; ++format)
-      hashes[std::string(preset == Preset::paper ? "paper " : "default ") + names[format]] =
-          hash_of(preset, static_cast<PixelFormat>(format));
+      hashes[name + names[format]] = hash_of(preset, static_cast<PixelFormat>(format));
+    for (const auto& [place, kind] : places)
+      hashes[name + place] = hash_of(preset, kind);
+  }
   return hashes;
 }
 
@@ -81,9 +109,9 @@ TEST(MaskHashes, AreThoseOnRecord) {
   std::ifstream in(TERRAINSEG_GOLDEN_FILE);
   ASSERT_TRUE(in) << TERRAINSEG_GOLDEN_FILE;
   Hashes recorded;
-  for (std::string preset, format, hash; in >> preset >> format >> hash;)
-    recorded[preset + ' ' + format] = hash;
-  ASSERT_EQ(recorded.size(), 2u * pixel_format_count);
+  for (std::string preset, what, hash; in >> preset >> what >> hash;)
+    recorded[preset + ' ' + what] = hash;
+  ASSERT_EQ(recorded.size(), now.size());
   for (const auto& [name, hash] : now)
     EXPECT_EQ(hash, recorded[name]) << name;
 }
