@@ -139,6 +139,9 @@ const Row rows[] = {
     {"geodesic", "Geodesic distance",
      "Whether the edges that lie between a place and the window count, which keeps smooth obstacles apart",
      &Settings::geodesic},
+    {"second-look", "Second look",
+     "Whether the boundary is searched twice, the second time with what the first parts in this very frame",
+     &Settings::second_look},
     {"free-space", "Free space",
      "Whether one boundary over the whole picture parts the ground from what stands on it, false = each "
      "pixel by its own colour",

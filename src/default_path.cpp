@@ -137,6 +137,8 @@ void DefaultPath::find_boundary(const Settings& settings, int horizon_limit, Ter
     search_.find(grid_, steps_, average_, prior_, exposure_.gain, before_, settings.ground_behind, boundary_);
     terrain.horizon = follow_horizon(pass == 0 ? 0 : terrain.horizon, boundary_, grid_.height, scratch_);
   }
+  if (settings.second_look && second_look_.revise(grid_, cells_, boundary_, penalty_, average_, revised_))
+    search_.find(grid_, steps_, revised_, prior_, exposure_.gain, before_, settings.ground_behind, boundary_);
   for (std::uint16_t& row : boundary_)
     row = std::max(row, static_cast<std::uint16_t>(std::clamp(horizon_limit, 0, grid_.height)));
   if (settings.ground_behind)

@@ -19,6 +19,7 @@
 #include "indices.hpp"
 #include "local_reference.hpp"
 #include "refinement.hpp"
+#include "second_look.hpp"
 #include "temporal.hpp"
 #include "terrainseg/settings.hpp"
 #include "terrainseg/terrain.hpp"
@@ -100,10 +101,11 @@ class DefaultPath {
   LocalReference local_reference_;
   GeodesicPenalty geodesic_;
   std::vector<std::int8_t> penalty_;
-  std::vector<std::int16_t> score_, average_, prior_;
+  std::vector<std::int16_t> score_, average_, revised_, prior_;
   ScoreAverage averaging_;
   bool continued_ = false;
   BoundarySearch search_;
+  SecondLook second_look_;
   std::vector<std::uint16_t> boundary_, before_, safe_, scratch_;
   GroundBehindSearch behind_search_;
   GroundBehind behind_;

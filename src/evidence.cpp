@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "color_histogram.hpp"
 #include "fixed_log.hpp"
 
 namespace terrainseg {
@@ -53,17 +54,6 @@ void fade(std::vector<std::uint32_t>& histogram, int shift) {
       h >>= 1;
 }
 
-// 1-2-1 over slices of `slice` bins, `count` of them in every block; the ends are repeated.
-void blur(std::span<const std::uint32_t> in, std::span<std::uint32_t> out, int slice, int count) {
-  for (int block = 0; block < color_bins; block += slice * count)
-    for (int k = 0; k < count; ++k) {
-      const std::uint32_t* here = &in[block + k * slice];
-      const std::uint32_t* before = k > 0 ? here - slice : here;
-      const std::uint32_t* after = k + 1 < count ? here + slice : here;
-      for (int i = 0; i < slice; ++i)
-        out[block + k * slice + i] = (before[i] + 2 * here[i] + after[i]) >> 2;
-    }
-}
 // Where an end is repeated a sum holds three times the histogram at most.
 static_assert(3 * (histogram_limit + (std::uint64_t{1} << 27)) < (std::uint64_t{1} << 32));
 
@@ -154,9 +144,7 @@ void Evidence::weigh_against(const Terrain& learned, Negatives negatives) {
     negative_.fill(-log2_q8(color_bins));
     return;
   }
-  blur(learned.negative_colors, blurred_, chroma_bins * chroma_bins, luma_bins);
-  blur(blurred_, half_blurred_, chroma_bins, chroma_bins);
-  blur(half_blurred_, blurred_, 1, chroma_bins);
+  blur_colors(learned.negative_colors, half_blurred_, blurred_);
   const std::uint64_t total = std::max<std::uint64_t>(total_of(blurred_), 1), floor = total / negative_floor;
   const int log_total = log2_q8(total);
   for (int i = 0; i < color_bins; ++i)

@@ -17,7 +17,7 @@ Settings Settings::of(Preset preset) {
   settings.threshold_q8 = 768;
   settings.horizon = HorizonMode::paper;
   settings.texture = settings.exposure = settings.row_prior = false;
-  settings.local_reference = settings.geodesic = false;
+  settings.local_reference = settings.geodesic = settings.second_look = false;
   settings.free_space = settings.ground_behind = settings.refine = false;
   settings.negatives = Negatives::off;
   settings.temporal = Temporal::off;

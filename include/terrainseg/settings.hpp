@@ -57,6 +57,7 @@ struct Settings {
   bool row_prior = true;
   bool local_reference = true;
   bool geodesic = true;
+  bool second_look = true;
   bool free_space = true;
   bool ground_behind = true;
   bool refine = true;

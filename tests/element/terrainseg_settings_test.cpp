@@ -60,6 +60,7 @@ const Column columns[] = {
     {"row-prior", "true", "false"},
     {"local-reference", "true", "false"},
     {"geodesic", "true", "false"},
+    {"second-look", "true", "false"},
     {"free-space", "true", "false"},
     {"ground-behind", "true", "false"},
     {"refine", "true", "false"},

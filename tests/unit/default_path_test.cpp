@@ -15,7 +15,7 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-const scene::Settings trail{scene::Kind::trail, scene::Light::day, scene::Motion::straight, 4};
+const scene::Settings trail{scene::Kind::trail, scene::Light::day, scene::Motion::straight, 7};
 
 /// Some frames of one drive, rendered once.
 const std::vector<scene::Picture>& drive() {
@@ -118,6 +118,7 @@ TEST(DefaultPath, EveryStageCanBeSwitchedOffAndMatters) {
       {"row-prior", [](Settings& s) { s.row_prior = false; }},
       {"local-reference", [](Settings& s) { s.local_reference = false; }},
       {"geodesic", [](Settings& s) { s.geodesic = false; }},
+      {"second-look", [](Settings& s) { s.second_look = false; }},
       {"ground-behind", [](Settings& s) { s.ground_behind = false; }},
       {"refine", [](Settings& s) { s.refine = false; }},
       {"free-space", [](Settings& s) { s.free_space = false; }},

@@ -61,12 +61,17 @@ void apply(Settings& settings, const std::string& assignment) {
   const std::size_t mark = assignment.find('=');
   const std::string name = assignment.substr(0, mark),
                     value = mark == std::string::npos ? "" : assignment.substr(mark + 1);
-  const std::map<std::string, bool Settings::*> switches{
-      {"texture", &Settings::texture},       {"exposure", &Settings::exposure},
-      {"row-prior", &Settings::row_prior},   {"local-reference", &Settings::local_reference},
-      {"geodesic", &Settings::geodesic},     {"ground-behind", &Settings::ground_behind},
-      {"free-space", &Settings::free_space}, {"refine", &Settings::refine},
-      {"learning", &Settings::learning},     {"near-clear", &Settings::near_clear}};
+  const std::map<std::string, bool Settings::*> switches{{"texture", &Settings::texture},
+                                                         {"exposure", &Settings::exposure},
+                                                         {"row-prior", &Settings::row_prior},
+                                                         {"local-reference", &Settings::local_reference},
+                                                         {"geodesic", &Settings::geodesic},
+                                                         {"second-look", &Settings::second_look},
+                                                         {"ground-behind", &Settings::ground_behind},
+                                                         {"free-space", &Settings::free_space},
+                                                         {"refine", &Settings::refine},
+                                                         {"learning", &Settings::learning},
+                                                         {"near-clear", &Settings::near_clear}};
   const std::map<std::string, int Settings::*> numbers{{"window-width", &Settings::window_width},
                                                        {"window-height", &Settings::window_height},
                                                        {"window-bottom", &Settings::window_bottom},

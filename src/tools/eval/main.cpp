@@ -63,9 +63,10 @@ struct Options {
 const std::string caution_mark = "default,caution=";
 
 const std::vector<std::string> stages_removed{
-    "texture=false",       "exposure=false",   "row-prior=false",   "local-reference=false", "geodesic=false",
-    "ground-behind=false", "refine=false",     "doubtful=-96",      "negatives=off",         "temporal=off",
-    "free-space=false",    "learned-models=2", "training-models=3", "forget-shift=0"};
+    "texture=false",    "exposure=false",    "row-prior=false",     "local-reference=false",
+    "geodesic=false",   "second-look=false", "ground-behind=false", "refine=false",
+    "doubtful=-96",     "negatives=off",     "temporal=off",        "free-space=false",
+    "learned-models=2", "training-models=3", "forget-shift=0"};
 
 class UsageError : public std::runtime_error {
  public:
