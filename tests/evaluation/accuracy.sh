@@ -47,8 +47,13 @@ for sequence in "${sequences[@]}"; do write_masks "$sequence"; done
 
 "$build/src/tools/terrainseg-eval" --engine default --engine "masks:$out/masks" --baselines --ablation --caution-sweep --perturb all \
   --json "$out/accuracy.json" --markdown "$out/accuracy.md" --pictures "$out/pictures" "${sequences[@]}"
+rendered=()
+for kind in road trail corridor plain; do
+  for light in day dusk; do rendered+=("scene:$kind:$light"); done
+done
+"$build/src/tools/terrainseg-eval" --baselines --markdown "$out/rendered.md" "${rendered[@]}"
 sed -i "s,masks:$out/masks,default through a pipeline," "$out/accuracy.md"
-python3 "$top/tests/evaluation/fill_report.py" "$top/docs/accuracy.in.md" "$out/accuracy.md" "$top/docs/accuracy.md"
+python3 "$top/tests/evaluation/fill_report.py" "$top/docs/accuracy.in.md" "$top/docs/accuracy.md" "$out/accuracy.md" "$out/rendered.md"
 
 # Pictures of the off-road set only: its licence (CC BY 4.0) allows it.
 mkdir -p "$top/docs/pictures"

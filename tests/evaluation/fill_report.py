@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """Puts the tables that terrainseg-eval measured into the text of a report.
 
-usage: fill_report.py TEXT TABLES REPORT
+usage: fill_report.py TEXT REPORT TABLES [TABLES...]
 
-A line `<!-- insert NAME -->` of TEXT is followed by the section NAME of TABLES; `@COMMIT@`, `@PROCESSOR@` and `@COMPILER@` are
+A line `<!-- insert NAME -->` of TEXT becomes the section NAME of the first TABLES, `FILE/NAME` that of FILE.md among the others; `@COMMIT@`, `@PROCESSOR@` and `@COMPILER@` are
 replaced by what was measured with.
 """
 import pathlib
@@ -34,17 +34,19 @@ def run(*command):
 
 
 def main():
-    if len(sys.argv) != 4:
+    if len(sys.argv) < 4:
         sys.exit(__doc__)
-    text, tables, report = map(pathlib.Path, sys.argv[1:])
-    found = sections(tables.read_text())
+    text, report, *tables = map(pathlib.Path, sys.argv[1:])
+    found = sections(tables[0].read_text())
+    for more in tables[1:]:
+        found |= {f'{more.stem}/{name}': body for name, body in sections(more.read_text()).items()}
     out = ['<!-- Written by tests/evaluation/accuracy.sh from accuracy.in.md: change that one. -->']
     for line in text.read_text().splitlines():
         out.append(line)
         wanted = re.fullmatch(r'<!-- insert (\S+) -->', line)
         if wanted:
             if wanted[1] not in found:
-                sys.exit(f'fill_report: {tables} has no section {wanted[1]}')
+                sys.exit(f'fill_report: no section {wanted[1]} in {", ".join(map(str, tables))}')
             out[-1] = found[wanted[1]]
     whole = '\n'.join(out) + '\n'
     whole = whole.replace('@COMMIT@', run('git', '-C', str(text.parent), 'rev-parse', '--short', 'HEAD'))

@@ -29,6 +29,7 @@ ground_behind: free_below follow_below most margin least_sum
 indices: noise_floor brightness_slope bins_per_octave
 local_reference: follow_below free_below most
 row_prior: strongest middle middle_per_row
+second_look: color_weight texture_weight limit limit_per_penalty upper_end
 window_guard: patience
 '''
 

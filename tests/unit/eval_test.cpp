@@ -272,6 +272,22 @@ TEST_F(EvalSequence, MasksOfAPipelineBringTheirEstimates) {
   EXPECT_THROW(run(engine), std::runtime_error);
 }
 
+TEST(Rendered, SequencesNeedNoFolder) {
+  const Sequence s = open_sequence("scene:trail:dusk:7", 25);
+  EXPECT_EQ(s.name, "trail dusk");
+  ASSERT_EQ(s.size(), 25u);
+  EXPECT_NEAR(s.fps, 10 / 3.0, 1e-9);
+  const Sample first = s.read(0), other_place = s.read(20);
+  ASSERT_EQ(first.picture.size(), first.labels.size());
+  EXPECT_GT(cv::countNonZero(first.labels == label_terrain), 1000);
+  EXPECT_GT(cv::norm(first.picture, other_place.picture, cv::NORM_L1), 0);
+  EXPECT_EQ(cv::norm(first.picture, s.read(0).picture, cv::NORM_L1), 0);
+  EXPECT_EQ(open_sequence("scene:road:day", 0).size(), 120u);
+  for (const char* wrong : {"scene:", "scene:road", "scene:road:noon", "scene:wood:day", "scene:road:day:x",
+                            "scene:road:day:1:2"})
+    EXPECT_THROW(open_sequence(wrong, 0), std::runtime_error) << wrong;
+}
+
 TEST_F(EvalSequence, WrongNamesAreNamed) {
   for (const char* engine : {"nonsense", "default,texture=maybe", "default,colour=1", "default,caution=99",
                              "rows:x", "reference,texture=false", "default,caution=2x", "masks:/nowhere"})

@@ -34,8 +34,11 @@ void print_usage(std::ostream& out) {
          "       terrainseg-eval paper|figures [--help]      the paper's experiments\n\n"
          "A SEQUENCE is a folder with frames/NNNN.{png,jpg}, labels/NNNN.png (0 obstacle, 1 terrain driven "
          "on, 2 other\n"
-         "ground, 3 sky, 255 not labelled) and sequence.json (fps, window_bottom). docs/accuracy.md explains "
-         "the figures.\n\n"
+         "ground, 3 sky, 255 not labelled) and sequence.json (fps, window_bottom); or rendered, without any "
+         "data:\n"
+         "scene:KIND:LIGHT[:SEED], KIND road, trail, corridor or plain, LIGHT day, dusk or drift, twelve "
+         "places each.\n"
+         "docs/accuracy.md explains the figures.\n\n"
          "  --engine NAME      what is measured, more than once if wished (default: default)\n"
       << engine_help
       << "  --ablation         adds the default with each stage removed\n"

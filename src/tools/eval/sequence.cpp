@@ -9,6 +9,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "tools/eval/rendered.hpp"
+
 namespace terrainseg::eval {
 namespace fs = std::filesystem;
 namespace {
@@ -29,6 +31,8 @@ std::map<std::string, std::string> pictures_in(const fs::path& folder) {
 } // namespace
 
 Sequence open_sequence(const std::string& folder, int limit) {
+  if (is_rendered(folder))
+    return rendered_sequence(folder, limit);
   Sequence s;
   s.folder = folder;
   s.name = fs::path(folder).lexically_normal().filename().string();
@@ -63,6 +67,8 @@ Sequence open_sequence(const std::string& folder, int limit) {
 }
 
 Sample Sequence::read(std::size_t index) const {
+  if (source)
+    return source(index);
   Sample sample;
   sample.picture = cv::imread(frames[index], cv::IMREAD_COLOR);
   if (sample.picture.empty())

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Labelled sequences on disk: frames/NNNN.{png,jpg}, labels/NNNN.png, sequence.json.
+// Labelled sequences: on disk frames/NNNN.{png,jpg}, labels/NNNN.png, sequence.json; or rendered ones.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -22,13 +23,14 @@ struct Sequence {
   double fps = 0;        ///< frames per second; 0 = unknown
   int window_bottom = 0; ///< rows of the frame to lift the training window by
   std::vector<std::string> frames, labels;
+  std::function<Sample(std::size_t)> source; ///< of a rendered sequence; none = the files
   std::size_t size() const { return frames.size(); }
   /// Reads one frame with its labels. Throws std::runtime_error that names the file.
   Sample read(std::size_t index) const;
 };
 
-/// Lists a folder. Throws std::runtime_error that names what is missing. `limit` > 0 takes the first frames
-/// only.
+/// Lists a folder, or describes what rendered_sequence() knows. Throws std::runtime_error that names what is
+/// missing. `limit` > 0 takes the first frames only.
 Sequence open_sequence(const std::string& folder, int limit);
 
 } // namespace terrainseg::eval
