@@ -49,6 +49,18 @@ std::ptrdiff_t rows_ahead(std::ptrdiff_t stride) {
   return (bytes_ahead + row - 1) / row * stride;
 }
 
+// Columns first..end-1. Compilers make vectors of it; x86 compares signed bytes only.
+void write_plain(const std::uint8_t* __restrict boundary, const std::uint8_t* __restrict safe, int row,
+                 int first, int end, std::uint8_t* __restrict out) {
+  const auto ordered = [](int byte) { return static_cast<std::int8_t>(byte ^ 128); };
+  const std::int8_t here = ordered(row);
+  for (int x = first; x < end; ++x) {
+    const std::uint8_t below = here >= ordered(boundary[x]) ? 128 : 0;
+    const std::uint8_t beyond = here >= ordered(safe[x]) ? 255 : 0;
+    out[x] = below | beyond;
+  }
+}
+
 void write_row(const std::uint8_t* boundary, const std::uint8_t* safe, int row, int width,
                [[maybe_unused]] std::ptrdiff_t ahead, std::uint8_t* out) {
   int x = 0;
@@ -71,8 +83,7 @@ void write_row(const std::uint8_t* boundary, const std::uint8_t* safe, int row, 
     }
   }
 #endif
-  for (; x < width; ++x)
-    out[x] = row >= safe[x] ? 255 : row >= boundary[x] ? 128 : 0;
+  write_plain(boundary, safe, row, x, width, out);
 }
 
 void fill_row(std::uint8_t* row, int width, std::uint8_t value, [[maybe_unused]] std::ptrdiff_t ahead) {
