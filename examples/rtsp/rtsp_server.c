@@ -23,12 +23,27 @@ static GstPadProbeReturn count(GstPad* pad, GstPadProbeInfo* info, gpointer coun
   return GST_PAD_PROBE_OK;
 }
 
-static void count_at(GstElement* media, const gchar* payloader, gint* counter) {
-  GstElement* element = gst_bin_get_by_name(GST_BIN(media), payloader);
-  GstPad* pad = gst_element_get_static_pad(element, "sink");
+/* The end of a stream becomes an RTCP goodbye, on another UDP port than the packets: on a busy receiver it
+ * overtakes the last frame, which is thrown away then. */
+#define LINGER_US 300000
 
-  gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, count, counter, NULL);
-  gst_object_unref(pad);
+static GstPadProbeReturn linger(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+  (void)pad;
+  (void)data;
+  if (GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) == GST_EVENT_EOS)
+    g_usleep(LINGER_US);
+  return GST_PAD_PROBE_OK;
+}
+
+static void watch(GstElement* media, const gchar* payloader, gint* counter) {
+  GstElement* element = gst_bin_get_by_name(GST_BIN(media), payloader);
+  GstPad* in = gst_element_get_static_pad(element, "sink");
+  GstPad* out = gst_element_get_static_pad(element, "src");
+
+  gst_pad_add_probe(in, GST_PAD_PROBE_TYPE_BUFFER, count, counter, NULL);
+  gst_pad_add_probe(out, GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, linger, NULL, NULL);
+  gst_object_unref(in);
+  gst_object_unref(out);
   gst_object_unref(element);
 }
 
@@ -47,8 +62,8 @@ static void on_media(GstRTSPMediaFactory* factory, GstRTSPMedia* media, gpointer
   (void)factory;
   g_atomic_int_set(&server->frames, 0);
   g_atomic_int_set(&server->units, 0);
-  count_at(element, "pay0", &server->frames);
-  count_at(element, "pay1", &server->units);
+  watch(element, "pay0", &server->frames);
+  watch(element, "pay1", &server->units);
   g_signal_connect(media, "unprepared", G_CALLBACK(on_unprepared), server);
   gst_object_unref(element);
 }
