@@ -19,7 +19,8 @@ constexpr std::uint32_t color_floor = one, color_floors = 50;
 constexpr std::uint32_t texture_floor = 2 * one;
 /// Q4 of the score per octave: a quarter of the ratio of colours, an eighth of that of textures.
 constexpr int color_weight = 89, texture_weight = 44;
-/// Q4, three eighths of a nat: flat from 10 to 20 thirty-seconds. What the frame shows here may correct, not overrule.
+/// Q4, three eighths of a nat: flat from 10 to 20 thirty-seconds. What the frame shows here may correct, not
+/// overrule.
 constexpr int limit = 192;
 /// Of the limit, Q4 per unit of the penalty: two units each.
 constexpr int limit_per_penalty = 32;
