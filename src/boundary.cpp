@@ -48,16 +48,20 @@ constexpr auto step_prices = table_of([](int step) {
 
 } // namespace
 
-void BoundarySearch::find(const CoarseGrid& grid, const ColorSteps& steps,
-                          const std::vector<std::int16_t>& score, const std::vector<std::int16_t>& prior,
-                          int gain_q8, const std::vector<std::uint16_t>& before, bool ground_behind,
+void BoundarySearch::look(const CoarseGrid& grid, const ColorSteps& steps, int gain_q8,
+                          const std::vector<std::uint16_t>& before) {
+  weigh_edges(grid, steps, gain_q8, before);
+  price_steps(grid, steps);
+}
+
+void BoundarySearch::find(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+                          const std::vector<std::int16_t>& prior, bool ground_behind,
                           std::vector<std::uint16_t>& boundary) {
   const int rows = grid.height + 1;
   const auto column_of = [rows](auto& table, int j) { return &table[static_cast<std::size_t>(j) * rows]; };
-  weigh_columns(grid, steps, score, prior, gain_q8, before);
+  weigh_columns(grid, score, prior);
   if (ground_behind)
     add_ground_behind(grid, score, prior);
-  price_steps(grid, steps);
   best_.assign(utility_.begin(), utility_.begin() + rows);
   came_from_.resize(utility_.size());
   for (int j = 1; j < grid.width; ++j) {
@@ -94,33 +98,12 @@ void BoundarySearch::find(const CoarseGrid& grid, const ColorSteps& steps,
   }
 }
 
-void BoundarySearch::weigh_columns(const CoarseGrid& grid, const ColorSteps& steps,
-                                   const std::vector<std::int16_t>& score,
-                                   const std::vector<std::int16_t>& prior, int gain_q8,
-                                   const std::vector<std::uint16_t>& before) {
-  const int rows = grid.height + 1;
-  const auto width = static_cast<std::size_t>(grid.width);
-  utility_.resize(width * static_cast<std::size_t>(rows));
-  sums_.assign(width, 0);
-  const auto weight = [&](int row, std::size_t j) {
-    return score[grid.at(row, 0) + j] + 16 * prior[static_cast<std::size_t>(row)];
-  };
-  for (int i = 0; i < grid.height; ++i)
-    for (std::size_t j = 0; j < width; ++j)
-      sums_[j] += weight(i, j);
-  const auto utility_at = [&](std::size_t j, int r) -> std::int32_t& {
-    return utility_[j * static_cast<std::size_t>(rows) + static_cast<std::size_t>(r)];
-  };
-  for (std::size_t j = 0; j < width; ++j)
-    utility_at(j, 0) = sums_[j];
-  for (int r = 1; r < rows; ++r) {
-    for (std::size_t j = 0; j < width; ++j)
-      sums_[j] -= 2 * weight(r - 1, j);
-    if (r == grid.height) {
-      for (std::size_t j = 0; j < width; ++j)
-        utility_at(j, r) = sums_[j];
-      break;
-    }
+// What the picture and the last frame say of a curve at each row.
+void BoundarySearch::weigh_edges(const CoarseGrid& grid, const ColorSteps& steps, int gain_q8,
+                                 const std::vector<std::uint16_t>& before) {
+  const auto width = static_cast<std::size_t>(grid.width), rows = static_cast<std::size_t>(grid.height) + 1;
+  edges_.assign(width * rows, 0);
+  for (int r = 1; r < grid.height; ++r) {
     // The break between the row above the curve and the row below it.
     const std::size_t above = grid.at(r - 1, 0), below = grid.at(r, 0);
     for (std::size_t j = 0; j < width; ++j) {
@@ -129,13 +112,36 @@ void BoundarySearch::weigh_columns(const CoarseGrid& grid, const ColorSteps& ste
       const int edge =
           edge_worth[steps.down[above + j]] + 16 * std::clamp(shadow_per_grey * darker, 0, shadow_limit);
       const bool seen = (grid.ignored[above + j] | grid.ignored[below + j]) == 0;
-      utility_at(j, r) = sums_[j] + (seen ? edge : 0);
+      edges_[j * rows + static_cast<std::size_t>(r)] = seen ? edge : 0;
     }
   }
   if (!before.empty())
     for (std::size_t j = 0; j < width; ++j)
-      for (int r = 0; r < rows; ++r)
-        utility_at(j, r) -= 16 * leave_price * std::min(std::abs(r - before[j]), leave_rows);
+      for (std::size_t r = 0; r < rows; ++r)
+        edges_[j * rows + r] -=
+            16 * leave_price * std::min(std::abs(static_cast<int>(r) - before[j]), leave_rows);
+}
+
+// The sum of what lies below a curve at each row, less what lies above, and its edges.
+void BoundarySearch::weigh_columns(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+                                   const std::vector<std::int16_t>& prior) {
+  const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height),
+             rows = height + 1;
+  utility_.resize(width * rows);
+  sums_.assign(width, 0);
+  const auto weight = [&](std::size_t row, std::size_t j) {
+    return score[row * width + j] + 16 * prior[row];
+  };
+  for (std::size_t i = 0; i < height; ++i)
+    for (std::size_t j = 0; j < width; ++j)
+      sums_[j] += weight(i, j);
+  for (std::size_t r = 0; r < rows; ++r) {
+    if (r > 0)
+      for (std::size_t j = 0; j < width; ++j)
+        sums_[j] -= 2 * weight(r - 1, j);
+    for (std::size_t j = 0; j < width; ++j)
+      utility_[j * rows + r] = sums_[j] + edges_[j * rows + r];
+  }
 }
 
 // What the best stretch of ground above the row over the curve turns from minus to plus, less its price.

@@ -11,26 +11,32 @@ namespace terrainseg {
 
 class BoundarySearch {
  public:
+  /// Takes in a frame's picture for the searches that follow: its colour steps, the exposure's gain, and the
+  /// rows `before` of the last frame's curve (empty = none).
+  void look(const CoarseGrid& grid, const ColorSteps& steps, int gain_q8,
+            const std::vector<std::uint16_t>& before);
+
   /// `score` is Q4 (16 * 32 = 1 nat) per cell, positive for ground; `prior` (32 = 1 nat) per row. Row r of a
   /// column means: cells r and below are ground; 0 = all of it, grid.height = none. Maximises, over all
   /// curves, the sum of (score + prior) below minus above plus the colour edge at the curve, less a price for
   /// every row that neighbours differ by (cheap where the picture has an upright edge there) and for leaving
-  /// the rows `before` (the last frame's curve; empty = none). With `ground_behind` a column may hold one
+  /// the last frame's rows. With `ground_behind` a column may hold one
   /// more stretch of ground above the curve, an obstacle's height away from it, for a price. Exact, by
   /// dynamic programming over the columns.
-  void find(const CoarseGrid& grid, const ColorSteps& steps, const std::vector<std::int16_t>& score,
-            const std::vector<std::int16_t>& prior, int gain_q8, const std::vector<std::uint16_t>& before,
-            bool ground_behind, std::vector<std::uint16_t>& boundary);
+  void find(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+            const std::vector<std::int16_t>& prior, bool ground_behind, std::vector<std::uint16_t>& boundary);
 
  private:
-  void weigh_columns(const CoarseGrid& grid, const ColorSteps& steps, const std::vector<std::int16_t>& score,
-                     const std::vector<std::int16_t>& prior, int gain_q8,
-                     const std::vector<std::uint16_t>& before);
+  void weigh_edges(const CoarseGrid& grid, const ColorSteps& steps, int gain_q8,
+                   const std::vector<std::uint16_t>& before);
+  void weigh_columns(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
+                     const std::vector<std::int16_t>& prior);
   void add_ground_behind(const CoarseGrid& grid, const std::vector<std::int16_t>& score,
                          const std::vector<std::int16_t>& prior);
   void price_steps(const CoarseGrid& grid, const ColorSteps& steps);
 
   std::vector<std::int32_t> utility_; ///< columns x (rows + 1), Q4
+  std::vector<std::int32_t> edges_;   ///< likewise, of a frame's picture
   std::vector<std::int32_t> best_;    ///< of all curves that end here
   std::vector<std::int32_t> sums_;    ///< of a row's columns: what is below minus what is above
   std::vector<std::int32_t> stretch_; ///< of a row's columns: the stretch of ground that ends here ...

@@ -131,14 +131,15 @@ void DefaultPath::find_boundary(const Settings& settings, int horizon_limit, Ter
   before_.clear();
   if (continued_)
     before_.swap(boundary_);
+  search_.look(grid_, steps_, exposure_.gain, before_);
   // The first frame knows no horizon: it is searched twice, the second time with its own.
   for (int pass = terrain.horizon == 0 ? 0 : 1; pass < 2; ++pass) {
     row_prior(grid_.height, terrain.horizon, settings.row_prior, settings.caution, prior_);
-    search_.find(grid_, steps_, average_, prior_, exposure_.gain, before_, settings.ground_behind, boundary_);
+    search_.find(grid_, average_, prior_, settings.ground_behind, boundary_);
     terrain.horizon = follow_horizon(pass == 0 ? 0 : terrain.horizon, boundary_, grid_.height, scratch_);
   }
   if (settings.second_look && second_look_.revise(grid_, cells_, boundary_, penalty_, average_, revised_))
-    search_.find(grid_, steps_, revised_, prior_, exposure_.gain, before_, settings.ground_behind, boundary_);
+    search_.find(grid_, revised_, prior_, settings.ground_behind, boundary_);
   for (std::uint16_t& row : boundary_)
     row = std::max(row, static_cast<std::uint16_t>(std::clamp(horizon_limit, 0, grid_.height)));
   if (settings.ground_behind)

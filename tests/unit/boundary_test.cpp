@@ -68,7 +68,9 @@ double worth(const CoarseGrid& g, const std::vector<std::int16_t>& score,
 
 void find(const CoarseGrid& g, const std::vector<std::int16_t>& score, const std::vector<std::int16_t>& prior,
           int gain, const Curve& before, bool behind, Curve& found) {
-  BoundarySearch().find(g, test::color_steps_of(g, gain), score, prior, gain, before, behind, found);
+  BoundarySearch search;
+  search.look(g, test::color_steps_of(g, gain), gain, before);
+  search.find(g, score, prior, behind, found);
 }
 
 TEST(Boundary, NoCurveIsBetter) {
