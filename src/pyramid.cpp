@@ -22,10 +22,10 @@ constexpr std::ptrdiff_t row_alignment = 64;
 // instead of 0.73, where reading alone takes 0.27.
 constexpr int rows_ahead = 2;
 // Threads share the frame in bands down to the finest level that keeps all components; what is coarser is a
-// sixteenth of a sixteenth and made by one. A band overlaps its neighbours by two rows of every level: one of
-// fewer rows would spend more on that than a thread gives back.
+// sixteenth of a sixteenth and shared out by components. A band overlaps its neighbours by two rows of every
+// level, down to level 4 by 45 rows of the frame: one of fewer rows would spend more on that than a thread
+// gives back. Hence one band a thread, too: two threads at 4K take 0.70 ms so, 0.74 with two bands each.
 constexpr int least_band_rows = 16;
-constexpr int bands_per_thread = 2;
 
 std::ptrdiff_t aligned(std::ptrdiff_t bytes) {
   return (bytes + row_alignment - 1) / row_alignment * row_alignment;
@@ -160,8 +160,9 @@ struct Pyramid::State {
   Shape shape;
   Routes routes;
   int split = 0; ///< level down to which bands work
-  Routes tail_routes;
-  Band tail; ///< from there to the coarsest level
+  int tails = 0; ///< components that go on from there to the coarsest level
+  std::array<Routes, 3> tail_routes;
+  std::array<Band, 3> tail;
   std::array<std::array<RowMemory, 3>, level_count> memory;
   std::array<std::array<MutablePlane, 3>, level_count> planes;
   std::array<Plane, 3> own_planes; ///< level 0 of planar components
@@ -225,21 +226,22 @@ void Pyramid::State::adopt(const Shape& wanted) {
     band.memory.allocate();
     lay_out(band, i);
   }
-  tail_routes.count = split < shape.plan.coarsest ? 3 : 0;
-  tail.memory.clear();
-  for (const bool counted : {false, true}) {
-    if (counted)
-      tail.memory.allocate();
-    for (int c = 0; c < tail_routes.count; ++c) {
-      Route& route = tail_routes.route[c];
-      route = {};
-      route.components = 1;
-      route.component[0] = c;
-      route.interleave = Interleave::one;
-      route.source_level = split;
-      route.from_kept = true;
-      lay_out(tail, route, tail.course[c], shape.plan.coarsest, 0);
-    }
+  tails = split < shape.plan.coarsest ? 3 : 0;
+  for (int c = 0; c < tails; ++c) {
+    Routes& routes_of_tail = tail_routes[c];
+    routes_of_tail.count = 1;
+    Route& route = routes_of_tail.route[0];
+    route = {};
+    route.components = 1;
+    route.component[0] = c;
+    route.interleave = Interleave::one;
+    route.source_level = split;
+    route.from_kept = true;
+    Band& band = tail[c];
+    band.memory.clear();
+    lay_out(band, route, band.course[0], plan.coarsest, 0);
+    band.memory.allocate();
+    lay_out(band, route, band.course[0], plan.coarsest, 0);
   }
 }
 
@@ -249,7 +251,10 @@ Rows Pyramid::State::own_rows(int level, int index) const {
   if (level > split)
     return {0, height(level)};
   const int coarse = height(split), shift = split - level;
-  const auto cut = [&](int i) { return std::min(height(level), (coarse * i / shape.bands) << shift); };
+  // The first band has the least overlap: it gets the row that is left over.
+  const auto cut = [&](int i) {
+    return std::min(height(level), (coarse * i + shape.bands - 1) / shape.bands << shift);
+  };
   return {cut(index), index + 1 == shape.bands ? height(level) : cut(index + 1)};
 }
 
@@ -454,7 +459,7 @@ void Pyramid::build(const Frame& frame, const PyramidPlan& plan, Workers* worker
   const int threads = workers ? workers->count() : 1;
   const int shared_level = std::min(plan.coarsest, std::max(plan.finest_color, 1));
   const int most = std::max(1, subsampled(frame.height, shared_level) / least_band_rows);
-  const int bands = threads == 1 ? 1 : std::min(bands_per_thread * threads, most);
+  const int bands = std::min(threads, most);
   s.adopt({frame.format, frame.width, frame.height, plan, bands});
   s.frame = frame;
   for (int c = 0; c < 3; ++c)
@@ -463,7 +468,8 @@ void Pyramid::build(const Frame& frame, const PyramidPlan& plan, Workers* worker
     s.run_band(0);
   else
     workers->run(bands, [&s](int i) { s.run_band(i); });
-  s.run(s.tail, s.tail_routes);
+  if (s.tails > 0)
+    workers->run(s.tails, [&s](int c) { s.run(s.tail[c], s.tail_routes[c]); });
 }
 
 int Pyramid::width(int level) const {
