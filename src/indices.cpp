@@ -40,18 +40,30 @@ void index_cells(const CoarseGrid& grid, const std::vector<std::uint16_t>& textu
   out.v.resize(grid.size());
   out.color.resize(grid.size());
   out.texture.resize(grid.size());
+  // Bytes may alias anything, also where the vectors' memory lies: without pointers of its own the loop would
+  // look that up for every cell.
+  const std::uint8_t *const grid_y = grid.y.data(), *const grid_u = grid.u.data(),
+                            *const grid_v = grid.v.data();
+  std::uint8_t* __restrict luma = out.luma.data();
+  std::uint8_t* __restrict out_u = out.u.data();
+  std::uint8_t* __restrict out_v = out.v.data();
+  std::uint16_t* __restrict color = out.color.data();
   for (std::size_t i = 0; i < grid.size(); ++i) {
-    const int y = exposure.luma[grid.y[i]], gain = exposure.chroma_gain[grid.y[i]];
-    const std::uint8_t u = normalised_chroma(grid.u[i], gain), v = normalised_chroma(grid.v[i], gain);
-    out.luma[i] = static_cast<std::uint8_t>(y);
-    out.u[i] = u;
-    out.v[i] = v;
-    out.color[i] = static_cast<std::uint16_t>((y >> luma_bin_shift) << 8 | (u >> chroma_bin_shift) << 4 |
-                                              v >> chroma_bin_shift);
-    const int rough = log2_q8(((static_cast<std::uint32_t>(texture[i]) * exposure.gain) >> 8) + noise_floor) -
-                      512 + brightness[static_cast<std::size_t>(y)];
-    out.texture[i] =
-        static_cast<std::uint8_t>(std::clamp((rough * bins_per_octave) >> 16, 0, texture_bins - 1));
+    const int y = exposure.luma[grid_y[i]], gain = exposure.chroma_gain[grid_y[i]];
+    const std::uint8_t u = normalised_chroma(grid_u[i], gain), v = normalised_chroma(grid_v[i], gain);
+    luma[i] = static_cast<std::uint8_t>(y);
+    out_u[i] = u;
+    out_v[i] = v;
+    color[i] = static_cast<std::uint16_t>((y >> luma_bin_shift) << 8 | (u >> chroma_bin_shift) << 4 |
+                                          v >> chroma_bin_shift);
+  }
+  const std::uint16_t* const roughness = texture.data();
+  std::uint8_t* __restrict bin = out.texture.data();
+  for (std::size_t i = 0; i < grid.size(); ++i) {
+    const int rough =
+        log2_q8(((static_cast<std::uint32_t>(roughness[i]) * exposure.gain) >> 8) + noise_floor) - 512 +
+        brightness[luma[i]];
+    bin[i] = static_cast<std::uint8_t>(std::clamp((rough * bins_per_octave) >> 16, 0, texture_bins - 1));
   }
 }
 
