@@ -128,10 +128,18 @@ void plain_pixels(const std::uint8_t* odd, const std::uint8_t* even, int first, 
   }
 }
 
+// GCC 12 for SVE fails with an internal error where this is part of reduce_row().
+#undef TERRAINSEG_EDGE_INLINE
+#if HWY_HAVE_SCALABLE
+#define TERRAINSEG_EDGE_INLINE HWY_NOINLINE
+#else
+#define TERRAINSEG_EDGE_INLINE HWY_INLINE
+#endif
+
 // The pixel `x`, `sum` being its horizontal sum in the row and channel at the given byte.
 template <int step, int written, class Sum>
-HWY_INLINE void edge_pixel(const std::uint8_t* odd, const std::uint8_t* even, int x, const Waiting& waiting,
-                           std::uint8_t* out, const Sum& sum) {
+TERRAINSEG_EDGE_INLINE void edge_pixel(const std::uint8_t* odd, const std::uint8_t* even, int x,
+                                       const Waiting& waiting, std::uint8_t* out, const Sum& sum) {
   for (int c = 0; c < step; ++c) {
     const int i = x * written + c;
     out[i] = advance(sum(odd + c), sum(even + c), waiting.partial[i], waiting.held[i]);
