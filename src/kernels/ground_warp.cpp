@@ -1,0 +1,392 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "kernels/ground_warp.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+
+#include "kernels/targets.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/ground_warp.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h, as Highway demands.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace terrainseg::kernels {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Compilers make vectors of these.
+template <int radius>
+void subtract_mean(const std::uint8_t* __restrict in, const std::uint16_t* __restrict columns, int width,
+                   int gain, std::uint8_t* __restrict out) {
+  constexpr int side = 2 * radius + 1;
+  constexpr unsigned per_sum = (65536 + side * side / 2) / (side * side);
+  for (int x = 0; x < width; ++x) {
+    std::uint16_t sum = 0;
+    for (int k = 0; k < side; ++k)
+      sum = static_cast<std::uint16_t>(sum + columns[x + k]);
+    const auto mean = static_cast<std::int16_t>((sum * per_sum) >> 16);
+    const int value = 128 + (in[x] - mean) * gain;
+    out[x] = static_cast<std::uint8_t>(value < 1 ? 1 : (value > 255 ? 255 : value));
+  }
+}
+
+void change_columns(const std::uint8_t* __restrict added, const std::uint8_t* __restrict removed, int width,
+                    std::uint16_t* __restrict columns) {
+  for (int x = 0; x < width; ++x)
+    columns[x] = static_cast<std::uint16_t>(columns[x] + added[x] - removed[x]);
+}
+
+template <int radius>
+void high_pass_of(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int gain,
+                  std::uint8_t* out, std::uint16_t* columns) {
+  const auto row = [&](int y) { return in + std::clamp(y, 0, height - 1) * stride; };
+  std::uint16_t* middle = columns + radius;
+  std::fill_n(middle, width, std::uint16_t{0});
+  for (int k = -radius; k <= radius; ++k)
+    for (int x = 0; x < width; ++x)
+      middle[x] = static_cast<std::uint16_t>(middle[x] + row(k)[x]);
+  for (int y = 0; y < height; ++y) {
+    std::fill_n(columns, radius, middle[0]);
+    std::fill_n(middle + width, radius, middle[width - 1]);
+    subtract_mean<radius>(row(y), columns, width, gain, out + static_cast<std::ptrdiff_t>(y) * width);
+    change_columns(row(y + radius + 1), row(y - radius), width, middle);
+  }
+}
+
+void high_pass_any(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int radius, int gain,
+                   std::uint8_t* out, std::uint16_t* work) {
+  if (radius == 5)
+    high_pass_of<5>(in, stride, width, height, gain, out, work);
+  else
+    high_pass_of<6>(in, stride, width, height, gain, out, work);
+}
+
+void steepest_of_row(const std::uint8_t* __restrict above, const std::uint8_t* __restrict here,
+                     const std::uint8_t* __restrict under, const std::uint8_t* __restrict ground, int width,
+                     int rank, std::uint16_t* __restrict keys) {
+  for (int x = 1; x < width - 1; ++x) {
+    const auto across = static_cast<std::int16_t>(here[x + 1] - here[x - 1]);
+    const auto down = static_cast<std::int16_t>(under[x] - above[x]);
+    auto slope = static_cast<std::int16_t>((across < 0 ? -across : across) + (down < 0 ? -down : down));
+    slope = slope > 255 ? std::int16_t{255} : slope;
+    const auto key = static_cast<std::uint16_t>(ground[x] ? slope * 16 + rank : 0);
+    keys[x] = key > keys[x] ? key : keys[x];
+  }
+}
+
+void mean_of_cells(const std::uint8_t* __restrict in, std::ptrdiff_t stride, int count,
+                   std::uint8_t* __restrict out) {
+  for (int x = 0; x < count; ++x) {
+    int sum = 8;
+    for (int y = 0; y < 4; ++y)
+      for (int k = 0; k < 4; ++k)
+        sum += in[y * stride + 4 * x + k];
+    out[x] = static_cast<std::uint8_t>(sum >> 4);
+  }
+}
+
+HWY_INLINE std::uint8_t bilinear(const WarpSource& source, std::int32_t u, std::int32_t v) {
+  const int column = u >> 16, row = v >> 16;
+  if (static_cast<unsigned>(column) >= static_cast<unsigned>(source.width - 1) ||
+      static_cast<unsigned>(row) >= static_cast<unsigned>(source.height - 1))
+    return 0;
+  const std::uint8_t* at = source.pixels + row * source.width + column;
+  const int fu = (u >> 9) & 127, fv = (v >> 9) & 127;
+  const int upper = at[0] * (128 - fu) + at[1] * fu,
+            lower = at[source.width] * (128 - fu) + at[source.width + 1] * fu;
+  return static_cast<std::uint8_t>((upper * (128 - fv) + lower * fv + 8192) >> 14);
+}
+
+/// Both ends of a segment beyond the same side.
+HWY_INLINE bool lies_outside(const WarpSource& source, const std::int32_t* nodes) {
+  const std::int32_t right = (source.width - 1) << 16, bottom = (source.height - 1) << 16;
+  return (nodes[0] < 0 && nodes[2] < 0) || (nodes[1] < 0 && nodes[3] < 0) ||
+         (nodes[0] >= right && nodes[2] >= right) || (nodes[1] >= bottom && nodes[3] >= bottom);
+}
+
+void warp_row(const WarpSource& source, const std::int32_t* nodes, int segments, std::uint8_t* out) {
+  for (int s = 0; s < segments; ++s, nodes += 2, out += 16) {
+    if (lies_outside(source, nodes)) {
+      std::fill_n(out, 16, std::uint8_t{0});
+      continue;
+    }
+    const std::int32_t du = (nodes[2] - nodes[0]) / 16, dv = (nodes[3] - nodes[1]) / 16;
+#if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
+    const auto inside = [&](int n) {
+      const int u = nodes[2 * n] >> 16, v = nodes[2 * n + 1] >> 16;
+      return u >= 0 && v >= 0 && u < source.width - 2 && v < source.height - 2;
+    };
+    if (inside(0) && inside(1)) {
+      const hn::CappedTag<std::int32_t, 8> d;
+      const int n = static_cast<int>(hn::Lanes(d));
+      const auto* base = reinterpret_cast<const std::int32_t*>(source.pixels);
+      for (int x = 0; x < 16; x += n) {
+        const auto index = hn::Iota(d, x);
+        const auto u = hn::Add(hn::Set(d, nodes[0]), hn::Mul(index, hn::Set(d, du)));
+        const auto v = hn::Add(hn::Set(d, nodes[1]), hn::Mul(index, hn::Set(d, dv)));
+        const auto at =
+            hn::Add(hn::Mul(hn::ShiftRight<16>(v), hn::Set(d, source.width)), hn::ShiftRight<16>(u));
+        const auto upper4 = hn::GatherOffset(d, base, at),
+                   lower4 = hn::GatherOffset(d, base, hn::Add(at, hn::Set(d, source.width)));
+        const auto part = hn::Set(d, 127), byte = hn::Set(d, 255), whole = hn::Set(d, 128);
+        const auto fu = hn::And(hn::ShiftRight<9>(u), part), fv = hn::And(hn::ShiftRight<9>(v), part);
+        const auto mix = [&](auto four) HWY_ATTR {
+          return hn::Add(hn::Mul(hn::And(four, byte), hn::Sub(whole, fu)),
+                         hn::Mul(hn::And(hn::ShiftRight<8>(four), byte), fu));
+        };
+        const auto sum = hn::Add(hn::Mul(mix(upper4), hn::Sub(whole, fv)), hn::Mul(mix(lower4), fv));
+        const auto value = hn::ShiftRight<14>(hn::Add(sum, hn::Set(d, 8192)));
+        hn::StoreU(hn::DemoteTo(hn::Rebind<std::uint8_t, decltype(d)>(), value),
+                   hn::Rebind<std::uint8_t, decltype(d)>(), out + x);
+      }
+      continue;
+    }
+#endif
+    for (int x = 0; x < 16; ++x)
+      out[x] = bilinear(source, nodes[0] + x * du, nodes[1] + x * dv);
+  }
+}
+
+void warp_all(const WarpSource& source, const std::int32_t* nodes, int segments, int rows, std::uint8_t* out,
+              std::ptrdiff_t out_stride) {
+  for (int y = 0; y < rows; ++y)
+    warp_row(source, nodes + static_cast<std::ptrdiff_t>(y) * 2 * (segments + 1), segments,
+             out + y * out_stride);
+}
+
+#if HWY_TARGET != HWY_SCALAR
+using D8 = hn::CappedTag<std::uint8_t, 16>;
+using D16 = hn::Repartition<std::uint16_t, D8>;
+using D32 = hn::Repartition<std::uint32_t, D8>;
+
+/// Sums of four neighbouring bytes each, which keep to a byte.
+HWY_INLINE hn::Vec<D32> sum_fours(hn::Vec<D8> bytes) {
+  const D16 d16;
+  const D32 d32;
+  const auto pairs = hn::BitCast(d16, bytes);
+  const auto twos = hn::Add(hn::And(pairs, hn::Set(d16, 255)), hn::ShiftRight<8>(pairs));
+  const auto fours = hn::BitCast(d32, twos);
+  return hn::Add(hn::And(fours, hn::Set(d32, 65535)), hn::ShiftRight<16>(fours));
+}
+
+/// Four cells at once.
+void compare_block(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
+                   std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
+                   std::ptrdiff_t plane, std::uint8_t* whole) {
+  const D8 d;
+  const hn::RebindToSigned<D32> signed32;
+  const hn::Rebind<std::uint16_t, D32> half;
+  const auto most = hn::Set(d, 40);
+  const auto row0 = hn::LoadU(d, frame), row1 = hn::LoadU(d, frame + frame_stride),
+             row2 = hn::LoadU(d, frame + 2 * frame_stride), row3 = hn::LoadU(d, frame + 3 * frame_stride);
+  const auto clipped = [&](auto mine, const std::uint8_t* at) HWY_ATTR {
+    const auto other = hn::LoadU(d, at);
+    return hn::Min(hn::Or(hn::SaturatedSub(mine, other), hn::SaturatedSub(other, mine)), most);
+  };
+  for (int k = 0; k < most_offsets; ++k, sums += plane) {
+    if (offsets[k] == no_offset) {
+      hn::StoreU(hn::Set(half, most_difference), half, sums);
+      continue;
+    }
+    const std::uint8_t* at = warped + offsets[k];
+    const auto upper = hn::Add(clipped(row0, at), clipped(row1, at + warped_stride)),
+               lower = hn::Add(clipped(row2, at + 2 * warped_stride), clipped(row3, at + 3 * warped_stride));
+    const auto sum = sum_fours(hn::Add(upper, lower));
+    hn::StoreU(hn::DemoteTo(half, hn::BitCast(signed32, sum)), half, sums);
+  }
+  const auto least =
+      hn::Min(hn::Min(hn::LoadU(d, warped), hn::LoadU(d, warped + warped_stride)),
+              hn::Min(hn::LoadU(d, warped + 2 * warped_stride), hn::LoadU(d, warped + 3 * warped_stride)));
+  alignas(16) std::uint32_t holes[4];
+  hn::Store(hn::BitCast(D32(), hn::VecFromMask(d, hn::Eq(least, hn::Zero(d)))), D32(), holes);
+  for (int c = 0; c < 4; ++c)
+    whole[c] = holes[c] == 0;
+}
+#endif
+
+void compare_plainly(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
+                     std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
+                     std::ptrdiff_t plane, std::uint8_t* whole) {
+  for (int c = 0; c < 4; ++c) {
+    whole[c] = 1;
+    for (int y = 0; y < 4; ++y)
+      for (int x = 4 * c; x < 4 * c + 4; ++x)
+        if (warped[y * warped_stride + x] == 0)
+          whole[c] = 0;
+    for (int k = 0; k < most_offsets; ++k) {
+      int sum = offsets[k] == no_offset ? most_difference : 0;
+      for (int y = 0; y < 4 && offsets[k] != no_offset; ++y)
+        for (int x = 4 * c; x < 4 * c + 4; ++x)
+          sum += std::min(std::abs(frame[y * frame_stride + x] - warped[offsets[k] + y * warped_stride + x]),
+                          40);
+      sums[k * plane + c] = static_cast<std::uint16_t>(sum);
+    }
+  }
+}
+
+void compare(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
+             std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
+             std::ptrdiff_t plane, std::uint8_t* whole) {
+#if HWY_TARGET != HWY_SCALAR
+  if (hn::Lanes(D8()) == 16) {
+    compare_block(frame, frame_stride, warped, warped_stride, offsets, sums, plane, whole);
+    return;
+  }
+#endif
+  compare_plainly(frame, frame_stride, warped, warped_stride, offsets, sums, plane, whole);
+}
+
+// Compilers make vectors of these, too.
+void add_window(const std::uint16_t* __restrict above, const std::uint16_t* __restrict here,
+                const std::uint16_t* __restrict under, int columns, std::uint16_t* __restrict column_sums,
+                std::uint16_t* __restrict out) {
+  for (int j = 0; j < columns + 2; ++j)
+    column_sums[j] = static_cast<std::uint16_t>(above[j] + here[j] + under[j]);
+  for (int j = 0; j < columns; ++j)
+    out[j] = static_cast<std::uint16_t>(column_sums[j] + column_sums[j + 1] + column_sums[j + 2]);
+}
+
+void lower_to(const std::uint16_t* __restrict costs, int columns, std::uint16_t* __restrict least) {
+  for (int j = 0; j < columns; ++j)
+    least[j] = costs[j] < least[j] ? costs[j] : least[j];
+}
+
+void lower_with(const std::uint16_t* __restrict costs, std::uint16_t index, int columns,
+                std::uint16_t* __restrict least, std::uint16_t* __restrict which) {
+  for (int j = 0; j < columns; ++j) {
+    const bool less = costs[j] < least[j];
+    which[j] = less ? index : which[j];
+    least[j] = less ? costs[j] : least[j];
+  }
+}
+
+void add_windows(const std::uint16_t* above, const std::uint16_t* here, const std::uint16_t* under,
+                 int columns, std::ptrdiff_t plane, const HypothesisOrder& order, const WindowCosts& out,
+                 std::uint16_t* work) {
+  std::uint16_t* const costs = work + columns + 2;
+  const auto add = [&](int k, std::uint16_t* to) {
+    add_window(above + k * plane, here + k * plane, under + k * plane, columns, work, to);
+  };
+  add(0, out.ground);
+  add(order.even_grey, out.even_grey);
+  add(order.first_control, out.control);
+  for (int k = order.first_control + 1; k < order.end_control; ++k) {
+    add(k, costs);
+    lower_to(costs, columns, out.control);
+  }
+  add(order.first_standing, out.standing);
+  std::fill_n(out.which, columns, std::uint16_t{0});
+  for (int k = order.first_standing + 1; k < order.end_standing; ++k) {
+    add(k, costs);
+    lower_with(costs, static_cast<std::uint16_t>(k - order.first_standing), columns, out.standing, out.which);
+  }
+}
+
+// --- sums that move with the ground ---
+
+#if HWY_TARGET != HWY_SCALAR
+using Four = hn::FixedTag<std::int32_t, 4>;
+using FourNarrow = hn::FixedTag<std::int16_t, 4>;
+
+HWY_INLINE void mix_sums(const std::int16_t* a, const std::int16_t* b, const std::int16_t* c,
+                         const std::int16_t* d, int fu, int fv, int keep, std::int16_t* out) {
+  const Four wide;
+  const FourNarrow narrow;
+  const auto row = [&](const std::int16_t* left, const std::int16_t* right) HWY_ATTR {
+    return hn::Add(hn::Mul(hn::PromoteTo(wide, hn::LoadU(narrow, left)), hn::Set(wide, 64 - fu)),
+                   hn::Mul(hn::PromoteTo(wide, hn::LoadU(narrow, right)), hn::Set(wide, fu)));
+  };
+  const auto sum = hn::Add(hn::Mul(row(a, b), hn::Set(wide, 64 - fv)), hn::Mul(row(c, d), hn::Set(wide, fv)));
+  const auto value = hn::ShiftRight<12>(hn::Add(sum, hn::Set(wide, 2048)));
+  const auto kept = hn::ShiftRight<8>(hn::Add(hn::Mul(value, hn::Set(wide, keep)), hn::Set(wide, 128)));
+  hn::StoreU(hn::DemoteTo(narrow, kept), narrow, out);
+}
+#else
+HWY_INLINE void mix_sums(const std::int16_t* a, const std::int16_t* b, const std::int16_t* c,
+                         const std::int16_t* d, int fu, int fv, int keep, std::int16_t* out) {
+  for (int i = 0; i < 4; ++i) {
+    const int value =
+        ((a[i] * (64 - fu) + b[i] * fu) * (64 - fv) + (c[i] * (64 - fu) + d[i] * fu) * fv + 2048) >> 12;
+    out[i] = static_cast<std::int16_t>((value * keep + 128) >> 8);
+  }
+}
+#endif
+
+void move_sums(const SumSource& source, const std::int32_t* nodes, int columns, int keep, std::int16_t* out) {
+  for (int j = 0; j < columns; ++j, out += 4) {
+    const std::int32_t* node = nodes + j / 4 * 2;
+    const int u = node[0] + (node[2] - node[0]) * (j % 4) / 4,
+              v = node[1] + (node[3] - node[1]) * (j % 4) / 4;
+    const int column = u >> 10, row = v >> 10; // cells of 4 pixels in Q8
+    // Half a cell at the rim is the rim's.
+    if (column < -1 || row < -1 || column > source.columns - 1 || row > source.rows - 1) {
+      std::fill_n(out, 4, std::int16_t{0});
+      continue;
+    }
+    const int c0 = std::max(column, 0), c1 = std::min(column + 1, source.columns - 1), r0 = std::max(row, 0),
+              r1 = std::min(row + 1, source.rows - 1);
+    const std::int16_t *upper = source.sums + std::ptrdiff_t{4} * r0 * source.columns,
+                       *lower = source.sums + std::ptrdiff_t{4} * r1 * source.columns;
+    mix_sums(upper + 4 * c0, upper + 4 * c1, lower + 4 * c0, lower + 4 * c1, (u & 1023) >> 4, (v & 1023) >> 4,
+             keep, out);
+  }
+}
+
+} // namespace HWY_NAMESPACE
+} // namespace terrainseg::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace terrainseg::kernels {
+
+HWY_EXPORT(high_pass_any);
+HWY_EXPORT(mean_of_cells);
+HWY_EXPORT(steepest_of_row);
+HWY_EXPORT(warp_all);
+HWY_EXPORT(compare);
+HWY_EXPORT(add_windows);
+HWY_EXPORT(move_sums);
+
+void high_pass(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int radius, int gain,
+               std::uint8_t* out, std::uint16_t* work) {
+  if (width > 0 && height > 0)
+    HWY_DYNAMIC_DISPATCH(high_pass_any)(in, stride, width, height, radius, gain, out, work);
+}
+
+void steepest(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* under,
+              const std::uint8_t* ground, int width, int rank, std::uint16_t* keys) {
+  HWY_DYNAMIC_DISPATCH(steepest_of_row)(above, here, under, ground, width, rank, keys);
+}
+
+void mean_of_quarters(const std::uint8_t* in, std::ptrdiff_t stride, int count, std::uint8_t* out) {
+  HWY_DYNAMIC_DISPATCH(mean_of_cells)(in, stride, count, out);
+}
+
+void warp_rows(const WarpSource& source, const std::int32_t* nodes, int segments, int rows, std::uint8_t* out,
+               std::ptrdiff_t out_stride) {
+  HWY_DYNAMIC_DISPATCH(warp_all)(source, nodes, segments, rows, out, out_stride);
+}
+
+void compare_cells(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
+                   std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
+                   std::ptrdiff_t plane, std::uint8_t* whole) {
+  HWY_DYNAMIC_DISPATCH(compare)(frame, frame_stride, warped, warped_stride, offsets, sums, plane, whole);
+}
+
+void window_costs(const std::uint16_t* above, const std::uint16_t* here, const std::uint16_t* under,
+                  int columns, std::ptrdiff_t plane, const HypothesisOrder& order, const WindowCosts& out,
+                  std::uint16_t* work) {
+  HWY_DYNAMIC_DISPATCH(add_windows)(above, here, under, columns, plane, order, out, work);
+}
+
+void moved_sums(const SumSource& source, const std::int32_t* nodes, int columns, int keep,
+                std::int16_t* out) {
+  HWY_DYNAMIC_DISPATCH(move_sums)(source, nodes, columns, keep, out);
+}
+
+} // namespace terrainseg::kernels
+#endif

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Rows of cells against what lies to their left and right: the loops of the odd spots.
+//
+// No function reads or writes past its counts. All vector variants and the plain one give the same bits: the
+// loops are plain, and compilers make vectors of them for each target.
+#pragma once
+
+#include <cstdint>
+
+namespace terrainseg::kernels {
+
+/// Blocks of two cells: sums[b] += cells[2 b] + cells[2 b + 1], squares[b] likewise of their squares; modulo
+/// 2^32.
+void add_blocks(const std::uint8_t* cells, int blocks, std::uint32_t* sums, std::uint32_t* squares);
+
+/// What is told of a box around each block of a row; 0 in all three: nothing is known of it.
+struct BoxRow {
+  const std::uint32_t* cells;         ///< how many the box has, both sides and the block
+  const std::uint32_t* inverse;       ///< 2^24 / cells
+  const std::uint32_t* inverse_left;  ///< 2^24 / the cells of its left side
+  const std::uint32_t* inverse_right; ///< likewise
+  int reach;                          ///< blocks of each side
+};
+
+/// What comes of them: means in Q4, variances in Q8; 0 where nothing is known.
+struct SideRow {
+  std::int16_t *left, *right; ///< means
+  std::uint32_t* variance;    ///< of the whole box, and `floor`
+};
+
+/// `sums` and `squares` are running: the left side of block b is entry b + reach less entry b, its right side
+/// entry b + 2 reach + 1 less entry b + reach + 1. Both have count + 2 reach + 1 entries.
+void compare_boxes(const std::uint32_t* sums, const std::uint32_t* squares, const BoxRow& boxes,
+                   std::uint32_t floor, int count, const SideRow& out);
+
+/// out[2 b] = out[2 b + 1] = in[b].
+void double_each(const std::int16_t* in, int count, std::int16_t* out);
+
+/// How far each cell lies beyond both sides, in deviations (Q4): 127 at most. `dark`, where asked for, is 1
+/// where it lies below both, else 0. `inverse` is Q12, 0..2^13 - 1.
+void deviations(const std::uint8_t* cells, const std::int16_t* left, const std::int16_t* right,
+                const std::int16_t* inverse, int count, std::uint8_t* out, std::uint8_t* dark);
+
+/// A row of deviations of three components, 0..127, and of cells that are ground and that are dark (1 or 0).
+struct DeviationRow {
+  const std::uint8_t *y, *u, *v, *ground, *dark;
+};
+
+/// out[i] = min(most, half of the largest and of all three), 0 where there is no ground. Of luma a quarter
+/// counts where the cell is not dark and nearest[i] > reached.
+void oddness(const DeviationRow& in, const std::int16_t* nearest, std::int16_t reached, int most, int count,
+             std::uint8_t* out);
+
+} // namespace terrainseg::kernels

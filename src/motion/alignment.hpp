@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Where the ground was in an earlier frame: robust alignment of points of the ground, inverse compositional
+// (the derivatives are those of this frame, so that one set of points serves every earlier frame).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "motion/plane_motion.hpp"
+
+namespace terrainseg {
+
+/// A high-passed picture: width x height bytes without gaps, 1..255.
+struct PassedView {
+  const std::uint8_t* pixels = nullptr;
+  int width = 0, height = 0;
+  const std::uint8_t* row(int y) const { return pixels + static_cast<std::ptrdiff_t>(y) * width; }
+};
+
+/// A point of the ground that is followed.
+struct GroundPoint {
+  std::int32_t across = 0, below = 0; ///< position, as PixelMap::at() takes it
+  std::int32_t value = 0;             ///< grey level, Q8
+  /// Derivatives by a b c e d h and by G's last element, in 1 / f, Q11 of a grey level.
+  std::array<std::int32_t, 7> derivative{};
+};
+
+/// Which points are followed.
+struct PointRule {
+  int block = 12;      ///< 1..16: one point at most in block x block pixels, that of the greatest slope
+  int least_slope = 6; ///< |horizontal| + |vertical| difference over two pixels must exceed it
+};
+
+inline constexpr int fewest_points = 24;
+
+class PointSelection {
+ public:
+  /// Fills `points` from the rows from a tenth below the vanishing line on where `ground` (a byte for each
+  /// `cell` x `cell` pixels, which divide the picture) is not 0. Of equal slopes the upper left one.
+  void select(const PassedView& picture, const GroundCamera& view, std::span<const std::uint8_t> ground,
+              int cell, const PointRule& rule, std::vector<GroundPoint>& points);
+
+ private:
+  std::vector<std::uint16_t> keys_;
+  std::vector<std::uint8_t> ground_;
+};
+
+/// How well a motion explains an earlier frame.
+struct Residual {
+  int mean = 0;     ///< mean of min(|difference|, 40), Q8 of a grey level
+  int contrast = 0; ///< mean of min(|grey level - 128|, 40), Q8: what unrelated pictures differ by is more
+  int points = 0;   ///< that lie inside the earlier frame
+};
+
+class Alignment {
+ public:
+  /// Room for that many points, so that later calls need none.
+  void reserve(std::size_t points) { differences_.reserve(points); }
+
+  /// Takes `motion` nearer to how `points` moved since `earlier`, at most `iterations` times. False, and
+  /// `motion` as it was, where fewer than 24 points have an answer or the motion grows without bound.
+  bool refine(std::span<const GroundPoint> points, const PassedView& earlier, const GroundCamera& view,
+              int iterations, PlaneMotion& motion);
+
+  struct LineFit {
+    std::int64_t sigma = 0;  ///< Q24: the last element less 1; the vanishing line is wrong by -f sigma / t.z
+    std::int64_t weight = 0; ///< information on sigma over the variance of the differences; 0 = no answer
+  };
+  /// The same with the seventh unknown, which says how wrong the vanishing line is.
+  LineFit fit_line(std::span<const GroundPoint> points, const PassedView& earlier, const GroundCamera& view,
+                   int iterations, const PlaneMotion& motion);
+
+  Residual residual(std::span<const GroundPoint> points, const PassedView& earlier, const GroundCamera& view,
+                    const PlaneMotion& motion);
+
+ private:
+  static constexpr std::int32_t no_answer = 1 << 24;
+  /// Differences in Q8 of a grey level; returns the number of points inside.
+  int measure(std::span<const GroundPoint> points, const PassedView& earlier, const PixelMap& map);
+  std::int32_t spread() const; ///< of the differences, robust: Q8
+  enum class Step : std::uint8_t { failed, small, large };
+  template <int unknowns>
+  Step step(std::span<const GroundPoint> points, const PassedView& earlier, const GroundCamera& view,
+            PlaneMotion& motion, std::int64_t& information);
+
+  std::vector<std::int32_t> differences_;
+};
+
+} // namespace terrainseg

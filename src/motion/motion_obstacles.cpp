@@ -1,0 +1,435 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "motion/motion_obstacles.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "kernels/ground_warp.hpp"
+
+namespace terrainseg {
+namespace {
+
+constexpr int longest_side = 800, shortest_side = 160; ///< pixels of motion's level
+constexpr int most_keys = 12;
+constexpr std::size_t most_bytes = 3'200'000;          ///< of key frames
+constexpr int oldest_key = 90;                         ///< frames
+constexpr std::int64_t shortest_interval = 45'000'000; ///< ns: frames between are looked at no further
+constexpr std::int64_t longest_gap = 2'000'000'000;
+constexpr PointRule large_rule{10, 6}, small_rule{4, 2};
+constexpr int near_rows = 128, far_rows = 56; ///< Q8 of the rows below the vanishing line: 0.50, 0.22
+constexpr int memory = 224;                   ///< Q8: evidence of earlier frames keeps 7/8
+constexpr int still_memory = 252;             ///< while the camera stands
+constexpr int most_coasted = 8;               ///< frames that a sudden stop is not believed
+constexpr int settling = 30;                  ///< estimates of the vanishing line until it is told
+constexpr int retry_after = 8;                ///< frames between two searches in vain
+
+/// Forward motion in a frame that a search begins with, Q24 of the camera's height.
+constexpr std::array<std::int64_t, 9> first_guesses{0,       251658,  671089,  1342177, 2348810,
+                                                    3355443, 4697620, 6710886, 9227469};
+
+std::size_t most_keys_of(std::size_t pixels) {
+  return std::clamp<std::size_t>(most_bytes / pixels, 3, most_keys);
+}
+
+bool slow(const PlaneMotion& motion, const PlaneMotion& other, std::int64_t least) {
+  for (int i = 0; i < 9; ++i)
+    if (std::abs(motion.g[i] - other.g[i]) > least)
+      return false;
+  return true;
+}
+
+} // namespace
+
+int motion_level(int frame_width, int frame_height) {
+  int level = 0;
+  while (std::max(subsampled(frame_width, level), subsampled(frame_height, level)) >= longest_side)
+    ++level;
+  return level;
+}
+
+void MotionObstacles::forget() {
+  lose();
+  has_before_ = false;
+  step_ = {};
+  pts_ = -1;
+  failures_ = frames_passed_ = 0;
+  result_ = {};
+}
+
+/// What was followed is lost: nothing is known to stand anywhere.
+void MotionObstacles::lose() {
+  for (KeyFrame& key : keys_)
+    spare_.push_back(std::move(key));
+  keys_.clear();
+  map_.reset(view_.width / 4, view_.height / 4);
+  moving_ = false;
+  coasted_ = 0;
+}
+
+std::size_t MotionObstacles::kept_bytes() const {
+  std::size_t bytes = now_.capacity() + before_.capacity();
+  for (const auto* list : {&keys_, &spare_})
+    for (const KeyFrame& key : *list)
+      bytes += key.pixels.capacity();
+  return bytes;
+}
+
+void MotionObstacles::resize(int width, int height) {
+  width -= width % 4;
+  height -= height % 4;
+  if (view_.width == width && view_.height == height)
+    return;
+  view_ = {width, height, std::max(width, height) * 21 / 100 * 4,
+           height * 108}; // the line at 0.42 of the height
+  const auto pixels = static_cast<std::size_t>(width) * height;
+  now_.assign(pixels, 0);
+  before_.assign(pixels, 0);
+  small_now_.assign(pixels / 16, 0);
+  small_before_.assign(pixels / 16, 0);
+  reduced_.assign(pixels / 16, 0);
+  ground_.assign(pixels / 16, 0);
+  cells_.assign(pixels / 16, {});
+  judged_.assign(pixels / 16, 0);
+  standing_.assign(pixels / 16, 0);
+  ground_columns_.assign(static_cast<std::size_t>(width) / 4, 0);
+  work_.assign(static_cast<std::size_t>(width) + 16, 0);
+  keys_.clear();
+  spare_.clear();
+  // All memory now: later frames need none.
+  const std::size_t most = most_keys_of(pixels);
+  keys_.reserve(most);
+  spare_.reserve(most);
+  for (std::size_t k = 0; k < most; ++k)
+    spare_.push_back({std::vector<std::uint8_t>(pixels), {}, 0});
+  points_.reserve(pixels / (large_rule.block * large_rule.block) + pixels / 64);
+  zone_points_.reserve(points_.capacity());
+  alignment_.reserve(points_.capacity());
+  parallax_.reserve(width, height);
+  small_points_.reserve(pixels / 16 / (small_rule.block * small_rule.block) + pixels / 64);
+  line_weight_ = line_sum_ = 0;
+  line_frames_ = 0;
+  forget();
+}
+
+void MotionObstacles::look(const GrayView& luma, const GrayView& ground) {
+  const int width = view_.width, height = view_.height, columns = width / 4, rows = height / 4;
+  now_.swap(before_);
+  small_now_.swap(small_before_);
+  // What lies far above the vanishing line is never ground: it stays outside.
+  const int first = std::clamp((view_.vanishing_row >> 8) - height / 16, 0, height - 4) / 4 * 4;
+  const int small_first = first / 4;
+  std::fill_n(now_.begin(), first * width, std::uint8_t{0});
+  std::fill_n(small_now_.begin(), small_first * columns, std::uint8_t{0});
+  kernels::high_pass(luma.plane.row(first), luma.plane.stride, width, height - first, 6, 1,
+                     now_.data() + first * width, work_.data());
+  for (int i = small_first; i < rows; ++i)
+    kernels::mean_of_quarters(luma.plane.row(4 * i), luma.plane.stride, columns,
+                              reduced_.data() + i * columns);
+  kernels::high_pass(reduced_.data() + small_first * columns, columns, columns, rows - small_first, 5, 2,
+                     small_now_.data() + small_first * columns, work_.data());
+  for (int j = 0; j < columns; ++j)
+    ground_columns_[static_cast<std::size_t>(j)] = (2 * j + 1) * ground.width / (2 * columns);
+  for (int i = 0; i < rows; ++i) {
+    const std::uint8_t* from = ground.plane.row((2 * i + 1) * ground.height / (2 * rows));
+    std::uint8_t* to = ground_.data() + i * columns;
+    for (int j = 0; j < columns; ++j)
+      to[j] = from[ground_columns_[static_cast<std::size_t>(j)]] >> 7;
+  }
+  selection_.select(passed(now_), view_, ground_, 4, large_rule, points_);
+  selection_.select(small_passed(small_now_), view_.quarter(), ground_, 1, small_rule, small_points_);
+}
+
+/// Length of the ground's translation in the middle column, at a part of the way from the vanishing line
+/// down. Q8.
+int MotionObstacles::middle_shift(const PlaneMotion& motion, int q8_of_rows) const {
+  const int down = (view_.height - 1) * 256 - view_.vanishing_row;
+  return ground_shift(motion, view_, 0, down / 256 * q8_of_rows);
+}
+
+bool MotionObstacles::acquire(PlaneMotion& step) {
+  const GroundCamera small = view_.quarter();
+  const PassedView earlier = small_passed(small_before_);
+  int least = 1 << 30;
+  std::array<std::pair<int, int>, first_guesses.size()> order{};
+  for (std::size_t i = 0; i < first_guesses.size(); ++i) {
+    PlaneMotion guess;
+    guess.g[7] = first_guesses[i];
+    order[i] = {alignment_.residual(small_points_, earlier, small, guess).mean, static_cast<int>(i)};
+  }
+  std::sort(order.begin(), order.end());
+  bool found = false;
+  for (int k = 0; k < 4; ++k) {
+    PlaneMotion guess;
+    guess.g[7] = first_guesses[static_cast<std::size_t>(order[static_cast<std::size_t>(k)].second)];
+    if (!alignment_.refine(small_points_, earlier, small, 10, guess))
+      continue;
+    const int mean = alignment_.residual(small_points_, earlier, small, guess).mean;
+    if (mean < least) {
+      least = mean;
+      step = guess;
+      found = true;
+    }
+  }
+  return found && alignment_.refine(points_, passed(before_), view_, 6, step);
+}
+
+/// This frame's step from the last one. False where it is not known.
+bool MotionObstacles::follow(std::int64_t pts) {
+  const std::int64_t interval = pts >= 0 && pts_ >= 0 ? pts - pts_ : 0;
+  PlaneMotion guess = step_;
+  if (interval > 0 && interval_ > 0)
+    guess = part_of(step_, static_cast<int>(std::clamp<std::int64_t>(256 * interval / interval_, 32, 2048)));
+  const PassedView earlier = passed(before_);
+  const Residual still = alignment_.residual(points_, earlier, view_, {});
+  if (points_.size() < fewest_points)
+    return false;
+  const auto good = [&](const PlaneMotion& motion) {
+    const Residual after = alignment_.residual(points_, earlier, view_, motion);
+    return after.points >= fewest_points && after.mean <= still.mean * 261 / 256 + 51 &&
+           after.mean * 10 < after.contrast * 9 && std::abs(translation_of(motion).z) < one_q24 * 6 / 5;
+  };
+  // Over bumps the last step's rotation is no guide to this one's.
+  PlaneMotion straight;
+  straight.g[7] = translation_of(guess).z;
+  const GroundCamera small = view_.quarter();
+  const auto error_of = [&](const PlaneMotion& motion) {
+    return alignment_.residual(small_points_, small_passed(small_before_), small, motion).mean;
+  };
+  PlaneMotion step = error_of(straight) < error_of(guess) ? straight : guess;
+  alignment_.refine(small_points_, small_passed(small_before_), view_.quarter(), 4, step);
+  bool found = alignment_.refine(points_, earlier, view_, 2, step) && good(step);
+  if (!found && (failures_ < 3 || failures_ % retry_after == 0))
+    found = acquire(step) && good(step);
+  if (!found) {
+    ++failures_;
+    step_ = straight;
+    return false;
+  }
+  failures_ = 0;
+  // A rover does not stop within a frame; a car ahead that fills the view and is taken for the ground does.
+  const std::int64_t expected = translation_of(guess).z, seen = translation_of(step).z;
+  if (moving_ && expected > one_q24 / 80 && seen < expected * 6 / 10 && coasted_ < most_coasted) {
+    ++coasted_;
+    step_ = guess;
+  } else {
+    if (coasted_ == most_coasted)
+      lose();
+    coasted_ = 0;
+    step_ = step;
+  }
+  if (interval > 0)
+    interval_ = interval;
+  return true;
+}
+
+void MotionObstacles::chain() {
+  for (KeyFrame& key : keys_) {
+    key.motion = compose(key.motion, step_);
+    ++key.age;
+  }
+}
+
+/// The newest key frame that is far enough behind, else the oldest.
+void MotionObstacles::choose_keys(std::array<Zone, 2>& zones) {
+  const int down = ((view_.height - 1) * 256 - view_.vanishing_row) >> 8, line = view_.vanishing_row >> 8;
+  const auto cell_row = [&](int q8_of_rows) {
+    return std::clamp((line + down * q8_of_rows / 256 + 3) / 4, 0, view_.height / 4);
+  };
+  zones[0].first = cell_row(near_rows);
+  zones[0].end = view_.height / 4;
+  zones[1].first = cell_row(far_rows);
+  zones[1].end = zones[0].first;
+  const std::array<int, 2> middle{(near_rows + 256) / 2, (far_rows + near_rows) / 2};
+  for (int z = 0; z < 2; ++z) {
+    Zone& zone = zones[static_cast<std::size_t>(z)];
+    zone.key = -1;
+    for (int k = static_cast<int>(keys_.size()) - 1; k >= 0; --k) { // the newest is the last
+      const int shift =
+          middle_shift(keys_[static_cast<std::size_t>(k)].motion, middle[static_cast<std::size_t>(z)]);
+      if (shift >= 2 * 256)
+        zone.key = k;
+      if (shift >= target_shift())
+        break;
+    }
+  }
+  const int refined = zones[0].key;
+  for (Zone& zone : zones)
+    if (zone.key >= 0 && (&zone == &zones[0] || zone.key != refined)) {
+      KeyFrame& key = keys_[static_cast<std::size_t>(zone.key)];
+      if (!alignment_.refine(points_, passed(key.pixels), view_, 3, key.motion))
+        zone.key = -1;
+    }
+}
+
+/// Compares both zones; what they say counts only where the plane is seen to fit.
+void MotionObstacles::judge(std::array<Zone, 2>& zones) {
+  std::fill(judged_.begin(), judged_.end(), std::uint8_t{0});
+  for (const Zone& zone : zones)
+    if (zone.key >= 0) {
+      const KeyFrame& key = keys_[static_cast<std::size_t>(zone.key)];
+      parallax_.compare(passed(now_), passed(key.pixels), key.motion, view_, ground_.data(), zone.first,
+                        zone.end, cells_, judged_);
+    }
+  int count = 0, stand = 0, lie = 0;
+  for (std::size_t i = 0; i < cells_.size(); ++i)
+    if (judged_[i]) {
+      ++count;
+      stand += cells_[i].quality > 164; // 0.04
+      lie += cells_[i].quality < -123;  // 0.03
+    }
+  result_.trusted = count >= 16 && 4 * stand < count && 100 * lie > 300 * stand + 8 * count;
+  if (result_.trusted)
+    map_.add(cells_, judged_);
+}
+
+/// The vanishing line from what a plane with another line would do to the picture.
+void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
+  if (line_known_)
+    return;
+  const bool settled = line_frames_ >= 90;
+  if (settled && frame_ % 4 != 0)
+    return;
+  for (int z = 0; z < 2; ++z) {
+    const Zone& zone = zones[static_cast<std::size_t>(z)];
+    if (zone.key < 0 || (line_frames_ >= settling && static_cast<int>(frame_ / (settled ? 4 : 1) % 2) != z))
+      continue;
+    const KeyFrame& key = keys_[static_cast<std::size_t>(zone.key)];
+    const std::int64_t forward = translation_of(key.motion).z;
+    const bool pitching = settled &&
+                          (std::abs(key.motion.g[5]) > one_q24 / 100 || std::abs(step_.g[5]) > one_q24 / 400),
+               rolling = settled && std::abs(key.motion.g[3]) > one_q24 / 100;
+    if (key.age < 2 || std::abs(forward) < one_q24 / 20 || pitching || rolling)
+      continue;
+    zone_points_.clear();
+    for (const GroundPoint& point : points_) {
+      const int row = (point.below + view_.vanishing_row) >> 10;
+      if (row >= zone.first && row < zone.end)
+        zone_points_.push_back(point);
+    }
+    const Alignment::LineFit fit =
+        alignment_.fit_line(zone_points_, passed(key.pixels), view_, 3, key.motion);
+    const std::int64_t speed = std::abs(forward) >> 12; // Q12
+    const std::int64_t weight =
+        std::min<std::int64_t>((fit.weight >> 10) * (speed * speed >> 12) >> 12, 1 << 30);
+    if (weight <= 0)
+      continue;
+    const std::int64_t rows =
+        std::clamp<std::int64_t>(-256 * view_.focal * fit.sigma / forward, -40 * 256, 40 * 256);
+    line_weight_ += weight;
+    line_sum_ += weight * rows;
+  }
+  if (line_weight_ <= 0)
+    return;
+  ++line_frames_;
+  const std::int64_t mean = line_sum_ / line_weight_;
+  if (line_frames_ % 6 == 0) {
+    const int most = settled ? 256 : 4 * 256;
+    const int change = static_cast<int>(std::clamp<std::int64_t>(mean * 3 / 2, -most, most));
+    move_line(change);
+    line_weight_ = line_sum_ = 0;
+  }
+}
+
+void MotionObstacles::move_line(int rows) {
+  const int row = std::clamp(view_.vanishing_row + rows, -view_.height * 256, (view_.height * 7 / 8) * 256);
+  rows = row - view_.vanishing_row;
+  if (rows == 0)
+    return;
+  for (KeyFrame& key : keys_)
+    key.motion = with_line_moved(key.motion, rows, view_.focal);
+  step_ = with_line_moved(step_, rows, view_.focal);
+  view_.vanishing_row = row;
+}
+
+/// Keeps this frame when the ground moved by an eighth of the target since the last one kept; of too many the
+/// one that its neighbours replace best goes.
+void MotionObstacles::keep_frame() {
+  while (!keys_.empty() && keys_.front().age > oldest_key) {
+    spare_.push_back(std::move(keys_.front()));
+    keys_.erase(keys_.begin());
+  }
+  constexpr int near_middle = (near_rows + 256) / 2;
+  if (!keys_.empty() && middle_shift(keys_.back().motion, near_middle) < target_shift() / 8)
+    return;
+  const std::size_t most = most_keys_of(now_.size());
+  if (keys_.size() >= most) {
+    std::size_t least = 0;
+    std::int64_t least_gap = std::int64_t{1} << 60;
+    for (std::size_t k = 1; k + 1 < keys_.size(); ++k) {
+      const std::int64_t older = middle_shift(keys_[k - 1].motion, near_middle),
+                         newer = middle_shift(keys_[k + 1].motion, near_middle),
+                         own = std::max(middle_shift(keys_[k].motion, near_middle), 1);
+      const std::int64_t gap = (older - newer) * 1024 / own;
+      if (gap < least_gap) {
+        least_gap = gap;
+        least = k;
+      }
+    }
+    spare_.push_back(std::move(keys_[least]));
+    keys_.erase(keys_.begin() + static_cast<std::ptrdiff_t>(least));
+  }
+  KeyFrame key = std::move(spare_.back()); // there is one: keys and spares are `most` together
+  spare_.pop_back();
+  key.pixels = now_;
+  key.motion = {};
+  key.age = 0;
+  keys_.push_back(std::move(key));
+}
+
+const MotionView& MotionObstacles::observe(const GrayView& luma, const GrayView& ground, std::int64_t pts,
+                                           const MotionKnowledge& knowledge) {
+  if (luma.empty() || ground.empty() || std::min(luma.width, luma.height) < shortest_side ||
+      std::max(luma.width, luma.height) >= 2 * longest_side)
+    return result_ = {};
+  resize(luma.width, luma.height);
+  if (pts >= 0 && pts_ >= 0 && (pts < pts_ || pts - pts_ > longest_gap))
+    forget();
+  // Every second frame at 30 fps: what is known stands meanwhile.
+  const bool soon = pts >= 0 && pts_ >= 0 ? pts - pts_ < shortest_interval : frames_passed_ < 1;
+  if (has_before_ && soon) {
+    ++frames_passed_;
+    return result_;
+  }
+  frames_passed_ = 0;
+  result_ = {};
+  line_known_ = knowledge.line_known;
+  if (line_known_)
+    move_line(knowledge.vanishing_row - view_.vanishing_row);
+  ++frame_;
+  look(luma, ground);
+  const bool repeated = has_before_ && now_ == before_;
+  if (repeated) {
+    result_.steady = true;
+  } else if (has_before_) {
+    result_.steady = follow(pts);
+    if (!result_.steady) {
+      lose();
+    } else {
+      const bool still = slow(step_, {}, one_q24 / 8192);
+      moving_ = moving_ || !still;
+      chain();
+      map_.move(step_, view_, still ? still_memory : memory);
+      if (coasted_ == 0) {
+        std::array<Zone, 2> zones;
+        choose_keys(zones);
+        judge(zones);
+        find_line(zones);
+      }
+    }
+  }
+  if (!repeated && coasted_ == 0)
+    keep_frame();
+  has_before_ = true;
+  pts_ = pts;
+  map_.read(view_, standing_);
+  result_.columns = view_.width / 4;
+  result_.rows = view_.height / 4;
+  result_.standing = standing_;
+  result_.vanishing_row = view_.vanishing_row;
+  result_.line_settled = line_known_ || line_frames_ >= settling;
+  if (result_.steady && interval_ > 0)
+    result_.speed_over_height = translation_of(step_).z * 1'000'000'000 / interval_ >> 8;
+  return result_;
+}
+
+} // namespace terrainseg

@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "motion/parallax.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdlib>
+
+#include "kernels/ground_warp.hpp"
+
+namespace terrainseg {
+namespace {
+
+constexpr int ahead_margin =
+    16; ///< pixels that a standing hypothesis may lie above its cell, driving forward
+constexpr int behind_margin = 8; ///< and a control below it
+constexpr int side_margin = 32;  ///< a whole number of segments of 16
+constexpr int block = 16;        ///< pixels side by side that have the direction of the translation in common
+constexpr int anchor_rows = 4;   ///< rows from one that is mapped exactly to the next
+/// Hypotheses: the ground's own place, those of things that stand (pixels along the translation), and
+/// controls: below the ground (reflections, repeated patterns) and across the translation (misalignment).
+constexpr std::array<int, 8> standing{1, 2, 3, 4, 6, 8, 11, 15};
+constexpr std::array<int, 3> sunken{-2, -4, -7};
+constexpr int aside_q1 = 3; ///< halves of a pixel
+/// What is compared: the ground's place, five controls, even grey (how much there is to be seen), standing.
+constexpr int first_control = 1, end_control = 6, even_grey = 6, first_standing = 7, end_standing = 15,
+              hypotheses = 16;
+static_assert(hypotheses == kernels::most_offsets && first_standing + standing.size() == end_standing);
+constexpr int most_left = 11; ///< sixteenths of what there is to be seen that a match may leave
+constexpr kernels::HypothesisOrder order{first_control, end_control, even_grey, first_standing, end_standing};
+
+/// sqrt((k + 1/2) << 24) for k = 64..255.
+constexpr std::array<std::uint32_t, 256> make_roots() {
+  std::array<std::uint32_t, 256> roots{};
+  for (std::uint64_t k = 0; k < 256; ++k) {
+    std::uint64_t root = 0;
+    for (int bit = 15; bit >= 0; --bit)
+      if (const std::uint64_t next = root | (std::uint64_t{1} << bit); next * next <= (2 * k + 1) << 23)
+        root = next;
+    roots[k] = static_cast<std::uint32_t>(root);
+  }
+  return roots;
+}
+constexpr auto roots = make_roots();
+
+/// A direction in the picture: its unit vector in Q14 and its length.
+struct Direction {
+  int x = 0, y = 0;
+  std::int64_t length = 0;
+};
+
+Direction direction_of(std::int64_t x, std::int64_t y) {
+  const auto most = static_cast<std::uint64_t>(std::max(std::abs(x), std::abs(y)));
+  if (most == 0)
+    return {};
+  const int shift = static_cast<int>(std::bit_width(most)) - 15;
+  const auto scaled = [shift](std::int64_t value) {
+    return shift >= 0 ? value >> shift : value * (std::int64_t{1} << -shift);
+  };
+  const std::int64_t a = scaled(x), b = scaled(y);
+  auto square = static_cast<std::uint64_t>(a * a + b * b); // 2^28 .. 2^31
+  const bool half = square < std::uint64_t{1} << 30;
+  if (half)
+    square <<= 2;
+  const auto root = std::int64_t{roots[std::min<std::uint64_t>(square >> 24, 255)]} >> (half ? 1 : 0);
+  Direction d;
+  const auto narrow = static_cast<std::int32_t>(root);
+  d.x = static_cast<std::int32_t>(a) * 16384 / narrow;
+  d.y = static_cast<std::int32_t>(b) * 16384 / narrow;
+  d.length = shift >= 0 ? root << shift : root >> -shift;
+  return d;
+}
+
+/// The ground's translation at a pixel, by t.x - x t.z and t.y - y t.z (Q24).
+Direction ground_direction(const Translation& t, const GroundCamera& view, int across, int below) {
+  const std::int64_t x = std::int64_t{across} * 32768 / view.focal, // Q16
+      y = std::int64_t{below} * 256 / view.focal;
+  return direction_of(t.x - (x * t.z >> 16), t.y - (y * t.z >> 16));
+}
+
+int in_pixels(int unit, int distance_q1) {
+  return (unit * distance_q1 + (1 << 14)) >> 15;
+}
+
+} // namespace
+
+int ground_shift(const PlaneMotion& motion, const GroundCamera& view, int across, int below) {
+  const Direction d = ground_direction(translation_of(motion), view, across, below);
+  return static_cast<int>(std::clamp<std::int64_t>(std::int64_t{below} * d.length >> 24, 0, 1 << 20));
+}
+
+void Parallax::reserve(int width, int height) {
+  const auto segments = static_cast<std::size_t>((width + 15) / 16 + 2 * side_margin / 16);
+  const auto rows = static_cast<std::size_t>(height + ahead_margin + behind_margin),
+             columns = static_cast<std::size_t>(width / 4), cell_rows = static_cast<std::size_t>(height / 4);
+  nodes_.reserve((rows + anchor_rows) * (segments + 1) * 2);
+  warped_.reserve((rows + 4) * 16 * segments);
+  sums_.reserve((cell_rows + 1) * hypotheses * (columns + 2));
+  seen_.reserve((cell_rows + 1) * (columns + 2));
+  shifts_.reserve(cell_rows * columns);
+  costs_.reserve(7 * columns + 2);
+  near_.reserve(columns + 2);
+}
+
+/// The key frame as it would look from here if all were ground: rows from `above_` above the first cells on.
+void Parallax::warp(const PassedView& key, const PlaneMotion& motion, const GroundCamera& view, int first,
+                    int end) {
+  const int segments = (view.width + 15) / 16 + 2 * side_margin / 16;
+  const int top = 4 * first - above_, rows = 4 * (end - first) + ahead_margin + behind_margin;
+  stride_ = std::ptrdiff_t{16} * segments;
+  const std::ptrdiff_t numbers = std::ptrdiff_t{2} * (segments + 1);
+  nodes_.resize(static_cast<std::size_t>((rows + anchor_rows) * numbers));
+  warped_.resize(static_cast<std::size_t>((rows + 4) * stride_));
+  std::fill_n(warped_.begin() + rows * stride_, 4 * stride_, std::uint8_t{128});
+  const PixelMap map(motion, view);
+  for (int y = 0; y <= rows; y += anchor_rows) {
+    std::int32_t* node = nodes_.data() + y * numbers;
+    for (int s = 0; s <= segments; ++s) {
+      const PixelMap::Position p = map.at(across(view, 16 * s - side_margin), below(view, top + y));
+      *node++ = p.u * 256;
+      *node++ = p.v * 256;
+    }
+  }
+  for (int y = 0; y < rows; y += anchor_rows) {
+    const std::int32_t *from = nodes_.data() + y * numbers, *to = from + anchor_rows * numbers;
+    for (int k = 1; k < anchor_rows; ++k) {
+      std::int32_t* between = nodes_.data() + (y + k) * numbers;
+      for (std::ptrdiff_t i = 0; i < numbers; ++i)
+        between[i] = from[i] + (to[i] - from[i]) / anchor_rows * k;
+    }
+  }
+  kernels::warp_rows({key.pixels, key.width, key.height}, nodes_.data(), segments, rows, warped_.data(),
+                     stride_);
+}
+
+/// Where the hypotheses of a block of cells lie, from its own place; the length of the ground's translation
+/// there in Q4 of a pixel.
+int Parallax::place(const Translation& t, const GroundCamera& view, int left, int down, std::ptrdiff_t at,
+                    std::int32_t* offsets) const {
+  const Direction d = ground_direction(t, view, across(view, left) + block - 1, down);
+  const auto length =
+      static_cast<int>(std::clamp<std::int64_t>(std::int64_t{down} * d.length >> 28, 0, 65535));
+  const int lowest = ahead_margin + behind_margin - above_;
+  const auto offset = [&](int x, int y) {
+    return y < -above_ || y > lowest ? kernels::no_offset : static_cast<std::int32_t>(y * stride_ + x);
+  };
+  std::int32_t* next = offsets;
+  *next++ = 0;
+  for (const int s : sunken)
+    *next++ = offset(in_pixels(d.x, 2 * s), in_pixels(d.y, 2 * s));
+  *next++ = offset(in_pixels(-d.y, aside_q1), in_pixels(d.x, aside_q1));
+  *next++ = offset(in_pixels(d.y, aside_q1), in_pixels(-d.x, aside_q1));
+  *next++ = static_cast<std::int32_t>(static_cast<std::ptrdiff_t>(warped_.size()) - 4 * stride_ - at);
+  for (const int s : standing)
+    *next++ = 80 * s <= 6 * length + 40 // s <= 1.2 |T| + 0.5
+                  ? offset(in_pixels(d.x, 2 * s), in_pixels(d.y, 2 * s))
+                  : kernels::no_offset;
+  *next = kernels::no_offset;
+  return length;
+}
+
+/// Sums of a row of cells; nothing of those that are not to be judged by.
+void Parallax::compare_row(const PassedView& picture, const Translation& t, const GroundCamera& view,
+                           const std::uint8_t* ground, int row, int first) {
+  const std::ptrdiff_t plane = columns_ + 2;
+  std::uint16_t* sums = sums_.data() + (row - first) * hypotheses * plane + 1;
+  std::uint16_t* seen = seen_.data() + (row - first) * plane + 1;
+  std::uint16_t* shift = shifts_.data() + static_cast<std::ptrdiff_t>(row - first) * columns_;
+  std::fill_n(sums - 1, hypotheses * plane, std::uint16_t{0});
+  std::fill_n(seen - 1, plane, std::uint16_t{0});
+  std::fill_n(shift, columns_, std::uint16_t{0});
+  const int down = below(view, 4 * row) + 384;
+  const std::uint8_t *here = ground + row * columns_, *above = row > 0 ? here - columns_ : here,
+                     *under = row + 1 < rows_ ? here + columns_ : here;
+  near_.assign(static_cast<std::size_t>(columns_) + 2, 0);
+  for (int j = 0; j < columns_; ++j)
+    near_[static_cast<std::size_t>(j) + 1] = above[j] | here[j] | under[j];
+  for (int next = 0; next < columns_; next += block / 4) {
+    const int j = std::min(next, columns_ - block / 4);
+    const std::uint8_t* ground_around = near_.data() + j; // from the cell to the left on
+    if (std::none_of(ground_around, ground_around + 6, [](std::uint8_t cell) { return cell != 0; }))
+      continue;
+    const std::ptrdiff_t at = (4 * (row - first) + above_) * stride_ + 4 * j + side_margin;
+    std::array<std::int32_t, hypotheses> offsets{};
+    const int length = place(t, view, 4 * j, down, at, offsets.data());
+    if (length < 32) // two pixels
+      continue;
+    std::array<std::uint8_t, 4> whole{};
+    kernels::compare_cells(picture.row(4 * row) + 4 * j, picture.width, warped_.data() + at, stride_,
+                           offsets.data(), sums + j, plane, whole.data());
+    for (int c = 0; c < 4; ++c) {
+      const bool judged = whole[static_cast<std::size_t>(c)] &&
+                          (ground_around[c] | ground_around[c + 1] | ground_around[c + 2]) != 0;
+      seen[j + c] = judged;
+      shift[j + c] = static_cast<std::uint16_t>(judged ? length : 0);
+      if (!judged)
+        for (int k = 0; k < hypotheses; ++k)
+          sums[k * plane + j + c] = 0;
+    }
+  }
+}
+
+void Parallax::compare(const PassedView& picture, const PassedView& key, const PlaneMotion& motion,
+                       const GroundCamera& view, const std::uint8_t* ground, int first, int end,
+                       std::vector<CellParallax>& cells, std::vector<std::uint8_t>& judged) {
+  columns_ = view.width / 4;
+  rows_ = view.height / 4;
+  if (first >= end)
+    return;
+  const Translation t = translation_of(motion);
+  above_ = t.z >= 0 ? ahead_margin : behind_margin;
+  warp(key, motion, view, first, end);
+  const auto rows = static_cast<std::size_t>(end - first), plane = static_cast<std::size_t>(columns_) + 2;
+  sums_.resize((rows + 1) * hypotheses * plane);
+  seen_.resize((rows + 1) * plane);
+  shifts_.resize(rows * static_cast<std::size_t>(columns_));
+  // Beyond the first and the last row nothing was seen.
+  std::fill(sums_.end() - static_cast<std::ptrdiff_t>(hypotheses * plane), sums_.end(), std::uint16_t{0});
+  std::fill(seen_.end() - static_cast<std::ptrdiff_t>(plane), seen_.end(), std::uint16_t{0});
+  for (int i = first; i < end; ++i)
+    compare_row(picture, t, view, ground, i, first);
+  for (int i = first; i < end; ++i)
+    weigh_row(ground + i * columns_, i - first, end - first, cells.data() + i * columns_,
+              judged.data() + i * columns_);
+}
+
+void Parallax::weigh_row(const std::uint8_t* ground, int row, int rows, CellParallax* cells,
+                         std::uint8_t* judged) {
+  const std::uint16_t* shifts = shifts_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
+  const std::ptrdiff_t plane = columns_ + 2;
+  const int above = row > 0 ? row - 1 : rows, under = row + 1; // of which row `rows` is empty
+  costs_.resize(static_cast<std::size_t>(7 * columns_ + 2));
+  const auto part = [&](int k) { return costs_.data() + static_cast<std::ptrdiff_t>(k) * columns_; };
+  const kernels::WindowCosts costs{part(0), part(1), part(2), part(3), part(4)};
+  const auto sums_of = [&](int i) { return sums_.data() + i * hypotheses * plane; };
+  const auto seen_of = [&](int i) { return seen_.data() + i * plane; };
+  kernels::window_costs(sums_of(above), sums_of(row), sums_of(under), columns_, plane, order, costs, part(5));
+  const std::uint16_t *up = seen_of(above), *here = seen_of(row), *down = seen_of(under);
+  for (int j = 0; j < columns_; ++j) {
+    const int length = shifts[j];
+    if (ground[j] == 0 || length == 0)
+      continue;
+    int seen = 0;
+    for (int k = j; k < j + 3; ++k)
+      seen += up[k] + here[k] + down[k];
+    const int pixels = 16 * seen, ground_cost = costs.ground[j], best = costs.standing[j];
+    int gain = std::clamp(std::min<int>(ground_cost, costs.control[j]) - best, -6 * pixels, 20 * pixels);
+    if (16 * best >
+        most_left * costs.even_grey[j]) // as good as any other place: no match, something was hidden
+      gain = std::min(gain, 0);
+    cells[j].quality = static_cast<std::int16_t>(gain * 4096 / (ground_cost + 8 * pixels));
+    cells[j].ratio = static_cast<std::int16_t>(std::min(standing[costs.which[j]] * 16 * 4096 / length, 8191));
+    judged[j] = 1;
+  }
+}
+
+} // namespace terrainseg

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "motion/plane_motion.hpp"
+
+#include <algorithm>
+
+namespace terrainseg {
+namespace {
+
+using Matrix = std::array<std::int64_t, 9>;
+
+constexpr std::int64_t largest = 64 * one_q24; ///< of an element: products of two keep to 63 bits
+
+Matrix product(const Matrix& a, const Matrix& b) {
+  Matrix c{};
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      std::int64_t sum = one_q24 / 2;
+      for (int k = 0; k < 3; ++k)
+        sum += a[3 * i + k] * b[3 * k + j];
+      c[3 * i + j] = sum >> 24;
+    }
+  return c;
+}
+
+/// Divided by its first element; the identity where that is no motion of a camera that looks at the ground.
+PlaneMotion normalised(Matrix m) {
+  if (m[0] < one_q24 / 16)
+    return {};
+  for (std::int64_t& element : m)
+    element = std::clamp(element, -largest, largest);
+  PlaneMotion motion;
+  for (int i = 0; i < 9; ++i)
+    motion.g[i] = std::clamp(m[i] * one_q24 / m[0], -largest, largest);
+  return motion;
+}
+
+} // namespace
+
+GroundCamera GroundCamera::quarter() const {
+  return {width / 4, height / 4, focal / 4, (vanishing_row - 384) / 4};
+}
+
+PlaneMotion compose(const PlaneMotion& a, const PlaneMotion& b) {
+  return normalised(product(a.g, b.g));
+}
+
+PlaneMotion inverse(const PlaneMotion& motion) {
+  const Matrix& m = motion.g;
+  const auto minor = [&m](int a, int b, int c, int d) {
+    return (m[a] * m[d] - m[b] * m[c] + one_q24 / 2) >> 24;
+  };
+  return normalised({minor(4, 5, 7, 8), -minor(1, 2, 7, 8), minor(1, 2, 4, 5),  //
+                     -minor(3, 5, 6, 8), minor(0, 2, 6, 8), -minor(0, 2, 3, 5), //
+                     minor(3, 4, 6, 7), -minor(0, 1, 6, 7), minor(0, 1, 3, 4)});
+}
+
+Translation translation_of(const PlaneMotion& motion) {
+  return {motion.g[1] + motion.g[3], motion.g[4] - one_q24, motion.g[7] + motion.g[5]};
+}
+
+PlaneMotion part_of(const PlaneMotion& motion, int part) {
+  PlaneMotion scaled;
+  for (int i = 0; i < 9; ++i)
+    scaled.g[i] += (motion.g[i] - scaled.g[i]) * part >> 8;
+  return scaled;
+}
+
+PlaneMotion with_line_moved(const PlaneMotion& motion, int rows, int focal) {
+  const std::int64_t shift = std::int64_t{rows} * (one_q24 >> 8) / focal;
+  const Matrix down{one_q24, 0, 0, 0, one_q24, shift, 0, 0, one_q24},
+      up{one_q24, 0, 0, 0, one_q24, -shift, 0, 0, one_q24};
+  PlaneMotion moved = normalised(product(up, product(motion.g, down)));
+  moved.g[8] = one_q24;
+  moved.g[6] = -moved.g[2];
+  return moved;
+}
+
+PixelMap::PixelMap(const PlaneMotion& motion, const GroundCamera& view)
+    : g_(motion.g), x_offset_(motion.g[2] * view.focal * 256), y_offset_(motion.g[5] * view.focal * 256),
+      across_w_(motion.g[6] * 32768 / view.focal), below_w_(motion.g[7] * 256 / view.focal),
+      w_offset_(motion.g[8] * 65536), middle_((view.width - 1) * 128), line_(view.vanishing_row) {}
+
+} // namespace terrainseg

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "motion/standing_map.hpp"
+
+#include <algorithm>
+
+#include "kernels/ground_warp.hpp"
+
+namespace terrainseg {
+namespace {
+
+constexpr int one = 4096; ///< Q12
+/// Evidence with which a cell is told to stand and from which on it is so no longer, Q8.
+constexpr int least_to_appear = 17, least_to_stay = 8;
+/// Frames that are kept when one is added, Q12: what comes again and again does not add up. The memory of a
+/// moving camera never holds more.
+constexpr int most_kept = 7 * one;
+constexpr int most_ratio = 1843; ///< 0.45: no foot is further down than this part of its way to the line
+
+} // namespace
+
+void StandingMap::reset(int columns, int rows) {
+  columns_ = columns;
+  rows_ = rows;
+  sums_.assign(static_cast<std::size_t>(columns) * rows, {});
+  moved_.assign(sums_.size(), {});
+  stood_.assign(sums_.size(), 0);
+  nodes_.reserve(static_cast<std::size_t>(2 * (columns / 4 + 2)));
+  stood_before_.assign(sums_.size(), 0);
+}
+
+void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int keep) {
+  static_assert(sizeof(Sum) == 4 * sizeof(std::int16_t));
+  const PixelMap map(step, view);
+  const int first = std::clamp((view.vanishing_row >> 8) / 4, 0, rows_), nodes = columns_ / 4 + 2;
+  nodes_.resize(static_cast<std::size_t>(2 * nodes));
+  std::fill_n(moved_.begin(), first * columns_, Sum{});
+  stood_.swap(stood_before_);
+  std::fill(stood_.begin(), stood_.end(), std::uint8_t{0});
+  for (int i = first; i < rows_; ++i) {
+    const int down = below(view, 4 * i) + 384;
+    for (int k = 0; k < nodes; ++k) {
+      const PixelMap::Position p = map.at(across(view, 16 * k) + 3, down);
+      nodes_[static_cast<std::size_t>(2 * k)] = p.u - 384;
+      nodes_[static_cast<std::size_t>(2 * k + 1)] = p.v - 384;
+    }
+    kernels::moved_sums({&sums_.data()->quality, columns_, rows_}, nodes_.data(), columns_, keep,
+                        &moved_[static_cast<std::size_t>(i * columns_)].quality);
+    if (any_stood_)
+      move_stood(i);
+  }
+  sums_.swap(moved_);
+}
+
+/// What stood, to the nearest cell, by the nodes of a row.
+void StandingMap::move_stood(int row) {
+  std::uint8_t* out = stood_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
+  for (int j = 0; j < columns_; ++j) {
+    const std::int32_t* node = nodes_.data() + j / 4 * 2;
+    const int u = node[0] + (node[2] - node[0]) * (j % 4) / 4,
+              v = node[1] + (node[3] - node[1]) * (j % 4) / 4;
+    const int column = (u + 512) >> 10, from = (v + 512) >> 10; // of 4 pixels in Q8
+    if (column >= 0 && from >= 0 && column < columns_ && from < rows_)
+      out[j] = stood_before_[static_cast<std::size_t>(from * columns_ + column)];
+  }
+}
+
+/// A sum of so many frames.
+StandingMap::Sum StandingMap::faded(const Sum& sum, int frames_q12) {
+  const auto part = [&](int value) { return static_cast<std::int16_t>(value * frames_q12 / sum.count); };
+  return {part(sum.quality), part(sum.count), part(sum.weight), part(sum.ratio)};
+}
+
+void StandingMap::add(std::span<const CellParallax> cells, std::span<const std::uint8_t> judged) {
+  const auto sum = [](int a, int b) { return static_cast<std::int16_t>(std::clamp(a + b, -32767, 32767)); };
+  for (std::size_t i = 0; i < sums_.size(); ++i) {
+    if (!judged[i])
+      continue;
+    Sum& s = sums_[i];
+    if (s.count > most_kept)
+      s = faded(s, most_kept);
+    const int weight = std::max<int>(cells[i].quality, 0);
+    s.quality = sum(s.quality, cells[i].quality);
+    s.count = sum(s.count, one);
+    s.weight = sum(s.weight, weight);
+    s.ratio = sum(s.ratio, weight * cells[i].ratio >> 12);
+  }
+}
+
+int StandingMap::evidence(const Sum& sum) const {
+  if (sum.quality == 0)
+    return 0;
+  return sum.quality * 256 / std::max<int>(sum.count, 2 * one);
+}
+
+void StandingMap::fill_foot(const GroundCamera& view, int column, std::vector<std::int16_t>& standing) const {
+  const auto cell = [&](int row) -> std::int16_t& {
+    return standing[static_cast<std::size_t>(row * columns_ + column)];
+  };
+  for (int i = 0; i < rows_;) {
+    if (cell(i) <= least_standing) {
+      ++i;
+      continue;
+    }
+    const int first = i;
+    int foot = i;
+    std::int16_t most = 0;
+    for (; i < rows_ && cell(i) > least_standing; ++i) {
+      const Sum& sum = sums_[static_cast<std::size_t>(i * columns_ + column)];
+      const int ratio = sum.weight > 0 ? std::min(sum.ratio * one / sum.weight, most_ratio) : 0;
+      const int down = below(view, 4 * i) + 384;
+      foot = std::max(foot, ((down + down * ratio / one) + view.vanishing_row) >> 10);
+      most = std::max(most, cell(i));
+    }
+    const int end = std::min({foot + 1, i + (i - first) + 1, rows_});
+    for (; i < end; ++i)
+      cell(i) = std::max(cell(i), most);
+  }
+}
+
+/// Whether two of the cells around one that stands do, too.
+bool StandingMap::has_company(int row, int column) const {
+  int count = 0;
+  for (int i = std::max(row - 1, 0); i <= std::min(row + 1, rows_ - 1); ++i)
+    for (int j = std::max(column - 1, 0); j <= std::min(column + 1, columns_ - 1); ++j)
+      count += stood_[static_cast<std::size_t>(i * columns_ + j)];
+  return count > 2;
+}
+
+void StandingMap::read(const GroundCamera& view, std::vector<std::int16_t>& standing) {
+  standing.resize(sums_.size());
+  any_stood_ = false;
+  for (std::size_t i = 0; i < sums_.size(); ++i) {
+    const int value = evidence(sums_[i]);
+    const bool stands = value > (stood_[i] ? least_to_stay : least_to_appear);
+    standing[i] = static_cast<std::int16_t>(value);
+    stood_[i] = stands;
+    any_stood_ = any_stood_ || stands;
+  }
+  for (int i = 0; i < rows_; ++i)
+    for (int j = 0; j < columns_; ++j) {
+      const auto at = static_cast<std::size_t>(i * columns_ + j);
+      std::int16_t& value = standing[at];
+      constexpr std::int16_t none = least_standing, some = least_standing + 1;
+      if (any_stood_ && stood_[at] && has_company(i, j))
+        value = std::max(value, some);
+      else
+        value = std::min(value, none);
+    }
+  if (any_stood_)
+    for (int j = 0; j < columns_; ++j)
+      fill_foot(view, j, standing);
+}
+
+} // namespace terrainseg
