@@ -12,8 +12,9 @@
 
 namespace terrainseg {
 
-/// CRC-32 with the polynomial of zlib, PNG and Ethernet.
-std::uint32_t crc32(std::span<const std::uint8_t> bytes);
+/// CRC-32 with the polynomial of zlib, PNG and Ethernet, of what had the sum `before` and these bytes behind
+/// it.
+std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t before = 0);
 
 /// First position in [from, end) whose byte differs from *from; `end` if none does. from < end.
 inline const std::uint8_t* run_end(const std::uint8_t* from, const std::uint8_t* end) {

@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
 
 #include "exchange/bytes.hpp"
 
@@ -112,9 +115,99 @@ void put_runs(std::string& out, const GrayView& mask) {
   out += "]}";
 }
 
+/// A number with 16 fraction bits, to a thousandth.
+void put_q16(std::string& out, std::int64_t value) {
+  if (value < 0)
+    out += '-';
+  put_decimal(out, (static_cast<std::uint64_t>(value < 0 ? -value : value) * 1000 + 32768) >> 16, 3);
+}
+
+/// Where motion found nothing a line says nothing of it.
+void put_motion(std::string& out, const Estimate& e) {
+  if (e.vanishing_row < 0 && e.speed_over_height == 0)
+    return;
+  out += ", \"motion\": {\"vanishing_row\": ";
+  if (e.vanishing_row < 0)
+    out += "null";
+  else
+    put_q16(out, e.vanishing_row);
+  out += ", \"speed_over_height\": ";
+  put_q16(out, e.speed_over_height);
+  out += '}';
+}
+
+void put_real(std::string& out, double value, int decimals) {
+  double one = 1;
+  for (int i = 0; i < decimals; ++i)
+    one *= 10;
+  const long long fixed = std::llround(value * one);
+  if (fixed < 0)
+    out += '-';
+  put_decimal(out, static_cast<std::uint64_t>(fixed < 0 ? -fixed : fixed), decimals);
+}
+
+constexpr int millimetres = 3;  ///< decimals of metres
+constexpr int microradians = 6; ///< decimals of angles: 0.001 degrees are 17 of them
+
+/// null where nothing is known; no value is above `most`.
+void put_reals(std::string& out, const char* name, std::span<const float> values, int decimals, double most) {
+  out.append("\"").append(name).append("\": [");
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (i > 0)
+      out += ',';
+    if (std::isnan(values[i]))
+      out += "null";
+    else
+      put_real(out, std::min<double>(values[i], most), decimals);
+  }
+  out += "], ";
+}
+
+void put_metric(std::string& out, const MetricEstimate& m) {
+  constexpr double any = 1e6;
+  out += ", \"metric\": {";
+  put_reals(out, "ranges", m.ranges, millimetres, m.range_max);
+  put_reals(out, "bearings", m.bearings, microradians, any);
+  put_reals(out, "low", m.low, millimetres, m.range_max);
+  put_reals(out, "high", m.high, millimetres, m.range_max);
+  out += "\"free\": [";
+  for (std::size_t i = 0; i < m.ranges.size(); ++i)
+    out.append(i > 0 ? "," : "").append(std::isinf(m.ranges[i]) ? "true" : "false");
+  out += ']';
+  struct Number {
+    const char* name;
+    double value;
+    int decimals;
+  };
+  for (const Number& n :
+       {Number{"height", m.height, millimetres}, Number{"pitch", m.pitch, microradians},
+        Number{"roll", m.roll, microradians}, Number{"yaw", m.yaw, microradians},
+        Number{"range_min", m.range_min, millimetres}, Number{"range_max", m.range_max, millimetres}}) {
+    out.append(", \"").append(n.name).append("\": ");
+    put_real(out, n.value, n.decimals);
+  }
+  out.append(", \"posed\": ").append(m.flags & metric_flag_pose ? "true" : "false");
+  out.append(", \"horizon_off\": ").append(m.flags & metric_flag_horizon ? "true" : "false").append("}");
+}
+
 } // namespace
 
-void append_json_line(std::string& out, const Estimate& e, std::int64_t pts, bool with_mask) {
+std::string utc_text(std::uint64_t nanoseconds) {
+  using namespace std::chrono;
+  const std::uint64_t micro = nanoseconds / 1000;
+  const std::uint64_t in_day = micro % 86'400'000'000u;
+  const year_month_day date{sys_days{days{static_cast<int>(micro / 86'400'000'000u)}}};
+  char text[40];
+  std::snprintf(text, sizeof text, "%04d-%02u-%02uT%02u:%02u:%02u.%06uZ", static_cast<int>(date.year()),
+                static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()),
+                static_cast<unsigned>(in_day / 3'600'000'000u),
+                static_cast<unsigned>(in_day / 60'000'000u % 60),
+                static_cast<unsigned>(in_day / 1'000'000u % 60), static_cast<unsigned>(in_day % 1'000'000u));
+  return text;
+}
+
+void append_json_line(std::string& out, const Estimate& e, std::int64_t pts, bool with_mask,
+                      const LineExtras& extras) {
   out += "{\"frame\": ";
   put(out, e.frame);
   out += ", \"pts\": ";
@@ -122,6 +215,8 @@ void append_json_line(std::string& out, const Estimate& e, std::int64_t pts, boo
     out += "null";
   else
     put(out, pts);
+  if (extras.utc)
+    out.append(", \"utc\": \"").append(utc_text(*extras.utc)).append("\"");
   out += ", \"width\": ";
   put(out, e.frame_width);
   out += ", \"height\": ";
@@ -133,7 +228,9 @@ void append_json_line(std::string& out, const Estimate& e, std::int64_t pts, boo
     put(out, e.horizon_row);
   out += ", \"confidence\": ";
   put(out, static_cast<unsigned>(e.horizon_confidence));
-  out += "}, \"traversable\": ";
+  out += "}";
+  put_motion(out, e);
+  out += ", \"traversable\": ";
   put_decimal(out, static_cast<std::uint64_t>(std::clamp(e.traversable_permille, 0, 1000)), 3);
   out += ", \"confidence\": ";
   put(out, static_cast<unsigned>(e.confidence));
@@ -164,6 +261,8 @@ void append_json_line(std::string& out, const Estimate& e, std::int64_t pts, boo
     out += '}';
   }
   out += ']';
+  if (extras.metric)
+    put_metric(out, *extras.metric);
   if (with_mask) {
     out += ", \"mask\": ";
     put_runs(out, e.mask);

@@ -11,14 +11,26 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
+#include "exchange/metric_estimate.hpp"
 #include "terrainseg/estimate.hpp"
 
 namespace terrainseg {
 
+/// What a line has only where it is known.
+struct LineExtras {
+  const MetricEstimate* metric = nullptr; ///< member `metric`
+  std::optional<std::uint64_t> utc; ///< member `utc`: nanoseconds since 1970, written to the microsecond
+};
+
 /// Appends one object and a newline. `pts` in nanoseconds, below 0 = null. `with_mask` adds the mask as run
 /// lengths.
-void append_json_line(std::string& out, const Estimate& estimate, std::int64_t pts, bool with_mask);
+void append_json_line(std::string& out, const Estimate& estimate, std::int64_t pts, bool with_mask,
+                      const LineExtras& extras = {});
+
+/// `2026-11-21T20:00:00.123456Z`; nanoseconds since 1970, below 2^63.
+std::string utc_text(std::uint64_t nanoseconds);
 
 } // namespace terrainseg

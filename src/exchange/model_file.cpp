@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "exchange/bytes.hpp"
+#include "exchange/write_all.hpp"
 
 namespace terrainseg {
 namespace {
@@ -103,7 +104,7 @@ class Descriptor {
 Descriptor create_beside(const std::string& path, std::string& name) {
   static std::atomic<unsigned> serial = 0;
   for (int attempt = 0; attempt < 100; ++attempt) {
-    name = path + "." + std::to_string(::getpid()) + "-" + std::to_string(serial++) + ".tmp";
+    name = path + "." + std::to_string(::getpid()) + "-" + std::to_string(serial++) + ".part";
     const int fd = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd >= 0 || errno != EEXIST)
       return Descriptor(fd);
@@ -111,16 +112,38 @@ Descriptor create_beside(const std::string& path, std::string& name) {
   return Descriptor(-1);
 }
 
-bool write_all(int fd, std::span<const std::uint8_t> bytes) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
-    if (n < 0 && errno == EINTR)
-      continue;
+/// The file that `path` means: symbolic links are followed by hand, so that one to a file that does not exist
+/// yet is followed too. Sets `error` when there is no end to them.
+std::string through_links(std::string path, int& error) {
+  error = 0;
+  for (int hops = 0; hops < 40; ++hops) {
+    char target[4096];
+    const ssize_t n = ::readlink(path.c_str(), target, sizeof target);
     if (n < 0)
-      return false;
-    bytes = bytes.subspan(static_cast<std::size_t>(n));
+      return path; // no link
+    if (static_cast<std::size_t>(n) == sizeof target)
+      break;
+    const std::string next(target, static_cast<std::size_t>(n));
+    const std::size_t slash = path.rfind('/');
+    // NOLINTNEXTLINE(performance-inefficient-string-concatenation)
+    path = next.starts_with('/') || slash == std::string::npos ? next : path.substr(0, slash + 1) + next;
   }
-  return true;
+  error = ELOOP;
+  return path;
+}
+
+/// What a path names that is no file to be replaced or read; empty for a regular file.
+std::string kind_that_is_no_file(const struct stat& s) {
+  return S_ISREG(s.st_mode)    ? ""
+         : S_ISDIR(s.st_mode)  ? "a directory"
+         : S_ISCHR(s.st_mode)  ? "a character device"
+         : S_ISBLK(s.st_mode)  ? "a block device"
+         : S_ISFIFO(s.st_mode) ? "a pipe"
+                               : "a socket or something else";
+}
+
+std::string no_file(const char* doing, const std::string& path, const std::string& kind) {
+  return std::string(doing) + " '" + path + "': it is " + kind + ", not a file; choose another path";
 }
 
 } // namespace
@@ -212,19 +235,27 @@ TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
   terrain.generation = in.take<std::uint32_t>();
   if (in.ran_out() || in.left() != 0)
     return refuse("the file is damaged: its content does not have the size that its counts add up to");
+  if (const std::string flaw = flaw_of(terrain); !flaw.empty())
+    return refuse("the file holds what no learning makes: " + flaw + "; learn the terrain anew");
   return {std::move(terrain), {}};
 }
 
-std::string write_file_atomically(const std::string& path, std::span<const std::uint8_t> bytes) {
-  if (path.empty())
+std::string write_file_atomically(const std::string& name, std::span<const std::uint8_t> bytes) {
+  if (name.empty())
     return "cannot write: the path is empty";
+  int error = 0;
+  const std::string path = through_links(name, error);
+  if (error != 0)
+    return cause("cannot write", name, error);
+  struct stat old {};
+  const bool replaces = ::stat(path.c_str(), &old) == 0;
+  if (const std::string kind = replaces ? kind_that_is_no_file(old) : ""; !kind.empty())
+    return no_file("cannot write", name, kind);
   std::string temporary;
   Descriptor fd = create_beside(path, temporary);
   if (fd.get() < 0)
     return cause("cannot create a temporary file beside", path, errno);
-  struct stat old {};
-  const bool replaces = ::stat(path.c_str(), &old) == 0;
-  if (!write_all(fd.get(), bytes) || (replaces && ::fchmod(fd.get(), old.st_mode & 07777) != 0) ||
+  if (write_all(fd.get(), bytes) != 0 || (replaces && ::fchmod(fd.get(), old.st_mode & 07777) != 0) ||
       ::fsync(fd.get()) != 0 || fd.close() != 0 || ::rename(temporary.c_str(), path.c_str()) != 0) {
     std::string why = cause("cannot write", path, errno);
     ::unlink(temporary.c_str());
@@ -239,9 +270,13 @@ std::string write_file_atomically(const std::string& path, std::span<const std::
 }
 
 TerrainResult load_terrain(const std::string& path) {
-  Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (fd.get() < 0)
+  // A pipe would wait for its writer.
+  Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  struct stat is {};
+  if (fd.get() < 0 || ::fstat(fd.get(), &is) != 0)
     return refuse(cause("cannot open", path, errno));
+  if (const std::string kind = kind_that_is_no_file(is); !kind.empty())
+    return refuse(no_file("cannot load", path, kind));
   std::vector<std::uint8_t> bytes(largest_file + 1);
   std::size_t size = 0;
   while (size < bytes.size()) {

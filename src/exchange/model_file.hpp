@@ -12,6 +12,7 @@
 //             or as many as terrain.hpp says), then u32 per bin, u32 exposure mean, u32 horizon, u32
 //             generation
 //   u32       CRC-32 (the one of zlib and PNG) of everything before it
+// A file whose fields leave the ranges of terrain.hpp is refused: what is loaded can be learned on from.
 // A later version that only adds keeps reading version 1; an older reader refuses a newer file by name.
 #pragma once
 
@@ -40,10 +41,12 @@ std::vector<std::uint8_t> serialize_terrain(const Terrain& terrain);
 TerrainResult parse_terrain(std::span<const std::uint8_t> bytes);
 
 /// Writes so that `path` holds either its old content or all of the new one, even when the machine loses
-/// power: a temporary file in the same folder, fsync, rename. Returns why it failed; empty when it did not.
+/// power: a temporary file in the same folder, fsync, rename. A symbolic link stays and the file that it
+/// means is written; what is no regular file (a device, a pipe) is refused. Returns why it failed; empty when
+/// it did not.
 std::string write_file_atomically(const std::string& path, std::span<const std::uint8_t> bytes);
 
-/// parse_terrain() of a file; the error names the path.
+/// parse_terrain() of a regular file; the error names the path.
 TerrainResult load_terrain(const std::string& path);
 
 /// serialize_terrain() into a file, atomically. Returns why it failed; empty when it did not.

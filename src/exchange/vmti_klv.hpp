@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // An estimate as one KLV unit and back: a MISB ST 0903 VMTI Local Set that any VMTI decoder reads (the mask
-// as run lengths, the horizon as a target), and beside it a private Local Set with the rest, so that decode()
-// gives what encode() got. The layout is docs/klv.md.
+// as run lengths, the horizon as a target), and in it a private Local Set with the rest, so that decode()
+// gives what encode() got; alone, or within a MISB ST 0601 UAS Datalink Local Set. The layout is docs/klv.md.
 //
 // Integers only, no GStreamer. Numbers on the wire are big-endian, as everywhere in MISB.
 #pragma once
@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "exchange/uas_datalink.hpp"
 #include "terrainseg/estimate.hpp"
 
 namespace terrainseg {
@@ -24,6 +25,8 @@ inline constexpr std::int64_t klv_mask_limit = std::int64_t{1} << 26;
 
 inline constexpr std::array<std::uint8_t, 16> vmti_label = {0x06, 0x0e, 0x2b, 0x34, 0x02, 0x0b, 0x01, 0x01,
                                                             0x0e, 0x01, 0x03, 0x03, 0x06, 0x00, 0x00, 0x00};
+inline constexpr std::array<std::uint8_t, 16> uas_label = {0x06, 0x0e, 0x2b, 0x34, 0x02, 0x0b, 0x01, 0x01,
+                                                           0x0e, 0x01, 0x03, 0x01, 0x01, 0x00, 0x00, 0x00};
 /// SMPTE's class 15 (experimental), then "TRNSEG" and 1.
 inline constexpr std::array<std::uint8_t, 16> terrain_label = {
     0x06, 0x0e, 0x2b, 0x34, 0x02, 0x0b, 0x01, 0x01, 0x0f, 'T', 'R', 'N', 'S', 'E', 'G', 0x01};
@@ -34,15 +37,19 @@ class KlvEncoder {
  public:
   /// The unit, valid until the next call; empty when the estimate has no mask. Horizon, window and mask lie
   /// inside the frame and the boundary has a row for every mask column or none, as Estimate says: the decoder
-  /// refuses anything else. `time_us` is the precision time stamp, microseconds. A mask whose runs do not fit
-  /// is halved until they do, as is the boundary: a pixel of the smaller mask has the least of its four
-  /// values, a column the nearer of its two rows, so that halving never adds free space.
-  std::span<const std::uint8_t> encode(const Estimate& estimate, std::uint64_t time_us);
+  /// refuses anything else. `time_us` is the precision time stamp, microseconds. A mask whose runs do not
+  /// fit, or one larger than its frame (the frame was scaled, the mask never is), is halved until it fits, as
+  /// is the boundary: a pixel of the smaller mask has the least of its four values, a column the nearer of
+  /// its two rows, so that halving never adds free space. With a platform the VMTI set lies in a UAS Datalink
+  /// Local Set, which says what is known of the platform.
+  std::span<const std::uint8_t> encode(const Estimate& estimate, std::uint64_t time_us,
+                                       const UasPlatform* platform = nullptr);
 
  private:
   bool halve(GrayView& mask, std::span<const std::uint16_t>& boundary);
   bool write(const Estimate& estimate, const GrayView& mask, std::span<const std::uint16_t> boundary,
-             std::uint64_t time_us);
+             std::uint64_t time_us, const UasPlatform* platform);
+  void nest(const UasPlatform& platform, std::uint64_t time_us, std::size_t vmti_size);
 
   void put_terrain_set(const Estimate& estimate, std::span<const std::uint16_t> boundary);
 
@@ -62,7 +69,8 @@ enum class KlvVerdict : std::uint8_t {
 class KlvUnit {
  public:
   /// Reads a unit. On anything but ok the content is unspecified and error() says why. Safe on hostile bytes:
-  /// every length is checked, time and memory are linear in the number of bytes.
+  /// every length is checked, time and memory are linear in the number of bytes, and drawing is linear in the
+  /// mask, which is no larger than the frame that the unit names.
   KlvVerdict decode(std::span<const std::uint8_t> bytes);
   const std::string& error() const { return error_; }
 
@@ -74,6 +82,9 @@ class KlvUnit {
   int sender_mask_width() const { return sender_width_; }
   int sender_mask_height() const { return sender_height_; }
 
+  /// Bytes that draw_mask() writes: at most three times the mask's pixels.
+  std::uint64_t pixels_to_draw() const;
+  std::size_t runs() const { return runs_.size(); } ///< at most a quarter of the unit's bytes
   /// Draws the mask: estimate().mask.height rows of estimate().mask.width bytes.
   void draw_mask(const MutablePlane& target) const;
 
@@ -83,6 +94,11 @@ class KlvUnit {
     std::uint8_t value;
   };
   KlvVerdict refuse(KlvVerdict verdict, std::string why);
+  KlvVerdict read_alone(std::span<const std::uint8_t> bytes);
+  KlvVerdict read_nested(std::span<const std::uint8_t> unit, std::span<const std::uint8_t> set);
+  KlvVerdict check_frame(std::span<const std::uint8_t> unit, std::span<const std::uint8_t> set,
+                         const char* name);
+  KlvVerdict read_items(std::span<const std::uint8_t> head, std::span<const std::uint8_t> set);
   KlvVerdict read_vmti(std::span<const std::uint8_t> set, std::span<const std::uint8_t>& terrain);
   KlvVerdict read_targets();
   KlvVerdict read_target(std::span<const std::uint8_t> pack);
@@ -90,14 +106,15 @@ class KlvUnit {
   KlvVerdict read_terrain_set(std::span<const std::uint8_t> set);
 
   std::string error_;
+  std::vector<std::uint8_t> head_; ///< of a nested set as it would stand alone
   Estimate estimate_;
   std::vector<std::uint16_t> boundary_;
   std::vector<Run> runs_;
   std::uint64_t time_us_ = 0;
   int sender_width_ = 0, sender_height_ = 0;
   std::uint64_t grid_width_ = 0, grid_height_ = 0;
-  std::span<const std::uint8_t> targets_; ///< into the bytes that decode() reads; not used after it
-  std::uint32_t seen_targets_ = 0;
+  std::span<const std::uint8_t> targets_;           ///< into the bytes that decode() reads; not used after it
+  std::uint32_t seen_targets_ = 0, seen_masks_ = 0; ///< a bit per target
 };
 
 } // namespace terrainseg

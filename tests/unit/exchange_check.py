@@ -64,6 +64,24 @@ def check_pair(line, unit):
     return 'whole'
 
 
+def check_platform(i, platform, time):
+    """The values that sample i was given, to within a step of their numbers."""
+    expected = {'time': time, 'version': 17}
+    if i % 2:
+        expected |= {'latitude': 4.5 * i - 90, 'longitude': 9 * i - 180, 'altitude': 100 * i}
+    if i % 4 == 1:
+        expected['heading'] = 9 * i
+    if i % 3 == 0:
+        expected |= {'pitch': i - 20, 'roll': 5 * i - 90, 'azimuth': 0, 'elevation': 0, 'relative roll': 0}
+    assert platform.keys() == expected.keys(), platform
+    steps = {'latitude': 1e-7, 'longitude': 1e-7, 'altitude': 0.16, 'heading': 0.003, 'pitch': 0.0004, 'roll': 0.0008}
+    for name, value in expected.items():
+        if name == 'roll' and abs(value) > 90:
+            assert platform[name] is None
+        else:
+            assert abs(platform[name] - value) <= steps.get(name, 0), (i, name, platform[name], value)
+
+
 def main(program, schema_path):
     with open(schema_path, encoding='utf-8') as f:
         schema = json.load(f)
@@ -73,7 +91,7 @@ def main(program, schema_path):
     for broken in ({}, {'frame': -1}, {'frame': 'x'}):
         assert not validator.is_valid(broken)
 
-    seen = []
+    seen, metres = [], 0
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run([program, folder], check=True)
         for path in sorted(glob.glob(os.path.join(folder, '*.json'))):
@@ -84,11 +102,29 @@ def main(program, schema_path):
             validator.validate(line)
             for extra in ('boundary', 'flags'):
                 assert not validator.is_valid({**line, extra: ['nonsense']})
+            if 'metric' in line:
+                metres += 1
+                assert line['utc'].startswith('2026-11-22T20:00:0') and line['utc'].endswith('Z')
+                m = line['metric']
+                assert len({len(m[n]) for n in ('ranges', 'bearings', 'low', 'high', 'free')} | {len(line['boundary'])}) == 1
+                assert all((r is None) == (b is None) and (not f or r == m['range_max'])
+                           for r, b, f in zip(m['ranges'], m['bearings'], m['free']))
+                for broken in ({**m, 'height': 0}, {**m, 'ranges': [-1]}, {**m, 'free': [1]}, {**m, 'pitch': 'inf'}):
+                    assert not validator.is_valid({**line, 'metric': broken})
+                assert not validator.is_valid({**line, 'utc': 'yesterday'})
             with open(path[:-5] + '.klv', 'rb') as f:
                 data = f.read()
             assert len(data) <= 60000
             seen.append(check_pair(line, klv_decoder.decode(data)))
+            with open(path[:-5] + '-uas.klv', 'rb') as f:
+                nested = f.read()
+            assert len(nested) <= 60000
+            platform, inner = klv_decoder.decode_uas(nested)
+            check_platform(int(os.path.basename(path)[:3]), platform, (line['pts'] or 0) // 1000)
+            assert check_pair(line, klv_decoder.decode(inner)) == seen[-1]
+            assert inner == data or seen[-1] == 'halved'
     assert seen.count('halved') == 1 and seen.count('whole') > 30, seen
+    assert metres > 10, metres
     print(f'{len(seen)} estimates: lines valid, units equal ({seen.count("halved")} halved)')
 
 

@@ -2,6 +2,7 @@
 #include "exchange/json_lines.hpp"
 
 #include <algorithm>
+#include <limits>
 
 #include <gtest/gtest.h>
 #include <random>
@@ -38,6 +39,18 @@ std::string line_of(const Estimate& e, std::int64_t pts, bool mask) {
   return out;
 }
 
+TEST(JsonLines, MotionWhereItFoundSomething) {
+  Estimate e = small_estimate({});
+  EXPECT_EQ(line_of(e, 0, false).find("motion"), std::string::npos);
+  e.vanishing_row = 280 * 65536 + 16384;
+  e.speed_over_height = -3 * 65536 / 2;
+  EXPECT_NE(line_of(e, 0, false)
+                .find("}, \"motion\": {\"vanishing_row\": 280.25, \"speed_over_height\": -1.5}, \"tra"),
+            std::string::npos);
+  e.vanishing_row = -1;
+  EXPECT_NE(line_of(e, 0, false).find("{\"vanishing_row\": null, "), std::string::npos);
+}
+
 TEST(JsonLines, WholeLine) {
   const std::vector<std::uint16_t> boundary = {0, 360, 719, 720, 65535};
   EXPECT_EQ(line_of(small_estimate(boundary), 480000000, false),
@@ -55,6 +68,31 @@ TEST(JsonLines, UnknownIsNull) {
             "\"horizon\": {\"row\": null, \"confidence\": 0}, \"traversable\": 0, \"confidence\": 0, "
             "\"boundary\": [], \"window\": [0,0,0,0], \"generation\": 0, \"flags\": [\"unknown\"], "
             "\"models\": [], \"mask\": {\"width\": 0, \"height\": 0, \"runs\": []}}\n");
+}
+
+TEST(JsonLines, MetresAndWallClockWhereTheyAreKnown) {
+  const float nan = std::numeric_limits<float>::quiet_NaN(), free = std::numeric_limits<float>::infinity();
+  const std::vector<float> ranges{1.5F, 2.125F, free, nan}, bearings{0.5F, -0.000035F, 0, nan},
+      low{1.25F, 2, 7.5F, nan}, high{2, free, free, nan};
+  const MetricEstimate metric{ranges, bearings,        low, high, 0.5, 0.174533, -0.0349, 0, 0.75,
+                              8.25,   metric_flag_pose};
+  std::string out;
+  append_json_line(out, Estimate{}, -1, false, {&metric, 1795377600123456789u});
+  EXPECT_EQ(out,
+            "{\"frame\": 0, \"pts\": null, \"utc\": \"2026-11-22T20:00:00.123456Z\", \"width\": 0, "
+            "\"height\": 0, \"horizon\": {\"row\": null, \"confidence\": 0}, \"traversable\": 0, "
+            "\"confidence\": 0, \"boundary\": [], \"window\": [0,0,0,0], \"generation\": 0, \"flags\": "
+            "[\"unknown\"], \"models\": [], \"metric\": {\"ranges\": [1.5,2.125,8.25,null], \"bearings\": "
+            "[0.5,-0.000035,0,null], \"low\": [1.25,2,7.5,null], \"high\": [2,8.25,8.25,null], \"free\": "
+            "[false,false,true,false], \"height\": 0.5, \"pitch\": 0.174533, \"roll\": -0.0349, \"yaw\": 0, "
+            "\"range_min\": 0.75, \"range_max\": 8.25, \"posed\": true, \"horizon_off\": false}}\n");
+}
+
+TEST(JsonLines, WallClock) {
+  EXPECT_EQ(utc_text(0), "1970-01-01T00:00:00.000000Z");
+  EXPECT_EQ(utc_text(951782399999999999u), "2000-02-28T23:59:59.999999Z");
+  EXPECT_EQ(utc_text(951782400000000000u), "2000-02-29T00:00:00.000000Z");
+  EXPECT_EQ(utc_text(9223372036854775807u), "2262-04-11T23:47:16.854775Z");
 }
 
 TEST(JsonLines, AppendsAndEndsEveryLine) {

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""A decoder of the KLV units, written from docs/klv.md and ST 0903's structure, apart from src/exchange."""
+"""A decoder of the KLV units, written from docs/klv.md and the structure of ST 0903 and ST 0601, apart from
+src/exchange."""
 import struct
 import zlib
 
 VMTI = bytes.fromhex('060e2b34020b01010e01030306000000')
+UAS = bytes.fromhex('060e2b34020b01010e01030101000000')
 TERRAIN = bytes.fromhex('060e2b34020b01010f') + b'TRNSEG' + b'\x01'
 
 
@@ -126,3 +128,46 @@ def decode(unit):
         'boundary': rows(t[12]), 'models': models, 'mask_size': (width, height), 'mask': bytes(mask),
         'targets': targets,
     }
+
+
+def linear(data, low, high):
+    """A number of ST 0601: unsigned over low..high, or signed over -high..high where low is None."""
+    n = big(data)
+    if low is not None:
+        return low + n * (high - low) / (2 ** (8 * len(data)) - 1)
+    half = 2 ** (8 * len(data) - 1)
+    if n == half:
+        return None  # out of range
+    return (n - 2 * half if n > half else n) * high / (half - 1)
+
+
+# tag: name, lowest (None: signed), highest, bytes
+PLATFORM = {5: ('heading', 0, 360, 2), 6: ('pitch', None, 20, 2), 7: ('roll', None, 50, 2), 13: ('latitude', None, 90, 4),
+            14: ('longitude', None, 180, 4), 15: ('altitude', -900, 19000, 2), 18: ('azimuth', 0, 360, 4),
+            19: ('elevation', None, 180, 4), 20: ('relative roll', 0, 360, 4), 90: ('pitch', None, 90, 4),
+            91: ('roll', None, 90, 4)}
+
+
+def decode_uas(unit):
+    """What a UAS Datalink Local Set says of the platform, and the VMTI set in it as it would stand alone."""
+    if unit[:16] != UAS:
+        raise Bad('no UAS Datalink Local Set')
+    n, start = ber(unit, 16)
+    if start + n != len(unit):
+        raise Bad('the set does not fill the unit')
+    tags = [t for t, _ in items(unit[start:])]
+    fields = dict(items(unit[start:]))
+    if tags[0] != 2 or tags[-1] != 1 or len(set(tags)) != len(tags):
+        raise Bad('the time stamp must come first, the checksum last, every tag once')
+    if big(fields.pop(1)) != sum16(unit[:-2]):
+        raise Bad('checksum')
+    platform = {'time': big(fields.pop(2)), 'version': big(fields.pop(65))}
+    inner = fields.pop(74)
+    for tag, value in fields.items():
+        name, low, high, size = PLATFORM[tag]
+        if len(value) != size or name in platform:
+            raise Bad(f'item {tag}')
+        platform[name] = linear(value, low, high)
+    n = len(inner) + 4
+    alone = VMTI + (bytes([n]) if n < 128 else bytes([0x81, n]) if n < 256 else b'\x82' + n.to_bytes(2, 'big')) + inner + b'\1\2'
+    return platform, alone + sum16(alone).to_bytes(2, 'big')

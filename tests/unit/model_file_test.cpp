@@ -23,21 +23,21 @@ Terrain full_terrain(unsigned seed) {
   t.models.resize(max_models);
   for (TerrainModel& m : t.models) {
     for (auto& v : m.mean)
-      v = static_cast<std::uint16_t>(random());
+      v = static_cast<std::uint16_t>(random() % (most_mean + 1));
     for (auto& v : m.variance)
-      v = static_cast<std::uint32_t>(random());
-    m.mass = random();
+      v = static_cast<std::uint32_t>(1 + random() % most_variance);
+    m.mass = 1 + random() % most_mass;
   }
   auto fill = [&](std::vector<std::uint32_t>& h, int bins) {
     h.resize(static_cast<std::size_t>(bins));
     for (auto& v : h)
-      v = static_cast<std::uint32_t>(random());
+      v = static_cast<std::uint32_t>(random() % (most_histogram / static_cast<unsigned>(bins)));
   };
   fill(t.negative_colors, color_bins);
   fill(t.terrain_texture, texture_bins);
   fill(t.negative_texture, texture_bins);
-  t.exposure_mean = 0x01020304;
-  t.horizon = 0xfffefdfc;
+  t.exposure_mean = 0xfe04;
+  t.horizon = most_horizon;
   t.generation = 77;
   return t;
 }
@@ -207,6 +207,40 @@ TEST(ModelFile, WrongContentWithRightChecksumIsRefused) {
   EXPECT_SAYS(error_of(bad), "5 bins");
 }
 
+// Every field has the range that learning keeps to: beyond it a checksum-valid file stopped the process (an
+// exposure mean of 10^8 and a mass of 2^64 - n divided by zero, indices of -1 left their tables).
+TEST(ModelFile, EveryFieldHasARange) {
+  const auto verdict = [](auto change) {
+    Terrain t = full_terrain(9);
+    change(t);
+    const TerrainResult result = parse_terrain(serialize_terrain(t));
+    EXPECT_EQ(result.terrain.has_value(), flaw_of(t).empty());
+    return result.error;
+  };
+  EXPECT_EQ(verdict([](Terrain&) {}), "");
+  EXPECT_EQ(verdict([](Terrain& t) { t.exposure_mean = most_exposure_mean; }), "");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.exposure_mean = 100000000; }), "exposure mean is 100000000");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.exposure_mean = most_exposure_mean + 1; }), "0..65280");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.horizon = 256; }), "horizon is 256");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.horizon = 0xffffffff; }), "horizon");
+  EXPECT_EQ(verdict([](Terrain& t) { t.models[3].mass = most_mass; }), "");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.models[3].mass = ~0ull; }), "mass of model 3");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.models[7].mean[2] = 65281; }), "mean of model 7");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.models[0].variance[1] = 0; }), "variance of model 0");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.models[0].variance[1] = ~0u; }), "variance of model 0");
+  EXPECT_EQ(verdict([](Terrain& t) { t.models[0] = {}; }), "") << "a null model";
+  EXPECT_SAYS(verdict([](Terrain& t) { t.models[0] = {{0, 0, 0}, {~0u, 0, 0}, 0}; }), "variance of model 0");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.negative_colors[5] = ~0u; }), "negative colours");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.terrain_texture[0] = ~0u; }), "terrain texture");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.negative_texture[23] = ~0u; }), "negative texture");
+  Terrain many;
+  many.models.resize(max_models + 1);
+  EXPECT_SAYS(flaw_of(many), "9 models");
+  Terrain odd;
+  odd.terrain_texture.resize(texture_bins - 1);
+  EXPECT_SAYS(flaw_of(odd), "23 bins");
+}
+
 TEST(ModelFile, RandomAndMutatedBytesNeverPassOrCrash) {
   std::mt19937 random(6);
   const Bytes good = serialize_terrain(full_terrain(6));
@@ -275,6 +309,38 @@ TEST(ModelFile, FileErrorsNameThePath) {
   std::ofstream(huge) << std::string(1 << 20, 'x');
   EXPECT_SAYS(load_terrain(huge).error, huge);
   EXPECT_SAYS(load_terrain(huge).error, "not a learned terrain");
+}
+
+TEST(ModelFile, LinksAreFollowedAndStay) {
+  Folder folder;
+  std::filesystem::create_directory(folder.path / "kept");
+  const auto link = folder.path / "link", other = folder.path / "other";
+  std::filesystem::create_symlink("kept/ground.terrain", link); // to what does not exist yet
+  std::filesystem::create_symlink(link, other);
+  for (const unsigned seed : {1u, 2u}) {
+    EXPECT_EQ(save_terrain(other, full_terrain(seed)), "");
+    EXPECT_TRUE(std::filesystem::is_symlink(link));
+    EXPECT_TRUE(std::filesystem::is_symlink(other));
+    EXPECT_TRUE(std::filesystem::is_regular_file(folder.path / "kept" / "ground.terrain"));
+    EXPECT_EQ(load_terrain(other).terrain, full_terrain(seed));
+  }
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path / "kept"), {}), 1);
+  std::filesystem::create_symlink("circle", folder.path / "circle");
+  EXPECT_SAYS(save_terrain(folder.path / "circle", {}), "circle");
+}
+
+TEST(ModelFile, OnlyRegularFilesAreReplacedAndRead) {
+  Folder folder;
+  const std::string pipe = folder.path / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_SAYS(save_terrain(pipe, {}), "a pipe");
+  EXPECT_TRUE(std::filesystem::is_fifo(pipe));
+  EXPECT_SAYS(load_terrain(pipe).error, "a pipe"); // and does not wait for a writer
+  std::filesystem::create_symlink("/dev/null", folder.path / "device");
+  EXPECT_SAYS(save_terrain(folder.path / "device", {}), "a character device");
+  EXPECT_SAYS(load_terrain("/dev/zero").error, "a character device");
+  EXPECT_SAYS(save_terrain(folder.path, {}), "a directory");
+  EXPECT_TRUE(std::filesystem::is_character_file("/dev/null"));
 }
 
 TEST(ModelFile, FailedWriteLeavesTheOldFile) {

@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "exchange/mavlink.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace terrainseg {
+namespace {
+
+constexpr std::uint8_t magic_2 = 0xFD, magic_1 = 0xFE;
+constexpr std::size_t header_2 = 10, header_1 = 6, checksum_size = 2, signature_size = 13;
+
+/// A message's number and the byte of its definition that goes into the checksum.
+struct MessageKind {
+  std::uint32_t id;
+  std::uint8_t crc_extra;
+};
+constexpr MessageKind heartbeat{0, 50}, attitude{30, 39}, obstacle{330, 23};
+
+/// CRC-16/MCRF4XX, from 0xFFFF on.
+std::uint16_t checksum(std::span<const std::uint8_t> bytes, std::uint16_t crc = 0xFFFF) {
+  for (std::uint8_t byte : bytes) {
+    std::uint8_t t = static_cast<std::uint8_t>(byte ^ (crc & 0xFF));
+    t = static_cast<std::uint8_t>(t ^ (t << 4));
+    crc = static_cast<std::uint16_t>((crc >> 8) ^ (t << 8) ^ (t << 3) ^ (t >> 4));
+  }
+  return crc;
+}
+
+std::uint16_t checksum_of(std::span<const std::uint8_t> header_and_payload, std::uint8_t crc_extra) {
+  return checksum({&crc_extra, 1}, checksum(header_and_payload));
+}
+
+template <class Integer>
+void put(std::vector<std::uint8_t>& out, Integer value, std::size_t bytes = sizeof(Integer)) {
+  for (std::size_t i = 0; i < bytes; ++i)
+    out.push_back(static_cast<std::uint8_t>(static_cast<std::uint64_t>(value) >> (8 * i)));
+}
+void put_float(std::vector<std::uint8_t>& out, float value) {
+  put(out, std::bit_cast<std::uint32_t>(value));
+}
+
+std::uint32_t get_u32(const std::uint8_t* p) {
+  return p[0] | p[1] << 8 | p[2] << 16 | static_cast<std::uint32_t>(p[3]) << 24;
+}
+
+/// One frame around what `write` appends.
+template <class Write>
+void append_frame(std::vector<std::uint8_t>& out, MessageKind kind, const MavlinkSender& sender,
+                  std::uint8_t& sequence, Write write) {
+  const std::size_t start = out.size();
+  for (std::uint8_t byte : {magic_2, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, sequence++,
+                            sender.system_id, sender.component_id})
+    out.push_back(byte);
+  put(out, kind.id, 3);
+  write(out);
+  // Zeros at the end are not sent; one byte of payload is.
+  while (out.size() > start + header_2 + 1 && out.back() == 0)
+    out.pop_back();
+  out[start + 1] = static_cast<std::uint8_t>(out.size() - start - header_2);
+  put(out, checksum_of(std::span(out).subspan(start + 1), kind.crc_extra));
+}
+
+double degrees(double radians) {
+  return radians * 180 / std::numbers::pi;
+}
+
+/// How the circle is cut.
+struct Sectors {
+  double start, width; ///< left edge of sector 0 and its width, degrees clockwise
+  bool around;         ///< sectors go on behind the vehicle
+
+  Sectors(const MavlinkView& view, MavlinkLayout layout) {
+    around = layout == MavlinkLayout::portable;
+    width = around ? 5 : std::max((view.right - view.left) / mavlink_sectors, 0.01);
+    start = around ? -width / 2 : view.left;
+  }
+  int of(double clockwise) const {
+    const int sector = static_cast<int>(std::floor((clockwise - start) / width));
+    return around ? (sector % mavlink_sectors + mavlink_sectors) % mavlink_sectors
+                  : std::clamp(sector, 0, mavlink_sectors - 1);
+  }
+  /// -180..180 in the layout all around.
+  double centre(int sector) const {
+    const double angle = start + (sector + 0.5) * width;
+    return around && angle > 180 ? angle - 360 : angle;
+  }
+  bool in_view(int sector, const MavlinkView& view) const {
+    const double middle = centre(sector);
+    return middle + width / 2 > view.left && middle - width / 2 <= view.right;
+  }
+};
+
+/// Whole ones, rounded towards the vehicle. Ranges are millimetres in single precision: 2.1 m is no 209 cm.
+double centimetres(double metres) {
+  return std::floor(std::round(metres * 1000) / 10);
+}
+
+/// What the columns of one sector say.
+struct Reading {
+  double nearest = std::numeric_limits<double>::infinity(); ///< metres
+  bool known = false, doubtful = false;                     ///< a column with a range, one without
+
+  void take(float range) {
+    if (std::isnan(range)) {
+      doubtful = true;
+      return;
+    }
+    known = true;
+    nearest = std::min<double>(nearest, range);
+  }
+  bool empty() const { return !known && !doubtful; }
+};
+
+/// What the columns next to a direction on its left and right say: few columns leave sectors without one.
+Reading between_columns(std::span<const float> ranges, std::span<const float> bearings, double clockwise) {
+  double left = -std::numeric_limits<double>::infinity(), right = -left;
+  Reading reading;
+  float at_left = 0, at_right = 0;
+  for (std::size_t i = 0; i < std::min(ranges.size(), bearings.size()); ++i) {
+    const double angle = -degrees(bearings[i]);
+    if (angle <= clockwise && angle > left) {
+      left = angle;
+      at_left = ranges[i];
+    } else if (angle > clockwise && angle < right) {
+      right = angle;
+      at_right = ranges[i];
+    }
+  }
+  if (std::isfinite(left))
+    reading.take(at_left);
+  if (std::isfinite(right))
+    reading.take(at_right);
+  return reading;
+}
+
+/// A frame's payload and identity, read out of a datagram.
+struct Received {
+  std::uint32_t id = 0;
+  std::span<const std::uint8_t> payload;
+  std::size_t size = 0; ///< of the whole frame; 0 = none starts here
+};
+
+Received received(std::span<const std::uint8_t> bytes) {
+  const bool second = !bytes.empty() && bytes[0] == magic_2;
+  if (bytes.empty() || (!second && bytes[0] != magic_1))
+    return {};
+  const std::size_t header = second ? header_2 : header_1;
+  if (bytes.size() < header + checksum_size)
+    return {};
+  const std::size_t length = bytes[1];
+  const bool is_signed = second && (bytes[2] & 1);
+  const std::size_t size = header + length + checksum_size + (is_signed ? signature_size : 0);
+  if (bytes.size() < size)
+    return {};
+  const std::uint32_t id = second ? bytes[7] | bytes[8] << 8 | bytes[9] << 16 : bytes[5];
+  return {id, bytes.subspan(header, length), size};
+}
+
+} // namespace
+
+std::optional<MavlinkView> mavlink_view(std::span<const float> bearings) {
+  MavlinkView view{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+  for (float bearing : bearings)
+    if (std::isfinite(bearing)) {
+      view.left = std::min(view.left, -degrees(bearing));
+      view.right = std::max(view.right, -degrees(bearing));
+    }
+  return view.left <= view.right ? std::optional(view) : std::nullopt;
+}
+
+ObstacleDistance obstacle_distance(const MavlinkView& view, std::span<const float> ranges,
+                                   std::span<const float> bearings, MavlinkLayout layout,
+                                   MavlinkUnknown unknown, double min_m, double max_m) {
+  ObstacleDistance message;
+  message.min_distance = static_cast<std::uint16_t>(std::clamp(std::ceil(min_m * 100), 1.0, 65000.0));
+  message.max_distance =
+      static_cast<std::uint16_t>(std::clamp(std::floor(max_m * 100), message.min_distance + 1.0, 65001.0));
+  const Sectors sectors(view, layout);
+  if (layout == MavlinkLayout::fine) {
+    message.increment = 0;
+    message.increment_f = static_cast<float>(sectors.width);
+    message.angle_offset = static_cast<float>(sectors.start + sectors.width / 2);
+  }
+
+  std::array<Reading, mavlink_sectors> readings{};
+  for (std::size_t i = 0; i < std::min(ranges.size(), bearings.size()); ++i)
+    if (std::isfinite(bearings[i]))
+      readings[sectors.of(-degrees(bearings[i]))].take(ranges[i]);
+  const std::uint16_t blind =
+      unknown == MavlinkUnknown::obstacle ? message.min_distance : mavlink_unknown_distance;
+  for (int i = 0; i < mavlink_sectors; ++i) {
+    Reading reading = readings[i];
+    if (reading.empty() && sectors.in_view(i, view))
+      reading = between_columns(ranges, bearings, sectors.centre(i));
+    else if (reading.empty()) {
+      message.distances[i] = mavlink_unknown_distance;
+      continue;
+    }
+    const double cm =
+        std::clamp(centimetres(reading.nearest), message.min_distance + 0.0, message.max_distance + 1.0);
+    // What is not known may be an obstacle at the least distance, or it may hide one that is seen.
+    const bool is_known =
+        reading.known &&
+        (!reading.doubtful || (unknown == MavlinkUnknown::nothing && cm <= message.max_distance));
+    message.distances[i] = is_known ? static_cast<std::uint16_t>(cm) : blind;
+  }
+  return message;
+}
+
+void append_obstacle_distance(std::vector<std::uint8_t>& out, const ObstacleDistance& message,
+                              const MavlinkSender& sender, std::uint8_t& sequence) {
+  constexpr std::uint8_t sensor_unknown = 4, body_frd = 12;
+  append_frame(out, obstacle, sender, sequence, [&](std::vector<std::uint8_t>& payload) {
+    put(payload, message.time_us);
+    for (std::uint16_t distance : message.distances)
+      put(payload, distance);
+    put(payload, message.min_distance);
+    put(payload, message.max_distance);
+    put(payload, sensor_unknown);
+    put(payload, message.increment);
+    put_float(payload, message.increment_f);
+    put_float(payload, message.angle_offset);
+    put(payload, body_frd);
+  });
+}
+
+void append_heartbeat(std::vector<std::uint8_t>& out, const MavlinkSender& sender, std::uint8_t& sequence) {
+  append_frame(out, heartbeat, sender, sequence, [](std::vector<std::uint8_t>& payload) {
+    put(payload, std::uint32_t{0}); // custom mode
+    for (std::uint8_t byte : {18, 8, 0, 4, 3})
+      payload.push_back(byte); // onboard controller, no autopilot, no mode, active, MAVLink 2
+  });
+}
+
+std::optional<MavlinkAttitude> find_attitude(std::span<const std::uint8_t> datagram) {
+  // From every byte on: the lengths of other messages, or of no messages, are not to be trusted, checksums
+  // are.
+  for (; !datagram.empty(); datagram = datagram.subspan(1)) {
+    const Received frame = received(datagram);
+    if (frame.size == 0 || frame.id != attitude.id)
+      continue;
+    const std::size_t covered =
+        static_cast<std::size_t>(frame.payload.data() - datagram.data()) + frame.payload.size();
+    const std::uint8_t* const sum = datagram.data() + covered;
+    if (checksum_of(datagram.subspan(1, covered - 1), attitude.crc_extra) != (sum[0] | sum[1] << 8))
+      continue;
+    std::array<std::uint8_t, 28> payload{};
+    std::copy_n(frame.payload.begin(), std::min(frame.payload.size(), payload.size()), payload.begin());
+    const auto real = [&](std::size_t at) { return std::bit_cast<float>(get_u32(payload.data() + at)); };
+    return MavlinkAttitude{get_u32(payload.data()), real(4), real(8), real(12)};
+  }
+  return std::nullopt;
+}
+
+} // namespace terrainseg

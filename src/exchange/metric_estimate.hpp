@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The boundary in metres as it leaves: beside an Estimate, for the metadata, text and messages.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <span>
+
+#include "terrainseg/estimate.hpp"
+
+namespace terrainseg {
+
+/// Bits of MetricEstimate::flags.
+enum MetricFlag : std::uint32_t {
+  metric_flag_pose = 1,    ///< the attitude came with terrainseg-pose events, else it is the mount's
+  metric_flag_horizon = 2, ///< the picture's horizon is not where that attitude has it
+};
+
+/// Where in the picture the ground at a range straight ahead of the body is seen.
+struct RangeTick {
+  float range;       ///< metres
+  float column, row; ///< shares of the frame's width and height, from the left and the top
+};
+
+/// Views into memory of its maker, one value a mask column in each but the ticks.
+struct MetricEstimate {
+  /// Metres over ground from the body's origin to where the free space ends; +infinity = free as far as
+  /// range_max, NaN = unknown.
+  std::span<const float> ranges;
+  std::span<const float> bearings;     ///< radians, counter-clockwise from straight ahead; NaN = unknown
+  std::span<const float> low, high;    ///< the range one standard deviation nearer and farther
+  double height = 0;                   ///< of the camera over the ground, metres
+  double pitch = 0, roll = 0, yaw = 0; ///< radians: positive = looks down, right side down, looks left
+  double range_min = 0;                ///< metres of the nearest ground that is seen
+  double range_max = 0;                ///< metres up to which ranges are told
+  std::uint32_t flags = 0;
+  std::span<const RangeTick> ticks{}; ///< nearest first; for people, so they may be none
+};
+
+inline constexpr std::size_t most_ticks = 32;
+
+/// What metres that came from outside hold that none can hold; nullptr when they are sound.
+inline const char* flaw_of(const MetricEstimate& m) {
+  const auto all = [](std::span<const float> values, auto good) {
+    return std::all_of(values.begin(), values.end(),
+                       [&](float value) { return std::isnan(value) || good(value); });
+  };
+  const auto are_ranges = [&](std::span<const float> values) {
+    return all(values, [](float v) { return v >= 0; });
+  };
+  const std::size_t columns = m.ranges.size();
+  if (columns < 1 || columns > longest_picture_side || m.bearings.size() != columns ||
+      m.low.size() != columns || m.high.size() != columns)
+    return "ranges, bearings, low and high do not have one float each for every mask column";
+  if (!std::isfinite(m.height) || m.height <= 0)
+    return "the camera's height is not above 0";
+  for (const double angle : {m.pitch, m.roll, m.yaw})
+    if (!(std::abs(angle) <= 6.2832))
+      return "pitch, roll or yaw is not an angle in radians";
+  if (!std::isfinite(m.range_max) || m.range_max <= 0 || !std::isfinite(m.range_min) || m.range_min < 0)
+    return "range-min or range-max is not a distance in metres";
+  if (!are_ranges(m.ranges) || !are_ranges(m.low) || !are_ranges(m.high))
+    return "a range is below 0";
+  if (!all(m.bearings, [](float v) { return std::abs(v) <= 3.1416F; }))
+    return "a bearing is more than half a turn";
+  if (m.ticks.size() > most_ticks || !std::all_of(m.ticks.begin(), m.ticks.end(), [](const RangeTick& t) {
+        return t.range > 0 && t.range < 10000 && t.column >= 0 && t.column <= 1 && t.row >= 0 && t.row <= 1;
+      }))
+    return "ticks are too many or lie outside the picture";
+  return nullptr;
+}
+
+} // namespace terrainseg

@@ -1,0 +1,377 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "exchange/bytes.hpp"
+#include "exchange/vmti_codec.hpp"
+#include "exchange/vmti_klv.hpp"
+
+namespace terrainseg {
+
+using namespace vmti;
+
+namespace {
+
+/// Whether a VMTI or UAS Datalink Local Set ends with the checksum that it must end with.
+bool has_checksum(View set) {
+  static_assert(int{vmti_checksum} == int{uas_checksum});
+  return set.size() >= checksum_size && set[set.size() - 4] == vmti_checksum && set[set.size() - 3] == 2;
+}
+
+/// Whether a UAS Datalink Local Set has a VMTI Local Set among its items.
+bool holds_vmti(View set) {
+  Cursor in(set);
+  while (in.ok() && !in.done()) {
+    const std::uint32_t tag = in.tag();
+    in.item();
+    if (in.ok() && tag == uas_vmti)
+      return true;
+  }
+  return false;
+}
+
+} // namespace
+
+KlvVerdict KlvUnit::refuse(KlvVerdict verdict, std::string why) {
+  error_ = std::move(why);
+  return verdict;
+}
+
+KlvVerdict KlvUnit::decode(std::span<const std::uint8_t> bytes) {
+  error_.clear();
+  estimate_ = {};
+  boundary_.clear();
+  runs_.clear();
+  time_us_ = 0;
+  sender_width_ = sender_height_ = 0;
+  grid_width_ = grid_height_ = 0;
+  targets_ = {};
+  seen_targets_ = seen_masks_ = 0;
+
+  // Sets of other makers may stand before ours.
+  while (!begins_with(bytes, vmti_label)) {
+    Cursor in(bytes);
+    const View label = in.take(16);
+    const std::size_t length = in.length();
+    if (!in.ok() || label[0] != 0x06 || label[1] != 0x0e || label[2] != 0x2b || label[3] != 0x34)
+      return refuse(KlvVerdict::damaged, "not KLV: no universal label where one must stand");
+    const View set = in.take(length);
+    if (!in.ok())
+      return refuse(KlvVerdict::damaged, "a KLV set is cut short");
+    const auto size = static_cast<std::size_t>(set.data() + set.size() - bytes.data());
+    if (begins_with(label, uas_label) && holds_vmti(set))
+      return read_nested(bytes.first(size), set);
+    if (in.done() && begins_with(label, uas_label) && has_checksum(set))
+      if (const KlvVerdict verdict = check_frame(bytes, set, "UAS Datalink"); verdict != KlvVerdict::ok)
+        return verdict;
+    if (in.done())
+      return refuse(KlvVerdict::foreign, "KLV without a VMTI Local Set (MISB ST 0903)");
+    bytes = bytes.subspan(size);
+  }
+  return read_alone(bytes);
+}
+
+/// A VMTI Local Set at the beginning of `bytes`.
+KlvVerdict KlvUnit::read_alone(View bytes) {
+  Cursor in(bytes);
+  in.take(vmti_label.size());
+  const View set = in.item();
+  if (!in.ok())
+    return refuse(KlvVerdict::damaged, "the VMTI Local Set is cut short");
+  const auto head = static_cast<std::size_t>(set.data() - bytes.data());
+  const View unit = bytes.first(head + set.size());
+  if (const KlvVerdict verdict = check_frame(unit, set, "VMTI"); verdict != KlvVerdict::ok)
+    return verdict;
+  return read_items(unit.first(head), set.first(set.size() - checksum_size));
+}
+
+/// A VMTI Local Set, without label, length and checksum, in the UAS Datalink Local Set `set`.
+KlvVerdict KlvUnit::read_nested(View unit, View set) {
+  if (const KlvVerdict verdict = check_frame(unit, set, "UAS Datalink"); verdict != KlvVerdict::ok)
+    return verdict;
+  View vmti;
+  Cursor in(set);
+  while (in.ok() && !in.done()) {
+    const std::uint32_t tag = in.tag();
+    const View item = in.item();
+    if (tag == uas_time)
+      read_number(item, time_us_);
+    else if (tag == uas_vmti && in.ok()) {
+      if (vmti.data())
+        return refuse(KlvVerdict::damaged, "the UAS Datalink Local Set has more than one VMTI Local Set");
+      vmti = item;
+    }
+  }
+  if (!in.ok())
+    return refuse(KlvVerdict::damaged, "an item of the UAS Datalink Local Set is cut short");
+  head_.assign(vmti_label.begin(), vmti_label.end());
+  put_length(head_, vmti.size() + checksum_size);
+  return read_items(head_, vmti);
+}
+
+/// Size and checksum of the outermost set.
+KlvVerdict KlvUnit::check_frame(View unit, View set, const char* name) {
+  if (unit.size() > klv_unit_limit)
+    return refuse(KlvVerdict::damaged, "a unit of " + std::to_string(unit.size()) +
+                                           " bytes is larger than the " + std::to_string(klv_unit_limit) +
+                                           " that one may have");
+  if (!has_checksum(set) || Cursor(unit.last(2)).big(2) != checksum16(unit.first(unit.size() - 2)))
+    return refuse(KlvVerdict::damaged,
+                  std::string("the checksum of the ") + name + " Local Set does not match");
+  return KlvVerdict::ok;
+}
+
+/// The items of a VMTI Local Set without its checksum; `head` is label and length as it has them alone.
+KlvVerdict KlvUnit::read_items(View head, View set) {
+  View terrain;
+  if (const KlvVerdict verdict = read_vmti(set, terrain); verdict != KlvVerdict::ok)
+    return verdict;
+  if (!begins_with(terrain, terrain_label))
+    return refuse(KlvVerdict::foreign, "VMTI of another maker: it holds no Local Set of terrainseg");
+  const auto checked = static_cast<std::size_t>(terrain.data() + terrain.size() - set.data()) - 4;
+  if (terrain.size() < terrain_label.size() + 6 || terrain[terrain.size() - 6] != terrain_crc ||
+      terrain[terrain.size() - 5] != 4 ||
+      Cursor(terrain.last(4)).big(4) != crc32(set.first(checked), crc32(head)))
+    return refuse(KlvVerdict::damaged, "the checksum of terrainseg's Local Set does not match");
+  if (const KlvVerdict verdict =
+          read_terrain_set(terrain.subspan(terrain_label.size(), terrain.size() - terrain_label.size() - 6));
+      verdict != KlvVerdict::ok)
+    return verdict;
+  if (const KlvVerdict verdict = read_targets(); verdict != KlvVerdict::ok)
+    return verdict;
+  estimate_.boundary = boundary_;
+  if (const char* flaw = flaw_of(estimate_))
+    return refuse(KlvVerdict::damaged, flaw);
+  return KlvVerdict::ok;
+}
+
+KlvVerdict KlvUnit::read_terrain_set(View set) {
+  Cursor in(set);
+  View boundary, models;
+  std::uint64_t number = 0;
+  bool good = true, versioned = false;
+  while (good && in.ok() && !in.done()) {
+    const std::uint32_t tag = in.tag();
+    const View item = in.item();
+    if (!in.ok())
+      break;
+    const bool fixed = read_number(item, number);
+    const auto sized = [&](std::size_t size) { return fixed && item.size() == size; };
+    switch (tag) {
+    case terrain_version:
+      if (!sized(1))
+        return refuse(KlvVerdict::damaged, "terrainseg's Local Set has no readable version");
+      if (number != terrain_set_version)
+        return refuse(KlvVerdict::foreign, "terrainseg's Local Set has version " + std::to_string(number) +
+                                               ", this one reads version " +
+                                               std::to_string(terrain_set_version) + ": update terrainseg");
+      versioned = true;
+      break;
+    case terrain_frame:
+      good = sized(8);
+      estimate_.frame = number;
+      break;
+    case terrain_frame_size:
+      good = sized(4);
+      estimate_.frame_width = static_cast<int>(number >> 16 & 0xffff);
+      estimate_.frame_height = static_cast<int>(number & 0xffff);
+      break;
+    case terrain_region:
+      good = read_rectangle(item, estimate_.mask_region);
+      break;
+    case terrain_sent_mask:
+      good = sized(4);
+      sender_width_ = static_cast<int>(number >> 16 & 0xffff);
+      sender_height_ = static_cast<int>(number & 0xffff);
+      break;
+    case terrain_horizon: {
+      const auto row = static_cast<std::int32_t>(static_cast<std::uint32_t>(number >> 8));
+      good = sized(5) && row >= -1 && row <= 65535;
+      estimate_.horizon_row = row;
+      estimate_.horizon_confidence = static_cast<std::uint8_t>(number);
+      break;
+    }
+    case terrain_confidence:
+      good = sized(1);
+      estimate_.confidence = static_cast<std::uint8_t>(number);
+      break;
+    case terrain_permille:
+      good = sized(2) && number <= 1000;
+      estimate_.traversable_permille = static_cast<int>(number & 0xffff);
+      break;
+    case terrain_window:
+      good = read_rectangle(item, estimate_.window);
+      break;
+    case terrain_generation:
+      good = sized(4);
+      estimate_.model_generation = static_cast<std::uint32_t>(number);
+      break;
+    case terrain_flags:
+      good = sized(4);
+      estimate_.flags = static_cast<std::uint32_t>(number);
+      break;
+    case terrain_boundary:
+      boundary = item;
+      break;
+    case terrain_models:
+      models = item;
+      break;
+    default: // added by a later writer of the same version
+      break;
+    }
+    if (!good)
+      return refuse(KlvVerdict::damaged, "tag " + std::to_string(tag) +
+                                             " of terrainseg's Local Set has a size or value it cannot have");
+  }
+  if (!in.ok())
+    return refuse(KlvVerdict::damaged, "an item of terrainseg's Local Set is cut short");
+  if (!versioned)
+    return refuse(KlvVerdict::damaged, "terrainseg's Local Set has no version");
+  if (!read_boundary(boundary, boundary_))
+    return refuse(KlvVerdict::damaged, "the boundary is cut short or holds rows that cannot be");
+  if (models.size() % model_size != 0 || models.size() / model_size > max_models)
+    return refuse(KlvVerdict::damaged, "the models have a size they cannot have");
+  Cursor list(models);
+  for (; !list.done(); ++estimate_.model_count) {
+    ModelSummary& model = estimate_.models[static_cast<std::size_t>(estimate_.model_count)];
+    for (std::uint16_t& mean : model.mean)
+      mean = static_cast<std::uint16_t>(list.big(2));
+    for (std::uint32_t& variance : model.variance)
+      variance = static_cast<std::uint32_t>(list.big(4));
+    model.mass = list.big(8);
+    for (std::uint8_t& component : model.rgb)
+      component = list.byte();
+  }
+  return KlvVerdict::ok;
+}
+
+/// The items of the VMTI Local Set; what is read of them is judged only when the unit is known as ours.
+KlvVerdict KlvUnit::read_vmti(View set, View& terrain) {
+  Cursor in(set);
+  while (in.ok() && !in.done()) {
+    const std::uint32_t tag = in.tag();
+    const View item = in.item();
+    if (tag == vmti_time)
+      read_number(item, time_us_);
+    else if (tag == vmti_width)
+      read_number(item, grid_width_);
+    else if (tag == vmti_height)
+      read_number(item, grid_height_);
+    else if (tag == vmti_target_series)
+      targets_ = item;
+    else if (tag == vmti_terrain)
+      terrain = item;
+  }
+  return in.ok() ? KlvVerdict::ok : refuse(KlvVerdict::damaged, "an item of the VMTI Local Set is cut short");
+}
+
+KlvVerdict KlvUnit::read_targets() {
+  const std::uint64_t width = grid_width_, height = grid_height_;
+  if (width < 1 || height < 1 || width > longest_picture_side || height > longest_picture_side ||
+      static_cast<std::int64_t>(width * height) > klv_mask_limit)
+    return refuse(KlvVerdict::damaged,
+                  "a mask of " + std::to_string(width) + "x" + std::to_string(height) + " pixels cannot be");
+  estimate_.mask = {{}, static_cast<int>(width), static_cast<int>(height)};
+  if (estimate_.mask.width > estimate_.frame_width || estimate_.mask.height > estimate_.frame_height)
+    return refuse(KlvVerdict::damaged, "a mask of " + std::to_string(width) + "x" + std::to_string(height) +
+                                           " is larger than its frame of " +
+                                           std::to_string(estimate_.frame_width) + "x" +
+                                           std::to_string(estimate_.frame_height));
+  Cursor packs(targets_);
+  while (packs.ok() && !packs.done()) {
+    const View pack = packs.item();
+    if (!packs.ok())
+      break;
+    if (const KlvVerdict verdict = read_target(pack); verdict != KlvVerdict::ok)
+      return verdict;
+  }
+  if (!packs.ok())
+    return refuse(KlvVerdict::damaged, "a VTarget Pack is cut short");
+  return KlvVerdict::ok;
+}
+
+KlvVerdict KlvUnit::read_target(View pack) {
+  Cursor in(pack);
+  const std::uint32_t id = in.tag();
+  if (id != id_traversable && id != id_doubtful)
+    return in.ok() ? KlvVerdict::ok : refuse(KlvVerdict::damaged, "a VTarget Pack is empty");
+  if (seen_targets_ & (1u << id))
+    return refuse(KlvVerdict::damaged, "target " + std::to_string(id) + " comes twice");
+  seen_targets_ |= 1u << id;
+  while (in.ok() && !in.done()) {
+    const std::uint32_t tag = in.tag();
+    const View item = in.item();
+    if (tag != target_mask || !in.ok())
+      continue;
+    // One mask a target and one series a mask: rising order holds within a series, so that only then the
+    // work is linear in the unit's bytes and the mask's.
+    if (seen_masks_ & (1u << id))
+      return refuse(KlvVerdict::damaged, "target " + std::to_string(id) + " has more than one mask");
+    seen_masks_ |= 1u << id;
+    bool seen_series = false;
+    Cursor mask(item);
+    while (mask.ok() && !mask.done()) {
+      const std::uint32_t kind = mask.tag();
+      const View series = mask.item();
+      if (kind != mask_runs || !mask.ok())
+        continue;
+      if (std::exchange(seen_series, true))
+        return refuse(KlvVerdict::damaged,
+                      "the mask of target " + std::to_string(id) + " has more than one series of runs");
+      const std::uint8_t value = id == id_traversable ? mask_traversable : mask_doubtful;
+      if (const KlvVerdict verdict = read_runs(series, value); verdict != KlvVerdict::ok)
+        return verdict;
+    }
+    if (!mask.ok())
+      return refuse(KlvVerdict::damaged, "a VMask Local Set is cut short");
+  }
+  return in.ok() ? KlvVerdict::ok : refuse(KlvVerdict::damaged, "an item of a VTarget Pack is cut short");
+}
+
+KlvVerdict KlvUnit::read_runs(View series, std::uint8_t value) {
+  const std::uint64_t pixels =
+      static_cast<std::uint64_t>(estimate_.mask.width) * static_cast<std::uint64_t>(estimate_.mask.height);
+  std::uint64_t next = 0;
+  Cursor in(series);
+  while (in.ok() && !in.done()) {
+    Cursor pair(in.item());
+    const std::size_t size = pair.length();
+    const std::uint64_t number = size <= 6 ? pair.big(size) : 0;
+    const std::uint64_t run = pair.length();
+    if (!in.ok() || !pair.ok() || !pair.done())
+      return refuse(KlvVerdict::damaged, "a run of the mask is cut short");
+    // Rising order bounds the work of drawing by the size of the mask.
+    if (number < 1 || run < 1 || number - 1 < next || run > pixels || number - 1 > pixels - run)
+      return refuse(KlvVerdict::damaged, "a run of the mask lies outside it or goes back");
+    next = number - 1 + run;
+    runs_.push_back({static_cast<std::uint32_t>(number - 1), static_cast<std::uint32_t>(run), value});
+  }
+  return KlvVerdict::ok;
+}
+
+std::uint64_t KlvUnit::pixels_to_draw() const {
+  std::uint64_t pixels =
+      static_cast<std::uint64_t>(estimate_.mask.width) * static_cast<std::uint64_t>(estimate_.mask.height);
+  for (const Run& run : runs_)
+    pixels += run.length;
+  return pixels;
+}
+
+void KlvUnit::draw_mask(const MutablePlane& target) const {
+  const auto width = static_cast<std::uint32_t>(estimate_.mask.width);
+  for (int y = 0; y < estimate_.mask.height; ++y)
+    std::memset(target.row(y), mask_not_traversable, width);
+  for (const Run& run : runs_) {
+    std::uint32_t y = run.start / width, x = run.start % width, left = run.length;
+    while (left > 0) {
+      const std::uint32_t n = std::min(left, width - x);
+      std::memset(target.row(static_cast<int>(y)) + x, run.value, n);
+      left -= n;
+      x = 0;
+      ++y;
+    }
+  }
+}
+
+} // namespace terrainseg
