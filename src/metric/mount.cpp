@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "metric/mount.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <numbers>
+
+namespace terrainseg::metric {
+namespace {
+
+constexpr double steepest = 80 * std::numbers::pi / 180;
+
+struct Key {
+  std::string_view name;
+  double Mount::*field;
+  bool angle;
+};
+constexpr Key keys[] = {{"height", &Mount::height, false},
+                        {"pitch", &Mount::pitch, true},
+                        {"roll", &Mount::roll, true},
+                        {"yaw", &Mount::yaw, true},
+                        {"x", &Mount::x, false},
+                        {"y", &Mount::y, false},
+                        {"pitch-error", &Mount::pitch_error, true}};
+
+std::string quoted(std::string_view text) {
+  std::string out(1, '\'');
+  return out.append(text).append("': ");
+}
+
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && (text.front() == ' ' || text.front() == '\t'))
+    text.remove_prefix(1);
+  while (!text.empty() && (text.back() == ' ' || text.back() == '\t'))
+    text.remove_suffix(1);
+  return text;
+}
+
+} // namespace
+
+std::string flaw_of(const Mount& mount) {
+  for (const Key& key : keys)
+    if (!std::isfinite(mount.*key.field))
+      return std::string(key.name) + " is not a finite number";
+  if (mount.height <= 0 || mount.height > 1000)
+    return "height = " + std::to_string(mount.height) +
+           " m is not above 0 and at most 1000: measure from the ground to the lens";
+  if (std::abs(mount.pitch) > steepest)
+    return "pitch = " + std::to_string(mount.pitch) +
+           " rad is steeper than 80 degrees: angles are radians, or degrees with the suffix deg "
+           "(pitch=10deg)";
+  if (std::abs(mount.roll) > std::numbers::pi || std::abs(mount.yaw) > std::numbers::pi)
+    return "roll and yaw must lie within -180..180 degrees: angles are radians, or degrees with the suffix "
+           "deg";
+  if (mount.pitch_error < 0 || mount.pitch_error > 0.5)
+    return "pitch-error must lie within 0..0.5 rad";
+  return {};
+}
+
+std::optional<Mount> parse_mount(std::string_view text, std::string& error) {
+  Mount mount;
+  bool with_height = false;
+  while (!text.empty()) {
+    const std::size_t comma = text.find(',');
+    const std::string_view item = trimmed(text.substr(0, comma));
+    text.remove_prefix(comma == text.npos ? text.size() : comma + 1);
+    const std::size_t equals = item.find('=');
+    const std::string_view name = trimmed(item.substr(0, equals));
+    const Key* known = nullptr;
+    for (const Key& key : keys)
+      if (key.name == name)
+        known = &key;
+    if (equals == item.npos || !known) {
+      error =
+          quoted(item) + "known are height=, pitch=, roll=, yaw=, x=, y=, pitch-error=, separated by commas";
+      return std::nullopt;
+    }
+    std::string_view number = trimmed(item.substr(equals + 1));
+    bool degrees = false;
+    if (known->angle && number.size() > 3 && number.substr(number.size() - 3) == "deg") {
+      degrees = true;
+      number = trimmed(number.substr(0, number.size() - 3));
+    }
+    if (!number.empty() && number.front() == '+')
+      number.remove_prefix(1);
+    double value = 0;
+    const auto [end, status] = std::from_chars(number.data(), number.data() + number.size(), value);
+    if (status != std::errc{} || end != number.data() + number.size()) {
+      error = quoted(item) + std::string(number) + " is not a number" +
+              (known->angle ? " of radians, or of degrees with the suffix deg" : " of metres");
+      return std::nullopt;
+    }
+    mount.*known->field = degrees ? value * std::numbers::pi / 180 : value;
+    with_height = with_height || known->field == &Mount::height;
+  }
+  if (!with_height) {
+    error = "height is missing: the metres from the ground to the lens";
+    return std::nullopt;
+  }
+  error = flaw_of(mount);
+  return error.empty() ? std::optional(mount) : std::nullopt;
+}
+
+GroundProjection::GroundProjection(const Mount& mount) : height_(mount.height), x_(mount.x), y_(mount.y) {
+  const double cr = std::cos(mount.roll), sr = std::sin(mount.roll), cp = std::cos(mount.pitch),
+               sp = std::sin(mount.pitch), cy = std::cos(mount.yaw), sy = std::sin(mount.yaw);
+  const double rows[3][3] = {{cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr},
+                             {sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr},
+                             {-sp, cp * sr, cp * cr}};
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      rotation_[i][j] = rows[i][j];
+}
+
+std::optional<GroundPoint> GroundProjection::operator()(const ImagePoint& ray) const {
+  const double down = -along(2, ray);
+  if (!(down > least_descent))
+    return std::nullopt;
+  const double t = height_ / down;
+  return GroundPoint{x_ + t * along(0, ray), y_ + t * along(1, ray)};
+}
+
+std::optional<ImagePoint> GroundProjection::ray_to(const GroundPoint& point) const {
+  const double to[3] = {point.x - x_, point.y - y_, -height_};
+  double seen[3]{}; // along the camera's forward, left and upward axes
+  for (int axis = 0; axis < 3; ++axis)
+    for (int i = 0; i < 3; ++i)
+      seen[axis] += rotation_[i][axis] * to[i];
+  if (!(seen[0] > least_descent * height_))
+    return std::nullopt;
+  return ImagePoint{-seen[1] / seen[0], -seen[2] / seen[0]};
+}
+
+double GroundProjection::bearing(const ImagePoint& ray) const {
+  const auto point = (*this)(ray);
+  return point ? std::atan2(point->y, point->x) : std::atan2(along(1, ray), along(0, ray));
+}
+
+} // namespace terrainseg::metric

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "metric/pose.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace terrainseg::metric {
+namespace {
+
+constexpr double pi = std::numbers::pi;
+
+double between(double a, double b, double part) {
+  return a + (b - a) * part;
+}
+/// Angles the short way round.
+double angle_between(double a, double b, double part) {
+  const double turned = std::remainder(a + std::remainder(b - a, 2 * pi) * part, 2 * pi);
+  return turned;
+}
+/// Of any two times: a frame's may be what no clock shows.
+std::uint64_t distance(std::int64_t a, std::int64_t b) {
+  const auto difference = static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b);
+  return a > b ? difference : -difference;
+}
+
+} // namespace
+
+const char* flaw_of(const Pose& pose) {
+  for (double number : {pose.roll, pose.pitch, pose.yaw.value_or(0), pose.height.value_or(1)})
+    if (!std::isfinite(number))
+      return "a number is not finite";
+  if (pose.time < 0)
+    return "the running time is missing";
+  if (std::abs(pose.pitch) > 80 * pi / 180)
+    return "the pitch is steeper than 80 degrees (radians are expected, positive = the camera looks down)";
+  if (std::abs(pose.roll) > pi || std::abs(pose.yaw.value_or(0)) > 2 * pi)
+    return "roll or yaw is more than a turn (radians are expected)";
+  if (pose.height && (*pose.height <= 0 || *pose.height > 1000))
+    return "the height is not above 0 and at most 1000 m";
+  return nullptr;
+}
+
+bool PoseTrack::add(const Pose& pose) {
+  const auto place = std::lower_bound(poses_.begin(), poses_.end(), pose.time,
+                                      [](const Pose& kept, std::int64_t time) { return kept.time < time; });
+  if (place != poses_.end() && place->time == pose.time) {
+    *place = pose;
+    return true;
+  }
+  if (poses_.size() < capacity) {
+    poses_.insert(place, pose);
+    return true;
+  }
+  if (place == poses_.begin())
+    return false;
+  // The oldest goes: those before the new one move down by one.
+  std::move(poses_.begin() + 1, place, poses_.begin());
+  *(place - 1) = pose;
+  return true;
+}
+
+bool PoseTrack::forget_future(std::int64_t time) {
+  const bool wrong = poses_.size() == capacity && poses_.front().time - longest_gap > time;
+  if (wrong)
+    poses_.clear();
+  return wrong;
+}
+
+std::optional<Pose> PoseTrack::at(std::int64_t time) const {
+  const auto after = std::lower_bound(poses_.begin(), poses_.end(), time,
+                                      [](const Pose& kept, std::int64_t t) { return kept.time < t; });
+  const Pose* const next = after == poses_.end() ? nullptr : &*after;
+  const Pose* const last = after == poses_.begin() ? nullptr : &*(after - 1);
+  const auto near = [time](const Pose* pose) {
+    return pose && distance(pose->time, time) <= std::uint64_t{longest_gap};
+  };
+  if (near(last) && near(next)) {
+    const double part = static_cast<double>(time - last->time) / static_cast<double>(next->time - last->time);
+    Pose pose = *next;
+    pose.time = time;
+    pose.roll = angle_between(last->roll, next->roll, part);
+    pose.pitch = between(last->pitch, next->pitch, part);
+    if (last->yaw && next->yaw)
+      pose.yaw = angle_between(*last->yaw, *next->yaw, part);
+    if (last->height && next->height)
+      pose.height = between(*last->height, *next->height, part);
+    return pose;
+  }
+  if (near(last))
+    return *last;
+  if (near(next))
+    return *next;
+  return std::nullopt;
+}
+
+Mount with_pose(Mount mount, const Pose& pose) {
+  mount.roll = pose.roll;
+  mount.pitch = pose.pitch;
+  mount.yaw = pose.yaw.value_or(mount.yaw);
+  mount.height = pose.height.value_or(mount.height);
+  return mount;
+}
+
+} // namespace terrainseg::metric

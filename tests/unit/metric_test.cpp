@@ -1,0 +1,437 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// From pixels to metres: against computed points, OpenCV's camera models, and geometry written apart.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <opencv2/calib3d.hpp>
+
+#include "metric/camera_info.hpp"
+#include "metric/free_space_ranges.hpp"
+#include "metric/horizon_monitor.hpp"
+#include "metric/pose.hpp"
+
+namespace terrainseg::metric {
+namespace {
+
+constexpr double degree = std::numbers::pi / 180;
+
+Camera pinhole() {
+  return {640, 480, 554.25, 554.25, 320.5, 240.5, Distortion::brown_conrady, {}};
+}
+Camera barrel() {
+  Camera camera = pinhole();
+  camera.coefficients = {-0.28, 0.07, 0.0002, 0.00002};
+  return camera;
+}
+Mount low_mount(double roll_degrees = 0) {
+  Mount mount;
+  mount.height = 0.5;
+  mount.pitch = 10 * degree;
+  mount.roll = roll_degrees * degree;
+  return mount;
+}
+
+TEST(Metric, PointsOfTheGround) {
+  struct Row {
+    double u, v, roll;
+    bool distorted;
+    double x, y, range, bearing;
+  };
+  // 640x480, height 0.5 m, pitch 10 degrees: computed in doubles with another program.
+  for (const Row& row :
+       {Row{320.5, 240.5, 0, false, 2.8356, 0, 2.8356, 0}, Row{320.5, 400, 0, false, 1.0227, 0, 1.0227, 0},
+        Row{0, 400, 0, false, 1.0227, 0.6326, 1.2025, 31.740},
+        Row{639, 300, 0, false, 1.7292, -1.0285, 2.0119, -30.743},
+        Row{320.5, 150, 0, false, 39.4376, 0, 39.4376, 0},
+        Row{100, 350, 5, false, 1.4350, 0.6203, 1.5634, 23.378},
+        Row{540, 350, 5, false, 1.1765, -0.4699, 1.2669, -21.773},
+        Row{0, 400, 0, true, 0.9257, 0.6667, 1.1408, 35.762},
+        Row{639, 300, 0, true, 1.6509, -1.1021, 1.9850, -33.728}}) {
+    const auto ray = undistort(row.distorted ? barrel() : pinhole(), row.u, row.v);
+    ASSERT_TRUE(ray);
+    const GroundProjection ground(low_mount(row.roll));
+    const auto point = ground(*ray);
+    ASSERT_TRUE(point);
+    EXPECT_NEAR(point->x, row.x, 6e-5) << row.u << ", " << row.v;
+    EXPECT_NEAR(point->y, row.y, 6e-5);
+    EXPECT_NEAR(std::hypot(point->x, point->y), row.range, 6e-5);
+    EXPECT_NEAR(ground.bearing(*ray) / degree, row.bearing, 6e-4);
+  }
+  EXPECT_FALSE(
+      GroundProjection(low_mount())(*undistort(pinhole(), 320.5, 142))); // the horizon is row 142.771
+  EXPECT_TRUE(GroundProjection(low_mount())(*undistort(pinhole(), 320.5, 143)));
+}
+
+TEST(Metric, YawAndPlaceOfTheCamera) {
+  Mount mount = low_mount();
+  mount.yaw = 90 * degree;
+  mount.x = 0.3;
+  mount.y = -0.1;
+  const auto point = GroundProjection(mount)(*undistort(pinhole(), 320.5, 240.5));
+  ASSERT_TRUE(point);
+  EXPECT_NEAR(point->x, 0.3, 1e-9);
+  EXPECT_NEAR(point->y, -0.1 + 0.5 / std::tan(10 * degree), 1e-9);
+}
+
+TEST(Metric, LensesAreThoseOfOpenCv) {
+  const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 500, 1e-15);
+  Camera rational = barrel(), fisheye = pinhole();
+  rational.coefficients = {0.2, -0.1, 0.001, -0.0005, 0.02, 0.05, 0.01, 0.003};
+  fisheye.distortion = Distortion::equidistant;
+  fisheye.coefficients = {-0.02, 0.004, -0.003, 0.0006};
+  for (const Camera& camera : {barrel(), rational, fisheye}) {
+    const cv::Mat matrix =
+        (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+    for (double u = 0; u < 640; u += 53)
+      for (double v = 0; v < 480; v += 37) {
+        std::vector<cv::Point2d> in{{u, v}}, out;
+        if (camera.distortion == Distortion::equidistant)
+          cv::fisheye::undistortPoints(
+              in, out, matrix,
+              std::vector<double>(camera.coefficients.begin(), camera.coefficients.begin() + 4));
+        else
+          cv::undistortPoints(in, out, matrix,
+                              std::vector<double>(camera.coefficients.begin(), camera.coefficients.end()),
+                              cv::noArray(), cv::noArray(), until);
+        const auto ray = undistort(camera, u, v);
+        ASSERT_TRUE(ray);
+        EXPECT_NEAR(ray->x, out[0].x, 1e-6) << u << ", " << v;
+        EXPECT_NEAR(ray->y, out[0].y, 1e-6);
+        const ImagePoint back = distort(camera, *ray);
+        EXPECT_NEAR(back.x, u, 1e-5);
+        EXPECT_NEAR(back.y, v, 1e-5);
+      }
+  }
+}
+
+TEST(Metric, NoRayWhereTheLensHasNone) {
+  Camera wide = pinhole();
+  wide.distortion = Distortion::equidistant;
+  wide.fx = wide.fy = 100; // 320 pixels from the centre are 183 degrees
+  EXPECT_FALSE(undistort(wide, 0, 240));
+  EXPECT_TRUE(undistort(wide, 200, 240));
+  Camera folded = pinhole();
+  folded.coefficients = {-5, 0, 0, 0};
+  EXPECT_FALSE(undistort(folded, 0, 0));
+}
+
+TEST(Metric, PicturesOfAnotherSizeAreTheSameCamera) {
+  const Camera half = scaled(barrel(), 320, 240);
+  for (double u : {0.0, 100.0, 319.0}) {
+    // The centre of a pixel that is twice as wide lies between two of the larger picture.
+    const auto small = undistort(half, u, 50), large = undistort(barrel(), 2 * u + 0.5, 100.5);
+    ASSERT_TRUE(small && large);
+    EXPECT_NEAR(small->x, large->x, 1e-12);
+    EXPECT_NEAR(small->y, large->y, 1e-12);
+  }
+}
+
+// Column by column with the functions above, rounded.
+TEST(Metric, RangesOfABoundary) {
+  constexpr int columns = 201;
+  std::vector<std::uint16_t> boundary(columns);
+  for (int i = 0; i < columns; ++i)
+    boundary[i] =
+        static_cast<std::uint16_t>(100 + (i * 37) % 381); // 100 lies over the horizon, 480 = no free space
+  for (const Camera& camera : {pinhole(), barrel()})
+    for (double roll : {0.0, -4.0}) {
+      const Mount mount = low_mount(roll);
+      FreeSpaceRanges ranges;
+      const Rectangle region{10, 0, 620, 480};
+      ranges.adapt(camera, 640, 480, region, columns);
+      const RangeColumns& found = ranges.measure(boundary, false, mount, 8);
+      ASSERT_EQ(found.ranges.size(), std::size_t{columns});
+      for (int i = 0; i < columns; ++i) {
+        const double u = region.x + (i + 0.5) * region.width / columns - 0.5;
+        const auto ray = undistort(camera, u, boundary[i] - 0.5);
+        ASSERT_TRUE(ray);
+        const auto range_at = [&](double more_pitch) {
+          Mount tilted = mount;
+          tilted.pitch += more_pitch;
+          const auto point = GroundProjection(tilted)(*ray);
+          return point ? std::hypot(point->x, point->y) : std::numeric_limits<double>::infinity();
+        };
+        const double error = std::hypot(0.5 * degree, 0.005 * 480 / camera.fy);
+        const auto expect = [&](float is, double should) {
+          if (should > 8)
+            EXPECT_TRUE(std::isinf(is)) << i << ": " << is << " for " << should;
+          else
+            EXPECT_NEAR(is, should, 0.0006 + 2e-4 * should) << i;
+        };
+        expect(found.ranges[i], range_at(0));
+        expect(found.low[i], range_at(error));
+        expect(found.high[i], range_at(-error));
+        EXPECT_NEAR(found.bearings[i], GroundProjection(mount).bearing(*ray), 0.0006 * degree + 1e-5);
+        EXPECT_LE(found.low[i], found.ranges[i]);
+        EXPECT_GE(found.high[i], found.ranges[i]);
+      }
+    }
+}
+
+TEST(Metric, UnknownIsNoDistance) {
+  FreeSpaceRanges ranges;
+  ranges.adapt(pinhole(), 640, 480, {0, 0, 640, 480}, 64);
+  const std::vector<std::uint16_t> boundary(64, 300), short_one(63, 300);
+  for (const RangeColumns& unknown :
+       {ranges.measure(boundary, true, low_mount(), 8), ranges.measure(short_one, false, low_mount(), 8)})
+    for (std::size_t i = 0; i < 64; ++i)
+      EXPECT_TRUE(std::isnan(unknown.ranges[i]) && std::isnan(unknown.bearings[i]) &&
+                  std::isnan(unknown.low[i]) && std::isnan(unknown.high[i]));
+  EXPECT_FALSE(std::isnan(ranges.measure(boundary, false, low_mount(), 8).ranges[0]));
+}
+
+TEST(Metric, TablesFollowTheLayout) {
+  FreeSpaceRanges ranges;
+  ranges.adapt(pinhole(), 640, 480, {0, 0, 640, 480}, 64);
+  const float before = ranges.measure(std::vector<std::uint16_t>(64, 300), false, low_mount(), 8).ranges[32];
+  ranges.adapt(pinhole(), 1280, 960, {0, 0, 1280, 960}, 64);
+  EXPECT_NEAR(ranges.measure(std::vector<std::uint16_t>(64, 600), false, low_mount(), 8).ranges[32], before,
+              0.005);
+}
+
+TEST(Metric, WhereTheErrorReachesAFifth) {
+  const Camera camera = pinhole();
+  const Mount mount = low_mount();
+  const double limit = expected_range_limit(mount, camera, 480),
+               error = angle_error(mount, camera, 0.005 * 480);
+  // d(range)/d(angle) = d^2 / h
+  EXPECT_NEAR(limit * limit / mount.height * error / limit, 0.2, 1e-9);
+  EXPECT_NEAR(limit, 10.3, 0.2);
+}
+
+TEST(Mount, Text) {
+  std::string error;
+  const auto mount =
+      parse_mount("height=0.5, pitch=10deg,roll=-0.02,yaw=+1e-3,x=0.2,y=-.1,pitch-error=1deg", error);
+  ASSERT_TRUE(mount) << error;
+  EXPECT_EQ(mount->height, 0.5);
+  EXPECT_NEAR(mount->pitch, 10 * degree, 1e-15);
+  EXPECT_EQ(mount->roll, -0.02);
+  EXPECT_EQ(mount->yaw, 1e-3);
+  EXPECT_EQ(mount->y, -0.1);
+  EXPECT_NEAR(mount->pitch_error, degree, 1e-15);
+  for (const char* wrong : {"", "pitch=0.1", "height=0", "height=-1", "height=nan", "height=inf",
+                            "height=1,pitch=90deg", "height=1,pitch=10", "height=1m", "height",
+                            "height=1,tilt=3", "height=1deg", "height=1,,", "height=1e300"}) {
+    error.clear();
+    EXPECT_FALSE(parse_mount(wrong, error)) << wrong;
+    EXPECT_FALSE(error.empty()) << wrong;
+  }
+}
+
+TEST(CameraInfo, ThreeForms) {
+  std::string error;
+  const auto ros = read_camera_info(
+      "image_width: 640\nimage_height: 480\ncamera_name: front\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+      "  data: [554.25, 0, 320.5, 0, 554.25, 240.5, 0, 0, 1]\ndistortion_model: plumb_bob\n"
+      "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.28, 0.07, 0.0002, 2.0e-05, 0.000000]\n",
+      error);
+  ASSERT_TRUE(ros) << error;
+  EXPECT_EQ(*ros, barrel());
+  const auto kalibr = read_camera_info("cam0:\n  cam_overlaps: []\n  camera_model: pinhole\n  "
+                                       "distortion_coeffs: [-0.28, 0.07, 0.0002, 2.0e-05]\n"
+                                       "  distortion_model: radtan\n  intrinsics: [554.25, 554.25, 320.5, "
+                                       "240.5]\n  resolution: [640, 480]\n  rostopic: /cam0/image_raw\n",
+                                       error);
+  ASSERT_TRUE(kalibr) << error;
+  EXPECT_EQ(*kalibr, barrel());
+  const auto opencv =
+      read_camera_info("%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: "
+                       "!!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+                       "   data: [ 554.25, 0., 320.5, 0., 554.25, 240.5, 0., 0., 1. "
+                       "]\ndistortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
+                       "   data: [ -0.28, 0.07, 0.0002, 2.0e-05, 0. ]\n",
+                       error);
+  ASSERT_TRUE(opencv) << error;
+  EXPECT_EQ(*opencv, barrel());
+}
+
+void expect_refused(const std::string& text, const char* says) {
+  std::string error;
+  EXPECT_FALSE(read_camera_info(text, error)) << text.substr(0, 200);
+  EXPECT_NE(error.find(says), std::string::npos) << text.substr(0, 200) << "\n -> " << error;
+}
+
+TEST(CameraInfo, WhatCannotBeRead) {
+  const std::string sizes = "image_width: 640\nimage_height: 480\n";
+  const std::string good = sizes + "camera_matrix: {data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n";
+  std::string error;
+  ASSERT_TRUE(read_camera_info(good, error)) << error;
+  expect_refused("", "no keys");
+  expect_refused("- 1\n- 2\n", "no keys");
+  expect_refused("image_width: [", "YAML");
+  expect_refused("image_width: 640\n", "image_height is missing");
+  expect_refused(good + "distortion_model: omni\n", "omni");
+  expect_refused(good + "distortion_coefficients: {data: [1, 2, x]}\n", "not a number");
+  expect_refused(good + "distortion_coefficients: {data: [0, 0, 0, 0, 0, 0, 0, 0, 1]}\n", "thin prism");
+  expect_refused("image_width: 0\nimage_height: 480\n", "image_width");
+  expect_refused("image_width: 640.5\nimage_height: 480\n", "image_width");
+  expect_refused(sizes + "camera_matrix: {data: [500, 0]}\n", "not 9");
+  expect_refused(sizes + "camera_matrix: {data: [.nan, 0, 320, 0, 500, 240, 0, 0, 1]}\n", "number");
+  expect_refused(sizes + "camera_matrix: {data: [nan, 0, 320, 0, 500, 240, 0, 0, 1]}\n", "finite");
+  expect_refused(sizes + "camera_matrix: {data: [-1, 0, 320, 0, 500, 240, 0, 0, 1]}\n", "focal");
+  expect_refused(sizes + "camera_matrix: {data: [500, 0, 9320, 0, 500, 240, 0, 0, 1]}\n", "principal");
+  expect_refused(std::string(5000, '['), "nested");
+  expect_refused(std::string(5000, ' ') + "a: 1", "indented");
+  expect_refused(std::string(2 << 20, 'a'), "1 MiB");
+}
+
+TEST(CameraInfo, MountFileComesBack) {
+  Mount mount = low_mount(3);
+  mount.x = 0.25;
+  std::string error;
+  const auto back = read_mount(mount_file(mount), error);
+  ASSERT_TRUE(back) << error;
+  EXPECT_EQ(*back, mount);
+  EXPECT_FALSE(read_mount("height: [1]\n", error));
+  EXPECT_FALSE(read_mount("pitch: 0.1\n", error));
+  EXPECT_NE(error.find("height is missing"), std::string::npos);
+}
+
+TEST(Pose, BetweenTwoAndStale) {
+  constexpr std::int64_t ms = 1'000'000;
+  PoseTrack track;
+  EXPECT_FALSE(track.at(0));
+  EXPECT_TRUE(track.add({2000 * ms, 0.3, 0.2, 3.1, 0.6}));
+  EXPECT_TRUE(track.add({1950 * ms, 0.1, 0.1, -3.1, 0.5})); // out of order
+  const auto middle = track.at(1975 * ms);
+  ASSERT_TRUE(middle);
+  EXPECT_NEAR(middle->roll, 0.2, 1e-12);
+  EXPECT_NEAR(middle->pitch, 0.15, 1e-12);
+  EXPECT_NEAR(*middle->height, 0.55, 1e-12);
+  EXPECT_NEAR(std::abs(*middle->yaw), std::numbers::pi, 1e-9); // the short way, over the back
+  EXPECT_EQ(track.at(2100 * ms)->roll, 0.3);
+  EXPECT_FALSE(track.at(2101 * ms));                     // stale
+  EXPECT_FALSE(track.at(1849 * ms));                     // all of them lie in the future
+  EXPECT_TRUE(track.add({2000 * ms, 0.4, 0.2, {}, {}})); // replaced
+  EXPECT_EQ(track.at(2050 * ms)->roll, 0.4);
+  EXPECT_EQ(with_pose(low_mount(), *track.at(2050 * ms)).height, 0.5); // the mount's own
+}
+
+// A frame's time may be anything: a difference beyond 2^63 is none that is near.
+TEST(Pose, AFrameFarFromEveryPose) {
+  constexpr auto lowest = std::numeric_limits<std::int64_t>::min(),
+                 highest = std::numeric_limits<std::int64_t>::max();
+  PoseTrack track;
+  track.add({2941325464, 0, 0.1, {}, {}});
+  for (const std::int64_t time : {std::int64_t{-9223372036854775683}, lowest, highest})
+    EXPECT_FALSE(track.at(time)) << time;
+  track.add({highest, 0, 0.1, {}, {}});
+  EXPECT_FALSE(track.at(lowest));
+  EXPECT_FALSE(track.at(-1));
+  EXPECT_TRUE(track.at(highest - PoseTrack::longest_gap));
+}
+
+TEST(Pose, KeepsTheNewest) {
+  PoseTrack track;
+  for (int i = 0; i < 2000; ++i)
+    EXPECT_TRUE(track.add({i * 1'000'000'000ll, i * 1e-4, 0, {}, {}}));
+  EXPECT_FALSE(track.at(1400 * 1'000'000'000ll));
+  EXPECT_NEAR(track.at(1999 * 1'000'000'000ll)->roll, 0.1999, 1e-12);
+  EXPECT_NEAR(track.at((2000 - static_cast<int>(PoseTrack::capacity)) * 1'000'000'000ll)->roll,
+              (2000 - static_cast<int>(PoseTrack::capacity)) * 1e-4, 1e-12);
+  EXPECT_FALSE(track.add({5, 0, 0, {}, {}}));
+}
+
+TEST(Pose, AWrongClockIsForgotten) {
+  constexpr std::int64_t second = 1'000'000'000;
+  PoseTrack track;
+  const auto size = static_cast<int>(PoseTrack::capacity);
+  for (int i = 0; i < size - 1; ++i)
+    track.add({5000 * second + i, 0, 0, {}, {}});
+  EXPECT_FALSE(track.forget_future(second)) << "there is room for those that are right";
+  track.add({5000 * second + size, 0, 0, {}, {}});
+  EXPECT_FALSE(track.forget_future(5000 * second - PoseTrack::longest_gap));
+  EXPECT_TRUE(track.forget_future(second));
+  EXPECT_TRUE(track.empty());
+}
+
+Mount pitched_mount(double degrees) {
+  Mount mount = low_mount();
+  mount.pitch = degrees * degree;
+  return mount;
+}
+
+TEST(HorizonMonitor, OffsetOfARow) {
+  // The horizon row of the test vectors: 142.771 at 10 degrees.
+  const auto offset = [](double v, double pitch) {
+    return horizon_offset(pitched_mount(pitch), *undistort(pinhole(), 320.5, v)) / degree;
+  };
+  EXPECT_NEAR(offset(142.771, 10), 0, 1e-3);
+  EXPECT_NEAR(offset(142.771, 12), -2, 1e-3) << "lower in the picture than the mount has it";
+  EXPECT_NEAR(offset(142.771, 7), 3, 1e-3);
+}
+
+TEST(HorizonMonitor, MedianOfTenSeconds) {
+  constexpr std::int64_t ms = 1'000'000;
+  HorizonMonitor monitor;
+  for (int i = 0; i < 8900; i += 33)
+    monitor.add(i * ms, 2 * degree);
+  EXPECT_FALSE(monitor.median()) << "nine seconds are not full";
+  EXPECT_FALSE(monitor.disagrees());
+  for (int i = 8900; i < 9200; i += 33)
+    monitor.add(i * ms, i % 2 ? 0 : 2 * degree);
+  EXPECT_NEAR(monitor.median().value_or(0), 2 * degree, 1e-12);
+  EXPECT_TRUE(monitor.disagrees());
+  for (int i = 9200; i < 20000; i += 33)
+    monitor.add(i * ms, -0.9 * degree);
+  EXPECT_NEAR(monitor.median().value_or(0), -0.9 * degree, 1e-12) << "what is older is forgotten";
+  EXPECT_FALSE(monitor.disagrees());
+  monitor.add(5 * ms, -3 * degree);
+  EXPECT_FALSE(monitor.median()) << "a jump backwards begins anew";
+}
+
+TEST(Metric, RaysToPlacesAreThoseBack) {
+  Mount mount;
+  mount.height = 0.7;
+  mount.pitch = 0.2;
+  mount.roll = -0.1;
+  mount.yaw = 0.3;
+  mount.x = 0.4;
+  mount.y = -0.2;
+  const GroundProjection ground(mount);
+  for (const double x : {1.0, 3.0, 40.0})
+    for (const double y : {-0.8, 0.0, 0.5}) {
+      const auto ray = ground.ray_to({x, y});
+      ASSERT_TRUE(ray);
+      const auto back = ground(*ray);
+      ASSERT_TRUE(back);
+      EXPECT_NEAR(back->x, x, 1e-9 * x);
+      EXPECT_NEAR(back->y, y, 1e-9 * x);
+    }
+  EXPECT_FALSE(ground.ray_to({-3, 0})) << "behind the camera";
+}
+
+TEST(Metric, NearestGround) {
+  FreeSpaceRanges ranges;
+  ranges.adapt(pinhole(), 640, 480, {0, 0, 640, 480}, 640);
+  // Row 479.5 ahead: h / tan (p + atan (yn)).
+  const double ahead = 0.5 / std::tan(10 * degree + std::atan((479.5 - 240.5) / 554.25));
+  EXPECT_NEAR(ranges.nearest(low_mount()), ahead, 2e-4);
+  EXPECT_EQ(ranges.nearest(pitched_mount(-40)), std::numeric_limits<double>::infinity()) << "only sky";
+}
+
+TEST(Metric, GroundThatIsNotSeenIsNotFree) {
+  FreeSpaceRanges ranges;
+  ranges.adapt(pinhole(), 640, 480, {0, 0, 640, 480}, 3);
+  // Nothing is free in the second column, and the nearest row lies 0.8 m ahead, beyond the limit.
+  const std::vector<std::uint16_t> boundary{300, 480, 300};
+  const RangeColumns& measured = ranges.measure(boundary, false, low_mount(), 0.5);
+  EXPECT_TRUE(std::isinf(measured.ranges[0]));
+  EXPECT_TRUE(std::isnan(measured.ranges[1]));
+  EXPECT_TRUE(std::isnan(measured.low[1]) && std::isnan(measured.high[1]));
+  EXPECT_TRUE(std::isinf(measured.ranges[2]));
+}
+
+TEST(Pose, NonsenseIsNamed) {
+  EXPECT_EQ(flaw_of(Pose{0, 0.1, 0.1, {}, {}}), nullptr);
+  for (const Pose& wrong : {Pose{0, NAN, 0, {}, {}}, Pose{0, 0, INFINITY, {}, {}}, Pose{-1, 0, 0, {}, {}},
+                            Pose{0, 0, 1.5, {}, {}}, Pose{0, 4, 0, {}, {}}, Pose{0, 0, 0, NAN, {}},
+                            Pose{0, 0, 0, {}, 0.0}, Pose{0, 0, 0, {}, -1.0}})
+    EXPECT_NE(flaw_of(wrong), nullptr);
+}
+
+} // namespace
+} // namespace terrainseg::metric
