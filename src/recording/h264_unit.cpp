@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "recording/h264_unit.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+
+namespace terrainseg::recording {
+namespace {
+
+enum Type : std::uint8_t { slice = 1, idr_slice = 5, sequence_set = 7, picture_set = 8, delimiter = 9 };
+
+/// Calls take(type, bytes of the unit without its start code, with the header byte) for every NAL unit.
+template <class Take> void for_each_nal(ByteView stream, Take take) {
+  constexpr std::array<std::uint8_t, 3> code = {0, 0, 1};
+  const auto find = [&](auto from) { return std::search(from, stream.end(), code.begin(), code.end()); };
+  for (auto at = find(stream.begin()); at != stream.end();) {
+    const auto begin = at + 3, next = find(begin);
+    auto end = next;
+    while (end != begin && next != stream.end() && end[-1] == 0) // the next code may be four bytes
+      --end;
+    if (begin != end)
+      take(static_cast<Type>(*begin & 31), ByteView(begin, end));
+    at = next;
+  }
+}
+
+/// The second number of a slice header (Exp-Golomb): its type; -1 when it is not there.
+int slice_type(ByteView nal) {
+  std::size_t bit = 8; // behind the NAL header
+  const auto next = [&]() -> int {
+    if (bit >= nal.size() * 8)
+      return -1;
+    const int value = nal[bit / 8] >> (7 - bit % 8) & 1;
+    ++bit;
+    return value;
+  };
+  int number = -1;
+  for (int i = 0; i < 2; ++i) {
+    int zeros = 0;
+    for (int value = next(); value != 1; value = next(), ++zeros)
+      if (value < 0 || zeros > 24)
+        return -1;
+    number = 1;
+    for (int k = 0; k < zeros; ++k) {
+      const int value = next();
+      if (value < 0)
+        return -1;
+      number = 2 * number + value;
+    }
+    --number;
+  }
+  return number;
+}
+
+} // namespace
+
+H264Unit inspect_h264(ByteView unit) {
+  H264Unit kind;
+  bool sequence = false, picture = false;
+  for_each_nal(unit, [&](Type type, ByteView nal) {
+    kind.idr |= type == idr_slice;
+    sequence |= type == sequence_set;
+    picture |= type == picture_set;
+    constexpr int b = 1, every = 5; // from 5 on: every slice of the picture is of that type
+    if (type == slice)
+      kind.b_slice |= slice_type(nal) % every == b;
+  });
+  kind.parameter_sets = sequence && picture;
+  return kind;
+}
+
+ByteView ParameterSets::complete(ByteView unit, const H264Unit& kind) {
+  constexpr std::array<std::uint8_t, 4> code = {0, 0, 0, 1};
+  std::size_t behind_delimiter = 0;
+  for_each_nal(unit, [&](Type type, ByteView nal) {
+    if (type == delimiter)
+      behind_delimiter = static_cast<std::size_t>(nal.data() + nal.size() - unit.data());
+    if (type != sequence_set && type != picture_set)
+      return;
+    Bytes& kept = type == sequence_set ? sequence_ : picture_;
+    kept.assign(code.begin(), code.end());
+    append(kept, nal);
+  });
+  begun_ = begun_ || (kind.idr && !sequence_.empty() && !picture_.empty());
+  if (!begun_)
+    return {};
+  if (!kind.idr || kind.parameter_sets)
+    return unit;
+  completed_.clear();
+  append(completed_, unit.first(behind_delimiter));
+  append(completed_, sequence_);
+  append(completed_, picture_);
+  append(completed_, unit.subspan(behind_delimiter));
+  return completed_;
+}
+
+} // namespace terrainseg::recording

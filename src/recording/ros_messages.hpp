@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The ROS 2 messages that a recording holds: their types as text, and values as CDR.
+//
+// Frames are those of REP 103: x forward, y left, z up in metres; angles in radians, counter-clockwise.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "metric/camera.hpp"
+#include "recording/little_endian.hpp"
+#include "terrainseg/frame.hpp"
+
+namespace terrainseg::recording {
+
+/// When and where a message is of: nanoseconds since 1970 or since the stream began; a coordinate frame's
+/// name.
+struct Header {
+  std::uint64_t time = 0;
+  std::string frame;
+};
+
+/// sensor_msgs/msg/LaserScan. Unknown is NaN, free +infinity.
+struct LaserScan {
+  double angle_min = 0, angle_increment = 0; ///< of ranges[0], the rightmost; from one to the next
+  double scan_time = 0;                      ///< seconds since the scan before, 0 = there was none
+  double range_min = 0, range_max = 0;
+  std::span<const float> ranges;
+};
+
+/// One of sensor_msgs/msg/PointCloud2, as float32 fields x, y, z, low, high.
+struct BoundaryPoint {
+  float x, y, z;
+  float low, high; ///< range one standard deviation nearer and farther, metres
+};
+
+/// nav_msgs/msg/OccupancyGrid.
+struct OccupancyGrid {
+  double resolution = 0; ///< metres a cell
+  std::uint32_t width = 0, height = 0;
+  double x = 0, y = 0;                ///< the corner of the first cell
+  std::span<const std::int8_t> cells; ///< rows along x, the first at y: 0 free, 100 occupied, -1 unknown
+};
+
+/// geometry_msgs/msg/TransformStamped, one in tf2_msgs/msg/TFMessage.
+struct Transform {
+  std::string child;
+  std::array<double, 3> translation{};
+  std::array<double, 4> rotation{0, 0, 0, 1}; ///< quaternion x, y, z, w
+};
+
+/// A type: its name and its text with all that it is made of, as ros2msg schemas have it.
+struct MessageType {
+  const char* name;
+  std::string text;
+};
+MessageType laser_scan_type();
+MessageType point_cloud_type();
+MessageType occupancy_grid_type();
+MessageType camera_info_type();
+MessageType image_type();
+MessageType compressed_video_type();
+MessageType tf_message_type();
+
+/// Each puts one message into `out`, in place of what was there.
+void encode(Bytes& out, const Header& header, const LaserScan& scan);
+void encode(Bytes& out, const Header& header, std::span<const BoundaryPoint> points);
+void encode(Bytes& out, const Header& header, const OccupancyGrid& grid);
+/// sensor_msgs/msg/CameraInfo of the raw picture: no rectification, no binning, no region.
+void encode(Bytes& out, const Header& header, const metric::Camera& camera);
+/// sensor_msgs/msg/Image, mono8, rows without padding.
+void encode(Bytes& out, const Header& header, const GrayView& picture);
+void encode(Bytes& out, const Header& header, const Transform& transform);
+/// foxglove_msgs/msg/CompressedVideo: one H.264 access unit, Annex B.
+void encode_video(Bytes& out, const Header& header, ByteView unit);
+
+} // namespace terrainseg::recording
