@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Measures the accuracy on labelled sequences and writes docs/accuracy.md from docs/accuracy.in.md.
-# usage: tests/evaluation/accuracy.sh [DATA]    DATA: a folder of sequences, default $TERRAINSEG_DATA
+# Measures the accuracy on labelled sequences, stills and rendered places; writes docs/accuracy.md from docs/accuracy.in.md and the
+# figures behind it to docs/data/accuracy*.csv.
+# usage: tests/evaluation/accuracy.sh [DATA]    DATA: a folder of sequences and sets of stills, default $TERRAINSEG_DATA
 set -euo pipefail
 top=$(cd "$(dirname "$0")/../.." && pwd)
 data=${1:-${TERRAINSEG_DATA:-}}
@@ -11,13 +12,18 @@ if [[ -z $data || ! -d $data ]]; then
 fi
 build=${TERRAINSEG_BUILD:-$top/build}
 [[ -d $build ]] || meson setup "$build" "$top" >/dev/null
-ninja -C "$build" >/dev/null
+ninja -C "$build" src/tools/terrainseg-eval gst/libgstterrainseg.so >/dev/null
 out=${TERRAINSEG_OUT:-$build/accuracy}
 mkdir -p "$out"
 
-sequences=()
+sequences=() stills=()
 for folder in "$data"/*/; do
-  [[ -d $folder/frames && -d $folder/labels ]] && sequences+=("${folder%/}")
+  [[ -d $folder/frames && -d $folder/labels ]] || continue
+  if python3 -c 'import json, sys; sys.exit(not json.load(open(sys.argv[1])).get("stills"))' "$folder/sequence.json"; then
+    stills+=("${folder%/}")
+  else
+    sequences+=("${folder%/}")
+  fi
 done
 if [[ ${#sequences[@]} -eq 0 ]]; then
   echo "accuracy.sh: $data holds no sequence (a folder with frames/ and labels/)" >&2
@@ -46,14 +52,29 @@ export GST_PLUGIN_PATH=$build/gst GST_REGISTRY=$out/registry.bin
 for sequence in "${sequences[@]}"; do write_masks "$sequence"; done
 
 "$build/src/tools/terrainseg-eval" --engine default --engine "masks:$out/masks" --baselines --ablation --caution-sweep --perturb all \
-  --json "$out/accuracy.json" --markdown "$out/accuracy.md" --pictures "$out/pictures" "${sequences[@]}"
+  --csv "$out/accuracy.csv" --json "$out/accuracy.json" --markdown "$out/accuracy.md" --pictures "$out/pictures" "${sequences[@]}"
+# What colour is worth: the same drives in grey.
+"$build/src/tools/terrainseg-eval" --engine default --engine rows --engine ramp --engine mean-mask --perturb grey \
+  --csv "$out/accuracy-grey.csv" --markdown "$out/grey.md" "${sequences[@]}"
 rendered=()
 for kind in road trail corridor plain; do
   for light in day dusk; do rendered+=("scene:$kind:$light"); done
 done
-"$build/src/tools/terrainseg-eval" --baselines --markdown "$out/rendered.md" "${rendered[@]}"
-sed -i "s,masks:$out/masks,default through a pipeline," "$out/accuracy.md"
-python3 "$top/tests/evaluation/fill_report.py" "$top/docs/accuracy.in.md" "$top/docs/accuracy.md" "$out/accuracy.md" "$out/rendered.md"
+"$build/src/tools/terrainseg-eval" --baselines --csv "$out/accuracy-rendered.csv" --markdown "$out/rendered.md" "${rendered[@]}"
+# The same places as continuous drives, with the things that stand in them.
+drives=()
+for kind in road trail corridor plain; do drives+=("scene:$kind:day:straight@640x360#101-106"); done
+"$build/src/tools/terrainseg-eval" --engine default --engine paper --csv "$out/accuracy-drives.csv" --markdown "$out/drives.md" "${drives[@]}"
+pages=("$out/accuracy.md" "$out/rendered.md" "$out/drives.md" "$out/grey.md")
+if [[ ${#stills[@]} -gt 0 ]]; then
+  "$build/src/tools/terrainseg-eval" --engine default --engine paper --engine rows --engine mean-mask \
+    --csv "$out/accuracy-stills.csv" --json "$out/stills.json" --markdown "$out/stills.md" --pictures "$out/pictures" "${stills[@]}"
+  pages+=("$out/stills.md")
+fi
+sed -i "s,masks:$out/masks,default through a pipeline," "$out/accuracy.md" "$out/accuracy.csv"
+python3 "$top/tests/evaluation/fill_report.py" "$top/docs/accuracy.in.md" "$top/docs/accuracy.md" "${pages[@]}"
+mkdir -p "$top/docs/data"
+cp "$out"/accuracy*.csv "$top/docs/data/"
 
 # Pictures of the off-road set only: its licence (CC BY 4.0) allows it.
 mkdir -p "$top/docs/pictures"

@@ -20,16 +20,18 @@ TOP = pathlib.Path(__file__).resolve().parents[2]
 # Shifts, counts of rows and limits of the integers' ranges are left out: a quarter of them is nothing, or is no choice.
 CONSTANTS = '''
 boundary: edge_limit edge_per_octave shadow_limit shadow_per_grey step_price least_step_price upright_per_octave upright_floor
-  leave_price behind_price
-default_path: score_limit
-evidence: least_positive rest_is_ground training_share color_weight color_limit texture_weight
+  leave_price behind_price edgeless_price
+color_bins: noise_floor brightness_slope bins_per_octave
+connected_ground: sky_is_smoother dark_luma
 exposure: target_mean
 geodesic: free_distance most greatest_own_step
 ground_behind: free_below follow_below most margin least_sum
-indices: noise_floor brightness_slope bins_per_octave
+likelihood: score_limit least_positive rest_is_ground training_share color_weight color_limit texture_weight
 local_reference: follow_below free_below most
+odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
+  far_nearest_rows far_seed_enough
+reestimation: color_weight texture_weight limit limit_per_penalty upper_end
 row_prior: strongest middle middle_per_row
-second_look: color_weight texture_weight limit limit_per_penalty upper_end
 window_guard: patience
 '''
 
@@ -46,6 +48,11 @@ def constants():
 def changed(value, part):
     moved = round(value * part)
     return moved if moved != value else value + (1 if part > 1 else -1)
+
+
+def is_stills(folder):
+    about = folder / 'sequence.json'
+    return about.exists() and json.loads(about.read_text()).get('stills', False)
 
 
 class Copy:
@@ -68,7 +75,10 @@ class Copy:
     def measure_with(self, name, part):
         """The figures with one constant multiplied by `part`, and what it became."""
         file, constant = name.split(':')
-        path = self.folder / 'src' / f'{file}.cpp'
+        places = list((self.folder / 'src').rglob(f'{file}.cpp'))
+        if len(places) != 1:
+            sys.exit(f'sensitivity.py: src has {len(places)} files {file}.cpp: mend the list in this script')
+        path = places[0]
         text = path.read_text()
         place = re.compile(rf'(?<=[ ,]){constant} = (-?\d+)(?=[,;])')
         found = place.findall(text)
@@ -85,7 +95,7 @@ class Copy:
 def main():
     if len(sys.argv) < 2 or sys.argv[1].startswith('-'):
         sys.exit(__doc__)
-    sequences = sorted(p.parent for p in pathlib.Path(sys.argv[1]).glob('*/labels'))
+    sequences = sorted(p.parent for p in pathlib.Path(sys.argv[1]).glob('*/labels') if not is_stills(p.parent))
     if not sequences:
         sys.exit(f'sensitivity.py: {sys.argv[1]} holds no sequence (a folder with frames/ and labels/)')
     names = sys.argv[2:] or list(constants())

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // terrainseg-eval: figures worked out by hand, perturbations, the paired test, files that are not what they
 // should be.
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <random>
@@ -9,12 +10,19 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
 
+#include "terrainseg/segmenter.hpp"
 #include "tools/eval/comparison.hpp"
 #include "tools/eval/engines.hpp"
+#include "tools/eval/evaluation.hpp"
 #include "tools/eval/figures.hpp"
+#include "tools/eval/measurement.hpp"
+#include "tools/eval/options.hpp"
+#include "tools/eval/parallel.hpp"
 #include "tools/eval/perturbations.hpp"
+#include "tools/eval/ramp_baseline.hpp"
 #include "tools/eval/report.hpp"
 #include "tools/eval/sequence.hpp"
+#include "tools/eval/things.hpp"
 
 namespace terrainseg::eval {
 namespace {
@@ -52,8 +60,8 @@ cv::Mat1b below(int row) {
 
 Figures score(const std::vector<cv::Mat1b>& masks, const cv::Mat1b& labels) {
   Scorer scorer("s", "e", "as it is");
-  for (const cv::Mat1b& m : masks)
-    scorer.add({m, 0.5, true, 100, 1.5}, labels);
+  for (std::size_t i = 0; i < masks.size(); ++i)
+    scorer.add({masks[i], 0.5, true, 100, 1.5}, labels, i);
   return scorer.finish();
 }
 
@@ -70,10 +78,11 @@ TEST(EvalFigures, CountedByHand) {
   EXPECT_EQ(c.recall(), 100);
   EXPECT_EQ(c.near_obstacles, 5); // row 20, in the bottom third
   EXPECT_EQ(c.unsafe_share(), 100);
-  EXPECT_NEAR(*f.horizon.median, 100 * (0.5 - 0.4), 1e-9);
+  EXPECT_EQ(f.mean_error(), f.ground.error());
+  EXPECT_NEAR(f.horizon->median, 100 * (0.5 - 0.4), 1e-9);
   EXPECT_NEAR(*f.boundary_within, 100.0 * 25 / 30, 1e-9);
   EXPECT_NEAR(*f.boundary_over, 100.0 * 5 / 30, 1e-9);
-  EXPECT_NEAR(*f.latency.median, 1.5, 1e-9);
+  EXPECT_NEAR(f.latency->median, 1.5, 1e-9);
 }
 
 TEST(EvalFigures, DoubtfulIsNotTraversable) {
@@ -92,6 +101,10 @@ TEST(EvalFigures, Label2IsGroundButNotTerrain) {
   EXPECT_EQ(f.ground.true_ground, 5 * 30 - 15);
   EXPECT_EQ(f.terrain.true_ground, 0);
   EXPECT_EQ(f.terrain.missed_ground, 13 * 30 - 45);
+  EXPECT_EQ(f.mean_other_missed(), 0);
+  // All of the other ground missed, and nothing else wrong but the obstacle and the sky left as they are.
+  const Figures none = score({below(30)}, labels);
+  EXPECT_NEAR(none.mean_other_missed(), 100.0 * (5 * 30 - 15) / 885, 1e-9);
 }
 
 TEST(EvalFigures, FlickerIsWhatChanges) {
@@ -146,45 +159,217 @@ TEST(EvalReport, JsonComesBack) {
   EXPECT_NEAR(back[0].frames[2].error, f.frames[2].error, 1e-3);
   std::ostringstream table;
   write_comparison(table, back, back);
-  EXPECT_NE(table.str().find("no difference shown"), std::string::npos);
+  EXPECT_NE(table.str().find("too few frames to tell"), std::string::npos); // three frames are one block
+  EXPECT_EQ(table.str().find("no difference shown"), std::string::npos);
+  f.stills = true;
+  f.frames.resize(8, f.frames[0]);
+  std::ostringstream of_stills;
+  write_comparison(of_stills, {f}, {f});
+  EXPECT_NE(of_stills.str().find(
+                "s: default,\"odd\" / default,\"odd\" | error | 8 | +0.00 [+0.00, +0.00] | 0 / 0 | "
+                "1.0000 | no difference shown"),
+            std::string::npos)
+      << of_stills.str();
   EXPECT_THROW(read_json((folder.path() / "none.json").string()), std::runtime_error);
   std::ofstream(folder.path() / "bad.json") << "{\"runs\": [{\"engine\": 3}]}";
   EXPECT_THROW(read_json((folder.path() / "bad.json").string()), std::runtime_error);
 }
 
+TEST(EvalReport, ThingsStandSideBySide) {
+  Figures a = score({below(12)}, simple_labels());
+  std::ostringstream none, table;
+  write_things_matrix(none, {a});
+  EXPECT_EQ(none.str(), "");
+  a.things = {8, 2};
+  write_things_matrix(table, {a});
+  EXPECT_EQ(table.str(), "\n| things missed, % | s |\n| --- | --- |\n| e | 25.0 of 8 |\n");
+}
+
+/// A set of `count` frames that all have one error.
+Figures stills_of(const std::string& set, const std::string& engine, std::size_t count, double error) {
+  Figures f;
+  f.sequence = set;
+  f.engine = engine;
+  f.stills = true;
+  f.best_ramp = 7;
+  f.ground.true_ground = 100;
+  FrameFigures frame;
+  frame.error = error;
+  frame.terrain = error / 2;
+  f.frames.resize(count, frame);
+  return f;
+}
+
+TEST(EvalReport, SmallSetsOfStillsAreTakenTogether) {
+  std::ostringstream table;
+  write_stills(table, {stills_of("a", "x", 20, 10), stills_of("b", "x", 2, 4), stills_of("c", "x", 6, 8)});
+  EXPECT_NE(table.str().find("| a | 20 | 10.00 | 5.00 |"), std::string::npos) << table.str();
+  EXPECT_NE(table.str().find("| mean of 3 sets |  | 7.33 | 3.67 |"), std::string::npos) << table.str();
+  // (2 * 4 + 6 * 8) / 8
+  EXPECT_NE(table.str().find("| 2 sets of fewer than 10 frames together | 8 | 7.00 | 3.50 |"),
+            std::string::npos)
+      << table.str();
+}
+
+TEST(EvalReport, EnginesOfStillsStandSideBySide) {
+  std::ostringstream table;
+  write_stills_matrix(table,
+                      {stills_of("a", "x", 20, 10), stills_of("a", "y", 20, 6), stills_of("b", "x", 2, 4)});
+  EXPECT_NE(table.str().find("| a | 10.00 / 5.00 | 6.00 / 3.00 | 7.00 |"), std::string::npos) << table.str();
+  EXPECT_NE(table.str().find("| b | 4.00 / 2.00 | - | 7.00 |"), std::string::npos) << table.str();
+  EXPECT_NE(table.str().find("| mean of 2 sets | 7.00 / 3.50 | 6.00 / 3.00 | 7.00 |"), std::string::npos)
+      << table.str();
+}
+
+TEST(EvalReport, CsvHasACellForEveryColumn) {
+  Figures f = score({below(12)}, simple_labels());
+  f.engine = "default,caution=8";
+  std::ostringstream table;
+  write_csv(table, {f});
+  std::istringstream lines(table.str());
+  std::string head, line;
+  std::getline(lines, head);
+  std::getline(lines, line);
+  EXPECT_EQ(line.substr(0, 35), "s,\"default,caution=8\",as it is,1,30");
+  // One comma more stands in the engine's name.
+  EXPECT_EQ(std::count(line.begin(), line.end(), ','), std::count(head.begin(), head.end(), ',') + 1);
+  EXPECT_NE(line.find(",5.085,"), std::string::npos); // 45 of 885
+}
+
+TEST(EvalComparison, FewBlocksCannotTell) {
+  const std::vector<double> a(25, 10.0), b(25, 5.0), more_a(30, 10.0), more_b(30, 5.0);
+  EXPECT_TRUE(compare(a, b).too_few()); // five blocks: p is at least 2 / 2^5
+  EXPECT_GT(compare(a, b).p, 0.05);
+  EXPECT_FALSE(compare(more_a, more_b).too_few());
+  EXPECT_LT(compare(more_a, more_b).p, 0.05);
+  EXPECT_FALSE(compare(a, b, 1).too_few());
+}
+
 TEST(EvalPerturbations, EachChangesThePictureAndKeepsItsLabelsInStep) {
-  Sample sample;
-  sample.labels = cv::Mat1b(240, 320, std::uint8_t{label_obstacle});
-  sample.labels.rowRange(100, 240) = label_terrain;
-  sample.picture = cv::Mat3b(240, 320, cv::Vec3b(220, 180, 160));
-  sample.picture.rowRange(100, 240) = cv::Vec3b(60, 70, 80);
+  cv::Mat1b labels(240, 320, std::uint8_t{label_obstacle});
+  labels.rowRange(100, 240) = label_terrain;
+  cv::Mat3b bgr(240, 320, cv::Vec3b(220, 180, 160));
+  bgr.rowRange(100, 240) = cv::Vec3b(60, 70, 80);
   for (int y = 0; y < 240; ++y)
     for (int x = y % 7; x < 320; x += 7)
-      sample.picture(y, x) += cv::Vec3b(9, 9, 9);
+      bgr(y, x) += cv::Vec3b(9, 9, 9);
+  const Sample sample{Picture::of(bgr, {}), labels};
+  const cv::Mat3b before = sample.picture.bgr();
   for (const std::string& name : perturbation_names()) {
     if (name == "h264")
       continue; // needs an encoder
-    std::vector<Sample> samples{{sample.picture.clone(), sample.labels.clone()}};
+    std::vector<Sample> samples{sample};
     perturb(name, samples);
-    const Sample& s = samples[0];
-    ASSERT_EQ(s.picture.size(), s.labels.size()) << name;
-    const bool changed =
-        s.picture.size() != sample.picture.size() || cv::norm(s.picture, sample.picture, cv::NORM_L1) > 0;
-    EXPECT_TRUE(changed) << name;
+    EXPECT_EQ(cv::norm(sample.picture.bgr(), before, cv::NORM_L1), 0) << name << " changed what it was given";
+    const cv::Mat3b after = samples[0].picture.bgr();
+    const cv::Mat1b& there = samples[0].labels;
+    ASSERT_EQ(after.size(), there.size()) << name;
+    EXPECT_TRUE(after.size() != before.size() || cv::norm(after, before, cv::NORM_L1) > 0) << name;
     // Where the label says ground the picture is darker than half a step between both, near enough.
     int agree = 0, known = 0;
     const double middle = name == "dark" ? 60 : name == "bright" ? 170 : 120;
-    for (int y = 0; y < s.labels.rows; ++y)
-      for (int x = 0; x < s.labels.cols; ++x) {
-        if (s.labels(y, x) == label_none)
+    for (int y = 0; y < there.rows; ++y)
+      for (int x = 0; x < there.cols; ++x) {
+        if (there(y, x) == label_none)
           continue;
         ++known;
-        agree += (s.labels(y, x) == label_terrain) == (s.picture(y, x)[1] < middle);
+        agree += (there(y, x) == label_terrain) == (after(y, x)[1] < middle);
       }
     EXPECT_GT(agree, known * 0.98) << name;
   }
   std::vector<Sample> samples{sample};
   EXPECT_THROW(perturb("sepia", samples), std::runtime_error);
+}
+
+/// An open plain under a sky: 640 x 200, ground from row 60 on.
+cv::Mat1b open_plain() {
+  cv::Mat1b labels(200, 640, std::uint8_t{label_terrain});
+  labels.rowRange(0, 60) = label_sky;
+  return labels;
+}
+
+TEST(EvalThings, StandInTheOpen) {
+  cv::Mat1b labels = open_plain(), none(labels.size(), std::uint8_t{0}),
+            all(labels.size(), std::uint8_t{255});
+  EXPECT_EQ(count_things(labels, all).count, 0);
+  labels(cv::Rect(100, 120, 10, 4)) = label_obstacle; // 40 pixels: a thing
+  labels(cv::Rect(200, 120, 13, 3)) = label_obstacle; // 39 pixels: too small
+  labels(cv::Rect(300, 50, 10, 20)) = label_obstacle; // the sky is above it
+  labels(cv::Rect(0, 120, 20, 20)) = label_obstacle;  // at the edge
+  labels(cv::Rect(400, 180, 20, 20)) = label_obstacle;
+  labels(cv::Rect(500, 150, 20, 20)) = label_obstacle; // a thing on other ground
+  labels(cv::Rect(470, 120, 80, 80)).setTo(label_ground, labels(cv::Rect(470, 120, 80, 80)) == label_terrain);
+  const Things seen = count_things(labels, none), missed = count_things(labels, all);
+  EXPECT_EQ(seen.count, 2);
+  EXPECT_EQ(seen.missed, 0);
+  EXPECT_EQ(missed.missed, 2);
+  EXPECT_EQ(missed.missed_share(), 100);
+  cv::Mat1b half = none.clone();
+  half(cv::Rect(100, 120, 5, 4)) = 255; // half of it is enough
+  half(cv::Rect(500, 150, 20, 9)) = 255;
+  EXPECT_EQ(count_things(labels, half).missed, 1);
+}
+
+TEST(EvalThings, GrowWithThePicture) {
+  cv::Mat1b labels(400, 1280, std::uint8_t{label_terrain});
+  labels(cv::Rect(600, 200, 13, 12)) = label_obstacle; // 156 pixels, 160 are 40 at 640 columns
+  EXPECT_EQ(count_things(labels, labels).count, 0);
+  labels(cv::Rect(600, 200, 16, 10)) = label_obstacle;
+  EXPECT_EQ(count_things(labels, labels).count, 1);
+}
+
+TEST(EvalThings, LabelsWithoutAGroundAroundAreNone) {
+  cv::Mat1b labels = open_plain();
+  labels(cv::Rect(300, 100, 60, 60)) = label_sky;
+  labels(cv::Rect(320, 120, 20, 20)) = label_obstacle;
+  EXPECT_EQ(count_things(labels, labels).count, 0);
+}
+
+TEST(EvalRamp, IsTheBestOfItsGrid) {
+  cv::Mat1b flat(400, 400, std::uint8_t{label_obstacle}), roof = flat.clone();
+  flat.rowRange(180, 400) = label_terrain; // 0.45 of the height: in the grid
+  for (int x = 0; x < 400; ++x)
+    roof.col(x).rowRange(static_cast<int>(400 * (0.36 + 0.2 * std::abs(x / 400.0 - 0.5) * 2)), 400) =
+        label_ground;
+  EXPECT_NEAR(best_ramp_error({flat}), 0, 0.01);
+  EXPECT_LT(best_ramp_error({roof}), 0.5);
+  // Of both together: the best single edge between them is wrong somewhere.
+  EXPECT_GT(best_ramp_error({flat, roof}), 1);
+  cv::Mat1b unknown = flat.clone();
+  unknown.rowRange(0, 180) = label_none;
+  EXPECT_EQ(best_ramp_error({unknown}), 0); // everything above the edge is not asked for
+}
+
+TEST(EvalParallel, EachItemOnceAndTheFirstErrorComesOut) {
+  std::vector<std::atomic<int>> seen(1000);
+  for_each_in_parallel(seen.size(), [&](std::size_t item, std::size_t worker) {
+    EXPECT_LT(worker, worker_count(seen.size()));
+    ++seen[item];
+  });
+  for (const auto& s : seen)
+    EXPECT_EQ(s, 1);
+  EXPECT_EQ(worker_count(1), 1u);
+  EXPECT_THROW(for_each_in_parallel(50,
+                                    [](std::size_t item, std::size_t) {
+                                      if (item == 7)
+                                        throw std::runtime_error("seven");
+                                    }),
+               std::runtime_error);
+}
+
+TEST(EvalPicture, BackAndForthIsTheSamePicture) {
+  for (const ColorRange range : {ColorRange::limited, ColorRange::full}) {
+    const Picture picture =
+        Picture::of(cv::Mat3b(31, 17, cv::Vec3b(40, 120, 200)), {range, ColorMatrix::bt601});
+    const cv::Vec3b there = picture.bgr()(15, 8);
+    const int tolerance = range == ColorRange::full ? 2 : 5; // GStreamer's short cut for limited range
+    EXPECT_NEAR(there[0], 40, tolerance);
+    EXPECT_NEAR(there[1], 120, tolerance);
+    EXPECT_NEAR(there[2], 200, tolerance);
+    // BT.601: 0.299 R + 0.587 G + 0.114 B = 134.8, in limited range 16 + 134.8 * 219 / 255.
+    EXPECT_NEAR(picture.frame().planes[0].row(15)[8], range == ColorRange::full ? 134.8 : 131.8, 1.5);
+    EXPECT_EQ(picture.size(), cv::Size(17, 31));
+  }
 }
 
 class EvalSequence : public testing::Test {
@@ -208,32 +393,117 @@ class EvalSequence : public testing::Test {
     std::ofstream(folder_.path() / "sequence.json") << R"({"name": "x", "fps": 1.5, "window_bottom": 6})";
   }
   Figures run(const std::string& engine) {
-    const Sequence sequence = open_sequence(folder_.path().string(), 0);
-    std::vector<cv::Mat1b> labels;
-    for (std::size_t i = 0; i < sequence.size(); ++i)
-      labels.push_back(sequence.read(i).labels);
-    const auto e = make_engine(engine, sequence, labels);
-    Scorer scorer(sequence.name, engine, "as it is");
-    for (std::size_t i = 0; i < sequence.size(); ++i)
-      scorer.add(e->look(sequence.read(i).picture, i), labels[i]);
-    return scorer.finish();
+    const Sequence sequence = open_sequence(folder_.path().string());
+    return measure(sequence, read_all(sequence), engine, "as it is");
   }
   Folder folder_;
 };
 
 TEST_F(EvalSequence, IsReadAsDescribed) {
-  const Sequence s = open_sequence(folder_.path().string(), 3);
+  const Sequence s = open_sequence(folder_.path().string(), {3, 1});
   EXPECT_EQ(s.size(), 3u);
+  EXPECT_FALSE(s.stills);
+  EXPECT_EQ(open_sequence(folder_.path().string(), {0, 3}).size(), 2u);
   EXPECT_EQ(s.fps, 1.5);
   EXPECT_EQ(s.window_bottom, 6);
-  EXPECT_THROW(open_sequence((folder_.path() / "frames").string(), 0), std::runtime_error);
+  EXPECT_THROW(open_sequence((folder_.path() / "frames").string()), std::runtime_error);
   fs::remove_all(folder_.path() / "labels");
-  EXPECT_THROW(open_sequence(folder_.path().string(), 0), std::runtime_error);
+  EXPECT_THROW(open_sequence(folder_.path().string()), std::runtime_error);
+}
+
+TEST_F(EvalSequence, LabelsOfAnotherSizeAreRefused) {
+  cv::imwrite((folder_.path() / "labels/0002.png").string(), cv::Mat1b(60, 80, std::uint8_t{label_terrain}));
+  const Sequence s = open_sequence(folder_.path().string());
+  try {
+    s.read(2);
+    FAIL() << "labels of 80x60 for a frame of 160x120";
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("0002.png: 80x60"), std::string::npos) << error.what();
+  }
+}
+
+TEST_F(EvalSequence, FilesThatAreNotPicturesAreNamed) {
+  std::ofstream(folder_.path() / "frames/0001.png") << "no picture";
+  try {
+    open_sequence(folder_.path().string()).read(1);
+    FAIL() << "a text file was decoded";
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("0001.png"), std::string::npos) << error.what();
+  }
+  std::ofstream(folder_.path() / "sequence.json") << R"({"fps": "fast"})";
+  EXPECT_THROW(open_sequence(folder_.path().string()), std::runtime_error);
+}
+
+TEST_F(EvalSequence, AStillIsScoredAloneAfterFourLooks) {
+  std::ofstream(folder_.path() / "sequence.json") << R"({"fps": 1, "window_bottom": 6, "stills": true})";
+  const Sequence s = open_sequence(folder_.path().string());
+  ASSERT_TRUE(s.stills);
+  const std::vector<Sample> samples = read_all(s);
+  std::vector<cv::Mat1b> masks;
+  const Figures all = measure(s, samples, "default", "as it is", &masks);
+  EXPECT_TRUE(all.stills);
+  ASSERT_EQ(all.frames.size(), 4u);
+  EXPECT_FALSE(all.flicker); // other places, no flicker
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    Settings settings;
+    settings.window_bottom = 6;
+    Segmenter segmenter(settings);
+    Frame frame = samples[i].picture.frame();
+    for (int k = 0; k < 4; ++k) {
+      frame.pts = k * 40'000'000;
+      ASSERT_TRUE(segmenter.process(frame).ok());
+    }
+    const GrayView& mask = segmenter.estimate().mask;
+    const cv::Mat view(mask.height, mask.width, CV_8UC1, const_cast<std::uint8_t*>(mask.plane.data),
+                       static_cast<std::size_t>(mask.plane.stride));
+    EXPECT_EQ(cv::norm(view, masks[i], cv::NORM_L1), 0) << i;
+    EXPECT_EQ(all.frames[i].index, i);
+  }
+  // Without labels 2, terrain is all ground.
+  EXPECT_EQ(all.mean_error(), all.mean_terrain_error());
+  std::ostringstream table;
+  write_stills(table, {all});
+  EXPECT_NE(table.str().find("| 4 |"), std::string::npos) << table.str();
+}
+
+TEST(FilterSettings, RoundAsTheElementDoes) {
+  EXPECT_EQ(filter_settings("paper,threshold=2.1", 0).threshold_q8, 538); // 537.6: was cut off to 537
+  EXPECT_EQ(filter_settings("default,window-sigma=0.3", 0).window_sigma_q8, 77);
+}
+
+TEST(FilterSettings, StartFromThePresetAndTheSequence) {
+  const Settings s = filter_settings("paper,caution=-8,texture=true,horizon=auto,seed=7", 6);
+  EXPECT_EQ(s.mass_cap, 64);
+  EXPECT_EQ(s.window_bottom, 6);
+  EXPECT_EQ(s.caution, -8);
+  EXPECT_TRUE(s.texture);
+  EXPECT_EQ(s.horizon, HorizonMode::automatic);
+  EXPECT_EQ(s.seed, 7u);
+  EXPECT_EQ(filter_settings("default,window-bottom=9", 6).window_bottom, 9);
+}
+
+TEST(FilterSettings, ErrorsNameNameValueAndRule) {
+  const auto error = [](const std::string& text) {
+    try {
+      filter_settings(text, 0);
+    } catch (const std::runtime_error& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(error("default,threshold=2x"), "threshold = 2x: not a number");
+  EXPECT_EQ(error("default,caution=1.5"), "caution = 1.5: not a whole number");
+  EXPECT_EQ(error("default,caution=99"), "caution = 99: outside -32..32 1/32 nat");
+  EXPECT_EQ(error("default,texture=yes"), "texture = yes: not one of false, true");
+  EXPECT_EQ(error("default,horizon=low"), "horizon = low: not one of off, paper, auto");
+  EXPECT_EQ(error("default,texture"), "texture = : not one of false, true");
+  EXPECT_EQ(error("default,colour=red"), "colour = red: no such setting");
 }
 
 TEST_F(EvalSequence, EnginesDoWhatTheySay) {
   EXPECT_LT(run("default").ground.error(), 4);
   EXPECT_LT(run("paper").ground.error(), 20);
+  EXPECT_LT(run("paper,input=BGR").ground.error(), 20);
   EXPECT_LT(run("reference").ground.error(), 20);
   EXPECT_LT(run("rows").ground.error(), 2); // rows 50 to 53 of 120: 0.43 fits best
   EXPECT_NEAR(run("rows:0.5").ground.error(), 100.0 * (60 - 51.5) / 120, 0.1);
@@ -241,6 +511,23 @@ TEST_F(EvalSequence, EnginesDoWhatTheySay) {
   EXPECT_LE(run("ramp").ground.error(), run("rows").ground.error());
   EXPECT_EQ(run("default,learning=false").ground.recall(), 0); // the setting arrives: nothing is known
   EXPECT_EQ(run("masks:" + (folder_.path() / "labels").string()).ground.recall(), 0); // 1 is below 192
+}
+
+TEST_F(EvalSequence, MarksForReportsAreInFilesOnly) {
+  EvalOptions options;
+  options.sequences = {folder_.path().string()};
+  options.engines = {"rows:0.43"};
+  const std::string mark = "<!-- section engines -->";
+  testing::internal::CaptureStdout();
+  evaluate(options);
+  const std::string shown = testing::internal::GetCapturedStdout();
+  EXPECT_NE(shown.find("rows:0.43"), std::string::npos) << shown;
+  EXPECT_EQ(shown.find("<!--"), std::string::npos) << shown;
+  options.markdown = (folder_.path() / "tables.md").string();
+  evaluate(options);
+  std::ifstream file(options.markdown);
+  const std::string written{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_NE(written.find(mark), std::string::npos) << written;
 }
 
 TEST_F(EvalSequence, MasksOfAPipelineBringTheirEstimates) {
@@ -254,7 +541,7 @@ TEST_F(EvalSequence, MasksOfAPipelineBringTheirEstimates) {
   const std::string engine = "masks:" + all.string();
   Figures f = run(engine);
   EXPECT_EQ(f.ground.error(), 0);
-  EXPECT_FALSE(f.horizon.median); // nobody said
+  EXPECT_FALSE(f.horizon); // nobody said
   const auto write = [&](int lines, const char* last) {
     std::ofstream file(own / "estimates.ndjson");
     for (int i = 0; i < lines; ++i)
@@ -264,7 +551,7 @@ TEST_F(EvalSequence, MasksOfAPipelineBringTheirEstimates) {
   };
   write(3, R"({"height": 240, "horizon": {"row": null, "confidence": 0}, "confidence": 0})");
   f = run(engine);
-  EXPECT_NEAR(f.horizon.median.value_or(0), 5, 0.01); // 6 rows of 120
+  EXPECT_NEAR(f.horizon.value_or(Spread()).median, 5, 0.01); // 6 rows of 120
   EXPECT_EQ(f.horizon_null, 25);
   write(3, "");
   EXPECT_THROW(run(engine), std::runtime_error); // a line is missing
@@ -272,20 +559,52 @@ TEST_F(EvalSequence, MasksOfAPipelineBringTheirEstimates) {
   EXPECT_THROW(run(engine), std::runtime_error);
 }
 
-TEST(Rendered, SequencesNeedNoFolder) {
-  const Sequence s = open_sequence("scene:trail:dusk:7", 25);
-  EXPECT_EQ(s.name, "trail dusk");
+TEST(Rendered, PlacesNeedNoFolder) {
+  const Sequence s = open_sequence("scene:trail:dusk:7", {25, 1});
+  EXPECT_EQ(s.name, "trail dusk 7");
   ASSERT_EQ(s.size(), 25u);
   EXPECT_NEAR(s.fps, 10 / 3.0, 1e-9);
   const Sample first = s.read(0), other_place = s.read(20);
   ASSERT_EQ(first.picture.size(), first.labels.size());
   EXPECT_GT(cv::countNonZero(first.labels == label_terrain), 1000);
-  EXPECT_GT(cv::norm(first.picture, other_place.picture, cv::NORM_L1), 0);
-  EXPECT_EQ(cv::norm(first.picture, s.read(0).picture, cv::NORM_L1), 0);
-  EXPECT_EQ(open_sequence("scene:road:day", 0).size(), 120u);
-  for (const char* wrong : {"scene:", "scene:road", "scene:road:noon", "scene:wood:day", "scene:road:day:x",
-                            "scene:road:day:1:2"})
-    EXPECT_THROW(open_sequence(wrong, 0), std::runtime_error) << wrong;
+  EXPECT_GT(cv::norm(first.picture.bgr(), other_place.picture.bgr(), cv::NORM_L1), 0);
+  EXPECT_EQ(cv::norm(first.picture.bgr(), s.read(0).picture.bgr(), cv::NORM_L1), 0);
+  EXPECT_EQ(open_sequence("scene:road:day").size(), 120u);
+}
+
+TEST(Rendered, DrivesRunAtThirtyHertzAndForgetBetweenSeeds) {
+  const Sequence s = open_sequence("scene:plain:day:straight@160x90#7-8");
+  EXPECT_EQ(s.name, "plain day straight@160x90#7-8");
+  ASSERT_EQ(s.size(), 180u);
+  EXPECT_EQ(s.fps, 30);
+  EXPECT_EQ(s.run_length(), 90u);
+  EXPECT_FALSE(s.is_scored(59));
+  EXPECT_TRUE(s.is_scored(60));
+  EXPECT_FALSE(s.is_scored(90));
+  EXPECT_EQ(s.read(0).picture.size(), cv::Size(160, 90));
+  // The second drive is that of the second seed, from its first frame.
+  const Sequence second = open_sequence("scene:plain:day:straight@160x90#8");
+  EXPECT_EQ(cv::norm(s.read(91).picture.bgr(), second.read(1).picture.bgr(), cv::NORM_L1), 0);
+  const Figures both = measure(s, read_all(s), "default", "as it is"),
+                alone = measure(second, read_all(second), "default", "as it is");
+  ASSERT_EQ(both.frames.size(), 60u);
+  ASSERT_EQ(alone.frames.size(), 30u);
+  EXPECT_EQ(both.frames[30].index, 150u);
+  for (std::size_t i = 0; i < 30; ++i)
+    EXPECT_EQ(both.frames[30 + i].error, alone.frames[i].error) << i;
+  EXPECT_GT(both.things.count, alone.things.count);
+  EXPECT_THROW(measure(open_sequence("scene:plain:day:still@64x64", {60, 1}), {}, "default", "as it is"),
+               std::runtime_error); // nothing is scored
+}
+
+TEST(Rendered, WhatThereIsIsSaid) {
+  for (const char* wrong :
+       {"scene:", "scene:road", "scene:road:noon", "scene:wood:day", "scene:road:day:x", "scene:road:day:1:2",
+        "scene:road:day:fly", "scene:road:day:turn@10x10", "scene:road:day:turn@640",
+        "scene:road:day:turn#8-7", "scene:road:day:turn#1-99999", "scene:road:day@640x360",
+        "scene:road:day:99999999999999999999"})
+    EXPECT_THROW(open_sequence(wrong), std::runtime_error) << wrong;
+  EXPECT_THROW(open_sequence("scene:road:day", {0, 2}), std::runtime_error);
 }
 
 TEST_F(EvalSequence, WrongNamesAreNamed) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The paper's experiments: the transcription of the paper against cases worked out by hand, and the parts
 // that score and report.
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -12,14 +13,17 @@
 #include <opencv2/imgproc.hpp>
 
 #include "reference/paper_reading.hpp"
-#include "tools/experiments/experiments.hpp"
-#include "tools/experiments/report.hpp"
-#include "tools/experiments/subject.hpp"
+#include "tools/eval/charts.hpp"
+#include "tools/eval/engines.hpp"
+#include "tools/eval/figures.hpp"
+#include "tools/eval/options.hpp"
+#include "tools/eval/paper.hpp"
+#include "tools/eval/table.hpp"
 
 namespace terrainseg {
 namespace {
 
-using namespace experiments;
+using namespace eval;
 using reference::HorizonRule;
 using reference::PaperReading;
 using reference::Readings;
@@ -93,16 +97,18 @@ TEST(PaperReading, AgreesWithTheFilterOnAPlainScene) {
   PaperReading reading(r);
   Settings settings = Settings::of(Preset::paper);
   settings.training_models = 1;
-  const auto filter = filter_subject(settings, Input::bgr, 0);
-  const Shot shot{picture, {}, {}};
-  for (int i = 0; i < 3; ++i) {
-    const cv::Mat mask = filter->label(shot);
-    EXPECT_LE(cv::countNonZero(mask != reading.process(picture)), 192 * 320 / 100);
+  const auto filter = make_filter(settings, 0, PixelFormat::BGR);
+  const Picture frame = Picture::of(picture, {ColorRange::full, ColorMatrix::bt601});
+  double horizon = -1;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Answer answer = filter->look(frame, i);
+    EXPECT_LE(cv::countNonZero(answer.mask != reading.process(frame.bgr())), 192 * 320 / 100);
+    horizon = answer.horizon.value_or(-1) * 192;
   }
-  EXPECT_EQ(filter->horizon_row(), reading.horizon_row());
+  EXPECT_NEAR(horizon, reading.horizon_row(), 0.01);
 }
 
-TEST(Score, CountsWhatIsWrongAndWhatIsUnsafe) {
+TEST(Counts, SayWhatIsWrongAndWhatIsUnsafe) {
   // Six rows: the bottom third is rows 4 and 5.
   cv::Mat labels(6, 4, CV_8UC1, cv::Scalar(0)), mask = cv::Mat::zeros(6, 4, CV_8UC1);
   labels.row(5).setTo(1);
@@ -111,21 +117,22 @@ TEST(Score, CountsWhatIsWrongAndWhatIsUnsafe) {
   mask.row(5).setTo(255);
   mask.at<std::uint8_t>(4, 0) = 128; // doubtful is not traversable: wrong
   mask.at<std::uint8_t>(4, 1) = 255; // an obstacle called ground: wrong and unsafe
-  Score score;
-  score.add(mask, labels);
-  EXPECT_EQ(score.known, 23);
-  EXPECT_EQ(score.wrong, 2);
-  EXPECT_EQ(score.near_obstacles, 3);
-  EXPECT_EQ(score.unsafe, 1);
-  EXPECT_THROW(score.add(mask, cv::Mat(2, 2, CV_8UC1)), std::runtime_error);
+  const Counts counts = count_pixels(mask, labels);
+  EXPECT_EQ(counts.known(), 23);
+  EXPECT_EQ(counts.false_ground + counts.missed_ground, 2);
+  EXPECT_EQ(counts.near_obstacles, 3);
+  EXPECT_EQ(counts.unsafe, 1);
+  EXPECT_THROW(count_pixels(mask, cv::Mat(2, 2, CV_8UC1)), std::runtime_error);
 }
 
 TEST(Report, SpreadAndTable) {
-  const experiments::Spread s = experiments::Spread::of({4, 1, 3, 2, 10});
+  const Spread s = spread_of({4, 1, 3, 2, 10}).value();
   EXPECT_EQ(s.least, 1);
   EXPECT_EQ(s.median, 3);
-  EXPECT_EQ(s.max, 10);
+  EXPECT_NEAR(s.p90, 4 + 0.6 * 6, 1e-9);
+  EXPECT_EQ(s.largest, 10);
   EXPECT_NEAR(s.deviation, std::sqrt(10.0), 1e-9);
+  EXPECT_FALSE(spread_of({}));
   Table table({"a", "b"});
   table.add({"1", "2"});
   EXPECT_EQ(table.text(), "| a | b |\n| --- | --- |\n| 1 | 2 |\n");
@@ -154,10 +161,35 @@ TEST(Experiments, TablesOfRenderedScenesAreWritten) {
   std::filesystem::remove_all(folder);
 }
 
+TEST(Options, ArriveWhereTheyBelong) {
+  const EvalOptions o =
+      parse_eval_options({"a", "--ablation", "--engine", "paper", "b", "--limit=7", "--perturb", "blur",
+                          "--every", "2", "--csv", "x.csv", "--engine", "paper"});
+  EXPECT_EQ(o.sequences, (std::vector<std::string>{"a", "b"}));
+  EXPECT_EQ(o.engines.front(), "paper");
+  EXPECT_EQ(std::count(o.engines.begin(), o.engines.end(), "paper"), 1);
+  EXPECT_EQ(std::count(o.engines.begin(), o.engines.end(), "default,texture=false"), 1);
+  EXPECT_EQ(o.inputs, std::vector<std::string>{"blur"});
+  EXPECT_EQ(o.selection.limit, 7);
+  EXPECT_EQ(o.selection.every, 2);
+  EXPECT_EQ(o.csv, "x.csv");
+  EXPECT_EQ(parse_eval_options({"a"}).engines, std::vector<std::string>{"default"});
+  EXPECT_EQ(parse_eval_options({"a", "--caution-sweep"}).engines.size(), 10u);
+  EXPECT_GT(parse_eval_options({"a", "--perturb", "all"}).inputs.size(), 5u);
+  EXPECT_NE(eval_help().find("--caution-sweep"), std::string::npos);
+  EXPECT_NE(eval_help().find("h264"), std::string::npos);
+}
+
 TEST(Experiments, WrongWordsAreRefused) {
   EXPECT_THROW(run_paper({"--only", "table9"}), UsageError);
   EXPECT_THROW(run_paper({"--limit", "many"}), UsageError);
   EXPECT_THROW(run_figures({"--only", "table1"}), UsageError);
+  EXPECT_THROW(run_figures({"folder"}), UsageError);
+  EXPECT_THROW(run_paper({"--limit", "-3"}), UsageError);
+  EXPECT_THROW(parse_eval_options({}), UsageError);
+  EXPECT_THROW(parse_eval_options({"a", "--limit"}), UsageError);
+  EXPECT_THROW(parse_eval_options({"a", "--colour"}), UsageError);
+  EXPECT_THROW(parse_eval_options({"a", "--every", "0"}), UsageError);
   EXPECT_THROW(run_paper({"--only", "table2", "--data", "/nowhere", "--out",
                           (std::filesystem::temp_directory_path() / "terrainseg-none").string()}),
                std::runtime_error);

@@ -29,6 +29,7 @@ Comparison compare(const std::vector<double>& a, const std::vector<double>& b, i
     blocks.back() += difference;
     ++sizes.back();
   }
+  c.blocks = static_cast<int>(blocks.size());
   constexpr int rounds = 5000;
   std::mt19937 random(1);
   const double seen = std::abs(std::accumulate(blocks.begin(), blocks.end(), 0.0));
@@ -56,7 +57,10 @@ Comparison compare(const std::vector<double>& a, const std::vector<double>& b, i
 void write_comparison(std::ostream& out, const std::vector<Figures>& first,
                       const std::vector<Figures>& second) {
   const auto write = [&](const std::string& name, const char* what, const Comparison& c) {
-    const char* verdict = c.p > 0.05 ? "no difference shown" : c.mean_difference < 0 ? "better" : "worse";
+    const char* verdict = c.too_few()             ? "too few frames to tell"
+                          : c.p > 0.05            ? "no difference shown"
+                          : c.mean_difference < 0 ? "better"
+                                                  : "worse";
     out << std::fixed << std::setprecision(2) << "| " << name << " | " << what << " | " << c.pairs << " | "
         << std::showpos << c.mean_difference << " [" << c.low << ", " << c.high << "]" << std::noshowpos
         << " | " << c.better << " / " << c.worse << " | " << std::setprecision(4) << c.p << " | " << verdict
@@ -88,8 +92,9 @@ void write_comparison(std::ostream& out, const std::vector<Figures>& first,
       }
       const std::string name =
           a.sequence + (a.input == "as it is" ? "" : ", " + a.input) + ": " + a.engine + " / " + b.engine;
-      write(name, "error", compare(ea, eb));
-      write(name, "unsafe", compare(ua, ub));
+      const int block = a.stills ? 1 : 5;
+      write(name, "error", compare(ea, eb, block));
+      write(name, "unsafe", compare(ua, ub, block));
       error_a.insert(error_a.end(), ea.begin(), ea.end());
       error_b.insert(error_b.end(), eb.begin(), eb.end());
       unsafe_a.insert(unsafe_a.end(), ua.begin(), ua.end());

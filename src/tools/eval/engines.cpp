@@ -3,11 +3,7 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <chrono>
 #include <filesystem>
-#include <functional>
-#include <map>
 #include <stdexcept>
 
 #include <opencv2/imgcodecs.hpp>
@@ -15,13 +11,16 @@
 
 #include "reference/reference_engine.hpp"
 #include "terrainseg/segmenter.hpp"
+#include "terrainseg/settings_table.hpp"
+#include "tools/eval/statistics.hpp"
 #include "tools/eval/written_masks.hpp"
 
 namespace terrainseg::eval {
 
 const char* const engine_help =
     "  default | paper[,SETTING=VALUE...]   the filter in a preset; settings are the properties of "
-    "terrainseg\n"
+    "terrainseg;\n"
+    "                                       input=BGR gives it B G R in place of I420\n"
     "  reference                            the unmodified algorithm: full resolution, full covariances, "
     "doubles\n"
     "  rows[:R] | ramp | mean-mask          baselines that know the place only: everything below the row R x "
@@ -33,11 +32,8 @@ const char* const engine_help =
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double milliseconds_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
+/// Of an engine's words the one that is no setting: frames are shown as B G R.
+constexpr const char* input_bgr = "input=BGR";
 
 std::vector<std::string> split(const std::string& text, char mark) {
   std::vector<std::string> parts;
@@ -49,119 +45,30 @@ std::vector<std::string> split(const std::string& text, char mark) {
   return parts;
 }
 
-int whole_number(const std::string& name, const std::string& value) {
-  int number = 0;
-  const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
-  if (error != std::errc{} || end != value.data() + value.size())
-    throw std::runtime_error(name + " = " + value + ": not a whole number");
-  return number;
-}
-
-void apply(Settings& settings, const std::string& assignment) {
-  const std::size_t mark = assignment.find('=');
-  const std::string name = assignment.substr(0, mark),
-                    value = mark == std::string::npos ? "" : assignment.substr(mark + 1);
-  const std::map<std::string, bool Settings::*> switches{{"texture", &Settings::texture},
-                                                         {"exposure", &Settings::exposure},
-                                                         {"row-prior", &Settings::row_prior},
-                                                         {"local-reference", &Settings::local_reference},
-                                                         {"geodesic", &Settings::geodesic},
-                                                         {"second-look", &Settings::second_look},
-                                                         {"ground-behind", &Settings::ground_behind},
-                                                         {"free-space", &Settings::free_space},
-                                                         {"refine", &Settings::refine},
-                                                         {"learning", &Settings::learning},
-                                                         {"near-clear", &Settings::near_clear}};
-  const std::map<std::string, int Settings::*> numbers{{"window-width", &Settings::window_width},
-                                                       {"window-height", &Settings::window_height},
-                                                       {"window-bottom", &Settings::window_bottom},
-                                                       {"window-x", &Settings::window_x},
-                                                       {"pyramid-levels", &Settings::pyramid_levels},
-                                                       {"bit-shift", &Settings::bit_shift},
-                                                       {"training-models", &Settings::training_models},
-                                                       {"learned-models", &Settings::learned_models},
-                                                       {"mass-cap", &Settings::mass_cap},
-                                                       {"forget-shift", &Settings::forget_shift},
-                                                       {"caution", &Settings::caution},
-                                                       {"doubtful", &Settings::doubtful},
-                                                       {"mask-level", &Settings::mask_level},
-                                                       {"n-threads", &Settings::n_threads}};
-  const std::map<std::string, int Settings::*> in_q8{{"window-sigma", &Settings::window_sigma_q8},
-                                                     {"match-threshold", &Settings::match_threshold_q8},
-                                                     {"threshold", &Settings::threshold_q8}};
-  const auto choice = [&](std::initializer_list<const char*> words) {
-    int i = 0;
-    std::string all;
-    for (const char* word : words) {
-      if (value == word)
-        return i;
-      all += std::string(i++ ? ", " : "") + word;
-    }
-    throw std::runtime_error(name + " = " + value + ": not one of " + all);
-  };
-  if (const auto it = switches.find(name); it != switches.end())
-    settings.*it->second = choice({"false", "true"}) == 1;
-  else if (const auto number = numbers.find(name); number != numbers.end())
-    settings.*number->second = whole_number(name, value);
-  else if (const auto scaled = in_q8.find(name); scaled != in_q8.end())
-    try {
-      settings.*scaled->second = static_cast<int>(std::stod(value) * 256);
-    } catch (const std::exception&) {
-      throw std::runtime_error(name + " = " + value + ": not a number");
-    }
-  else if (name == "horizon")
-    settings.horizon = static_cast<HorizonMode>(choice({"off", "paper", "auto"}));
-  else if (name == "negatives")
-    settings.negatives = static_cast<Negatives>(choice({"off", "rest", "split"}));
-  else if (name == "temporal")
-    settings.temporal = static_cast<Temporal>(choice({"auto", "off", "on"}));
-  else
-    throw std::runtime_error(name + ": no such setting");
-}
-
-/// A picture as the I420 frame that GStreamer's decoders and videoconvert make of it: BT.601, full range from
-/// JPEG, limited from anything else.
-class I420Picture {
- public:
-  explicit I420Picture(ColorRange range) { frame_.colorimetry = {range, ColorMatrix::bt601}; }
-  const Frame& convert(const cv::Mat3b& bgr) {
-    const int width = bgr.cols, height = bgr.rows;
-    const bool limited = frame_.colorimetry.range == ColorRange::limited;
-    const double luma = limited ? 219.0 / 255 : 1, chroma = limited ? 224.0 / 255 : 1;
-    const cv::Matx34d matrix(0.114 * luma, 0.587 * luma, 0.299 * luma, limited ? 16 : 0, //
-                             0.5 * chroma, -0.331264 * chroma, -0.168736 * chroma, 128, -0.081312 * chroma,
-                             -0.418688 * chroma, 0.5 * chroma, 128);
-    cv::Mat3b yuv, small;
-    cv::transform(bgr, yuv, matrix);
-    cv::resize(yuv, small, {subsampled(width, 1), subsampled(height, 1)}, 0, 0, cv::INTER_AREA);
-    cv::extractChannel(yuv, planes_[0], 0);
-    cv::extractChannel(small, planes_[1], 1);
-    cv::extractChannel(small, planes_[2], 2);
-    frame_.width = width;
-    frame_.height = height;
-    for (std::size_t c = 0; c < 3; ++c)
-      frame_.planes[c] = {planes_[c].data, static_cast<std::ptrdiff_t>(planes_[c].step)};
-    return frame_;
-  }
-  Frame& frame() { return frame_; }
-
- private:
-  std::array<cv::Mat1b, 3> planes_;
-  Frame frame_;
-};
-
 class Filter : public Engine {
  public:
-  Filter(const Settings& settings, double fps, ColorRange range)
-      : segmenter_(settings), fps_(fps), picture_(range) {}
+  Filter(const Settings& settings, double fps, PixelFormat input)
+      : settings_(settings), segmenter_(settings), fps_(fps), input_(input) {}
 
-  Answer look(const cv::Mat3b& picture, std::size_t index) override {
-    picture_.convert(picture);
-    picture_.frame().pts = fps_ > 0 ? static_cast<std::int64_t>(static_cast<double>(index) * 1e9 / fps_) : -1;
+  using Engine::look;
+  Answer look(const Picture& picture, std::size_t, const cv::Mat1b& training) override {
+    Frame frame = picture.frame();
+    cv::Mat3b bgr;
+    if (input_ == PixelFormat::BGR) {
+      bgr = picture.bgr();
+      frame.format = PixelFormat::BGR;
+      frame.colorimetry = {ColorRange::full, ColorMatrix::bt601};
+      frame.planes[0] = {bgr.data, static_cast<std::ptrdiff_t>(bgr.step)};
+    }
+    frame.pts = fps_ > 0 ? static_cast<std::int64_t>(static_cast<double>(shown_++) * 1e9 / fps_) : -1;
     Answer answer;
-    const auto start = Clock::now();
-    const Status status = segmenter_.process(picture_.frame());
-    answer.milliseconds = milliseconds_since(start);
+    Supervision supervision;
+    if (!training.empty())
+      supervision.mask = {
+          {training.data, static_cast<std::ptrdiff_t>(training.step)}, training.cols, training.rows};
+    const double start = processor_milliseconds();
+    const Status status = segmenter_.process(frame, supervision);
+    answer.milliseconds = processor_milliseconds() - start;
     if (!status.ok())
       throw std::runtime_error(status.message());
     const Estimate& e = segmenter_.estimate();
@@ -169,29 +76,38 @@ class Filter : public Engine {
                        static_cast<std::size_t>(e.mask.plane.stride));
     cv::resize(view, answer.mask, picture.size(), 0, 0, cv::INTER_NEAREST);
     answer.knows_horizon = true;
-    if (e.horizon_row >= 0)
-      answer.horizon = static_cast<double>(e.horizon_row) / picture.rows;
+    if (e.horizon_row >= 0 && !(e.flags & flag_horizon_held)) // what the frame itself shows
+      answer.horizon = static_cast<double>(e.horizon_row) / picture.size().height;
     answer.confidence = e.confidence;
     return answer;
   }
+  void forget() override {
+    segmenter_ = Segmenter(settings_);
+    shown_ = 0;
+  }
 
  private:
+  Settings settings_;
   Segmenter segmenter_;
   double fps_;
-  I420Picture picture_;
+  PixelFormat input_;
+  std::int64_t shown_ = 0;
 };
 
 class Unmodified : public Engine {
  public:
   explicit Unmodified(int window_bottom) : engine_(settings_of(window_bottom)) {}
-  Answer look(const cv::Mat3b& picture, std::size_t) override {
+  using Engine::look;
+  Answer look(const Picture& picture, std::size_t, const cv::Mat1b& training) override {
     Answer answer;
-    const auto start = Clock::now();
-    const reference::ReferenceResult& result = engine_.process(picture);
-    answer.milliseconds = milliseconds_since(start);
+    const cv::Mat3b bgr = picture.bgr();
+    const double start = processor_milliseconds();
+    const reference::ReferenceResult& result = engine_.process(bgr, training);
+    answer.milliseconds = processor_milliseconds() - start;
     answer.mask = result.mask.clone();
     return answer;
   }
+  void forget() override { engine_.reset(); }
 
  private:
   static reference::ReferenceSettings settings_of(int window_bottom) {
@@ -206,7 +122,8 @@ class Unmodified : public Engine {
 class Fixed : public Engine {
  public:
   explicit Fixed(cv::Mat1b mask) : mask_(std::move(mask)) {}
-  Answer look(const cv::Mat3b& picture, std::size_t) override {
+  using Engine::look;
+  Answer look(const Picture& picture, std::size_t, const cv::Mat1b&) override {
     Answer answer;
     cv::resize(mask_, answer.mask, picture.size(), 0, 0, cv::INTER_NEAREST);
     return answer;
@@ -264,7 +181,8 @@ cv::Mat1b best_ramp(const std::vector<cv::Mat1b>& labels, bool sloped) {
 class MeanMask : public Engine {
  public:
   explicit MeanMask(const std::vector<cv::Mat1b>& labels) : labels_(labels), balance_(balance_of(labels)) {}
-  Answer look(const cv::Mat3b& picture, std::size_t index) override {
+  using Engine::look;
+  Answer look(const Picture& picture, std::size_t index, const cv::Mat1b&) override {
     cv::Mat1b own = labels_.at(index);
     if (own.size() != balance_.size())
       cv::resize(own, own, balance_.size(), 0, 0, cv::INTER_NEAREST);
@@ -283,25 +201,46 @@ class MeanMask : public Engine {
 
 } // namespace
 
+Settings filter_settings(const std::string& text, int window_bottom) {
+  const std::vector<std::string> parts = split(text, ',');
+  Settings settings = Settings::of(parts[0] == "paper" ? Preset::paper : Preset::standard);
+  settings.window_bottom = window_bottom;
+  for (std::size_t i = 1; i < parts.size(); ++i) {
+    if (parts[i] == input_bgr)
+      continue;
+    const std::size_t mark = std::min(parts[i].find('='), parts[i].size());
+    const std::string value = parts[i].substr(std::min(mark + 1, parts[i].size()));
+    if (const auto error = set_from_text(settings, parts[i].substr(0, mark), value))
+      throw std::runtime_error(error->message());
+  }
+  if (const auto error = validate(settings))
+    throw std::runtime_error(text + ": " + error->message());
+  return settings;
+}
+
+std::unique_ptr<Engine> make_filter(const Settings& settings, double fps, PixelFormat input) {
+  if (const auto error = validate(settings))
+    throw std::runtime_error(error->message());
+  return std::make_unique<Filter>(settings, fps, input);
+}
+
+std::unique_ptr<Engine> make_reference(int window_bottom) {
+  return std::make_unique<Unmodified>(window_bottom);
+}
+
 std::unique_ptr<Engine> make_engine(const std::string& text, const Sequence& sequence,
                                     const std::vector<cv::Mat1b>& labels) {
   const std::vector<std::string> parts = split(text, ',');
   const std::string& name = parts[0];
   if (name == "default" || name == "paper") {
-    Settings settings = Settings::of(name == "paper" ? Preset::paper : Preset::standard);
-    settings.window_bottom = sequence.window_bottom;
-    for (std::size_t i = 1; i < parts.size(); ++i)
-      apply(settings, parts[i]);
-    if (const auto error = validate(settings))
-      throw std::runtime_error(text + ": " + error->message());
-    const bool from_jpeg = !sequence.frames.empty() && !sequence.frames[0].ends_with(".png");
-    return std::make_unique<Filter>(settings, sequence.fps,
-                                    from_jpeg ? ColorRange::full : ColorRange::limited);
+    const bool bgr = std::find(parts.begin(), parts.end(), input_bgr) != parts.end();
+    return make_filter(filter_settings(text, sequence.window_bottom), sequence.fps,
+                       bgr ? PixelFormat::BGR : PixelFormat::I420);
   }
   if (parts.size() > 1)
     throw std::runtime_error(text + ": only default and paper take settings");
   if (name == "reference")
-    return std::make_unique<Unmodified>(sequence.window_bottom);
+    return make_reference(sequence.window_bottom);
   if (name == "mean-mask")
     return std::make_unique<MeanMask>(labels);
   if (name == "rows" || name == "ramp")

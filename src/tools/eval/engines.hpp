@@ -10,6 +10,7 @@
 
 #include <opencv2/core.hpp>
 
+#include "terrainseg/settings.hpp"
 #include "tools/eval/sequence.hpp"
 
 namespace terrainseg::eval {
@@ -19,18 +20,26 @@ struct Answer {
   std::optional<double> horizon; ///< share of the height, 0 = top
   bool knows_horizon = false;    ///< the engine has a horizon stage
   std::optional<int> confidence; ///< 0..255
-  double milliseconds = 0;       ///< of the engine alone; 0 = not measured
+  double milliseconds = 0;       ///< processor time of the engine in the calling thread; 0 = not measured
 };
 
 class Engine {
  public:
   virtual ~Engine() = default;
-  /// Frame `index` of the sequence, in order.
-  virtual Answer look(const cv::Mat3b& picture, std::size_t index) = 0;
+  /// Frame `index` of the sequence, in order. `training` (128 and above = learn from here; the picture's
+  /// size) stands in for the window of an engine that learns when it is not empty.
+  virtual Answer look(const Picture& picture, std::size_t index, const cv::Mat1b& training) = 0;
+  Answer look(const Picture& picture, std::size_t index) { return look(picture, index, {}); }
+  /// Everything that was seen so far is forgotten.
+  virtual void forget() {}
 };
 
 /// What engines() knows, for the usage text.
 extern const char* const engine_help;
+
+/// What `default|paper[,SETTING=VALUE...]` says; throws std::runtime_error that names what is wrong. The
+/// sequence's `window_bottom` holds unless the text sets it.
+Settings filter_settings(const std::string& text, int window_bottom);
 
 /// An engine for one pass over a sequence. `text` is default | paper | reference | rows[:R] | ramp |
 /// mean-mask | masks:FOLDER; the filter takes settings behind it: "default,texture=false,caution=8".
@@ -38,5 +47,12 @@ extern const char* const engine_help;
 /// of what they can do. Throws std::runtime_error that names what is wrong.
 std::unique_ptr<Engine> make_engine(const std::string& text, const Sequence& sequence,
                                     const std::vector<cv::Mat1b>& labels);
+
+/// The filter with settings of one's own, given I420 as decoders leave it, or BGR, what `videoconvert` makes
+/// of that. Throws std::runtime_error when the settings contradict themselves.
+std::unique_ptr<Engine> make_filter(const Settings& settings, double fps,
+                                    PixelFormat input = PixelFormat::I420);
+/// The unmodified algorithm.
+std::unique_ptr<Engine> make_reference(int window_bottom);
 
 } // namespace terrainseg::eval

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <stdexcept>
 
 namespace terrainseg::eval {
 namespace {
@@ -20,6 +21,8 @@ bool is_ground(int label) {
 }
 
 Counts count(const cv::Mat1b& mask, const cv::Mat1b& labels, bool only_terrain, int from) {
+  if (mask.size() != labels.size())
+    throw std::runtime_error("a mask and its labels differ in size");
   Counts c;
   const int third = 2 * labels.rows / 3;
   for (int y = 0; y < labels.rows; ++y) {
@@ -29,7 +32,7 @@ Counts count(const cv::Mat1b& mask, const cv::Mat1b& labels, bool only_terrain, 
         continue;
       const bool truth = is_ground(l[x]), said = m[x] >= from;
       ++(truth ? said ? c.true_ground : c.missed_ground : said ? c.false_ground : c.true_rest);
-      if (!truth && y >= third) {
+      if (l[x] == label_obstacle && y >= third) {
         ++c.near_obstacles;
         c.unsafe += said;
       }
@@ -52,28 +55,11 @@ template <class IsGround> int run_top(const cv::Mat1b& labels, int x, const IsGr
   return top;
 }
 
-double percentile(std::vector<double>& values, double share) {
-  std::sort(values.begin(), values.end());
-  const double position = share * static_cast<double>(values.size() - 1);
-  const auto low = static_cast<std::size_t>(position);
-  const std::size_t high = std::min(low + 1, values.size() - 1);
-  return values[low] + (values[high] - values[low]) * (position - static_cast<double>(low));
-}
-
-std::vector<double> ranks_of(const std::vector<double>& values) {
-  std::vector<std::size_t> order(values.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
-  std::vector<double> ranks(values.size());
-  for (std::size_t i = 0; i < order.size();) {
-    std::size_t end = i;
-    while (end < order.size() && values[order[end]] == values[order[i]])
-      ++end;
-    for (std::size_t k = i; k < end; ++k)
-      ranks[order[k]] = static_cast<double>(i + end - 1) / 2;
-    i = end;
-  }
-  return ranks;
+double mean_of(const std::vector<FrameFigures>& frames, double FrameFigures::*figure) {
+  double sum = 0;
+  for (const FrameFigures& f : frames)
+    sum += f.*figure;
+  return frames.empty() ? 0 : sum / static_cast<double>(frames.size());
 }
 
 } // namespace
@@ -110,12 +96,6 @@ double Counts::false_safe_share() const {
   return percent(false_ground, false_ground + true_rest);
 }
 
-Spread spread_of(std::vector<double> values) {
-  if (values.empty())
-    return {};
-  return {percentile(values, 0.5), percentile(values, 0.9)};
-}
-
 int true_horizon(const cv::Mat1b& labels) {
   for (int y = 0; y < labels.rows; ++y)
     if (50 * std::count_if(labels[y], labels[y] + labels.cols, is_ground) >= labels.cols)
@@ -123,20 +103,8 @@ int true_horizon(const cv::Mat1b& labels) {
   return -1;
 }
 
-std::optional<double> rank_correlation(const std::vector<double>& a, const std::vector<double>& b) {
-  if (a.size() < 3)
-    return std::nullopt;
-  const std::vector<double> x = ranks_of(a), y = ranks_of(b);
-  const double mean = static_cast<double>(a.size() - 1) / 2;
-  double xy = 0, xx = 0, yy = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    xy += (x[i] - mean) * (y[i] - mean);
-    xx += (x[i] - mean) * (x[i] - mean);
-    yy += (y[i] - mean) * (y[i] - mean);
-  }
-  if (xx <= 0 || yy <= 0)
-    return std::nullopt;
-  return xy / std::sqrt(xx * yy);
+Counts count_pixels(const cv::Mat1b& mask, const cv::Mat1b& labels) {
+  return count(mask, labels, false, traversable_from);
 }
 
 Scorer::Scorer(std::string sequence, std::string engine, std::string input) {
@@ -145,18 +113,31 @@ Scorer::Scorer(std::string sequence, std::string engine, std::string input) {
   figures_.input = std::move(input);
 }
 
-void Scorer::add(const Answer& answer, const cv::Mat1b& labels) {
+double Figures::mean_error() const {
+  return mean_of(frames, &FrameFigures::error);
+}
+double Figures::mean_terrain_error() const {
+  return mean_of(frames, &FrameFigures::terrain);
+}
+double Figures::mean_other_missed() const {
+  return mean_of(frames, &FrameFigures::other);
+}
+
+void Scorer::add(const Answer& answer, const cv::Mat1b& labels, std::size_t index, bool with_things) {
   const cv::Mat1b& mask = answer.mask;
   figures_.width = labels.cols;
   figures_.height = labels.rows;
   const Counts frame = count(mask, labels, false, traversable_from);
   figures_.ground += frame;
-  figures_.terrain += count(mask, labels, true, traversable_from);
+  const Counts terrain = count(mask, labels, true, traversable_from);
+  figures_.terrain += terrain;
   figures_.without_doubt_zone += count(mask, labels, false, 1);
 
   FrameFigures f;
-  f.index = figures_.frames.size();
+  f.index = index;
   f.error = frame.error();
+  f.terrain = terrain.error();
+  f.other = percent(frame.missed_ground - terrain.missed_ground, frame.known());
   f.unsafe = frame.unsafe_share();
   f.confidence = answer.confidence.value_or(-1);
   const int horizon = true_horizon(labels);
@@ -184,11 +165,37 @@ void Scorer::add(const Answer& answer, const cv::Mat1b& labels) {
   }
 
   const cv::Mat1b now = mask >= traversable_from;
+  if (with_things)
+    figures_.things += count_things(labels, now);
   if (!previous_.empty() && previous_.size() == now.size())
     flicker_.push_back(100.0 * cv::countNonZero(now != previous_) / static_cast<double>(now.total()));
   previous_ = now;
   if (answer.milliseconds > 0)
     latencies_.push_back(answer.milliseconds);
+}
+
+void Scorer::join(Scorer&& later) {
+  const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+  Figures& f = later.figures_;
+  if (f.frames.empty())
+    return;
+  figures_.width = f.width;
+  figures_.height = f.height;
+  figures_.ground += f.ground;
+  figures_.terrain += f.terrain;
+  figures_.without_doubt_zone += f.without_doubt_zone;
+  figures_.things += f.things;
+  append(figures_.frames, f.frames);
+  append(horizons_, later.horizons_);
+  append(latencies_, later.latencies_);
+  append(flicker_, later.flicker_);
+  frames_with_horizon_ += later.frames_with_horizon_;
+  nulls_ += later.nulls_;
+  knows_horizon_ |= later.knows_horizon_;
+  columns_ += later.columns_;
+  columns_within_ += later.columns_within_;
+  columns_over_ += later.columns_over_;
+  previous_ = later.previous_;
 }
 
 Figures Scorer::finish() {
@@ -210,8 +217,7 @@ Figures Scorer::finish() {
   f.frame_error = spread_of(errors);
   if (!confidences.empty() && confidences[0] >= 0)
     f.confidence_rank = rank_correlation(errors, confidences);
-  if (!latencies_.empty())
-    f.latency = {percentile(latencies_, 0.5), percentile(latencies_, 0.99)};
+  f.latency = spread_of(latencies_);
   return std::move(f);
 }
 

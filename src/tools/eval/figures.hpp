@@ -8,6 +8,8 @@
 
 #include "tools/eval/engines.hpp"
 #include "tools/eval/sequence.hpp"
+#include "tools/eval/statistics.hpp"
+#include "tools/eval/things.hpp"
 
 namespace terrainseg::eval {
 
@@ -27,14 +29,14 @@ struct Counts {
   double false_safe_share() const; ///< percent of all pixels that are no ground and called traversable
 };
 
-/// A median and a 90th percentile, or nothing.
-struct Spread {
-  std::optional<double> median, p90;
-};
-Spread spread_of(std::vector<double> values);
+/// Pixels of labelled ground against what a mask says; doubtful counts as not traversable. Both are of one
+/// size, or std::runtime_error is thrown.
+Counts count_pixels(const cv::Mat1b& mask, const cv::Mat1b& labels);
 
 struct FrameFigures {
-  double error = 0, unsafe = 0;  ///< percent
+  double error = 0, terrain = 0; ///< percent; terrain leaves label 2 out
+  double other = 0;  ///< percent of the labelled pixels that are label 2 and not called traversable
+  double unsafe = 0; ///< percent
   std::optional<double> horizon; ///< percent of the height off
   int confidence = -1;
   std::size_t index = 0;
@@ -43,26 +45,35 @@ struct FrameFigures {
 struct Figures {
   std::string sequence, engine, input = "as it is";
   int width = 0, height = 0;
-  Counts ground;                      ///< positive = labels 1 and 2
-  Counts terrain;                     ///< positive = label 1; label 2 ignored
-  Counts without_doubt_zone;          ///< as ground, but doubtful counts as traversable
-  Spread horizon;                     ///< |row - truth|, percent of the height
+  Counts ground;             ///< positive = labels 1 and 2
+  Counts terrain;            ///< positive = label 1; label 2 ignored
+  Counts without_doubt_zone; ///< as ground, but doubtful counts as traversable
+  Things things;
+  bool stills = false;                ///< each frame is a place of its own
+  std::optional<double> best_ramp;    ///< mean error of the best straight boundary; of stills only
+  std::optional<Spread> horizon;      ///< |row - truth|, percent of the height
   std::optional<double> horizon_null; ///< percent of the frames with a horizon that got none
   std::optional<double>
       boundary_within; ///< percent of the columns whose boundary lies within 2 % of the height
-  std::optional<double> boundary_over; ///< percent of the columns that reach more than 2 % beyond it
-  std::optional<double> flicker;       ///< percent of the pixels that change from frame to frame
-  Spread frame_error;
+  std::optional<double> boundary_over;   ///< percent of the columns that reach more than 2 % beyond it
+  std::optional<double> flicker;         ///< percent of the pixels that change from frame to frame
+  std::optional<Spread> frame_error;     ///< of the frames, percent
   std::optional<double> confidence_rank; ///< Spearman, confidence against error
-  Spread latency;                        ///< milliseconds; p90 holds the 99th percentile
+  std::optional<Spread> latency;         ///< milliseconds
   std::vector<FrameFigures> frames;
+  double mean_error() const;         ///< percent, mean over the frames
+  double mean_terrain_error() const; ///< the same without label 2
+  double mean_other_missed() const;  ///< mean of FrameFigures::other
 };
 
 /// Collects one pass.
 class Scorer {
  public:
   Scorer(std::string sequence, std::string engine, std::string input);
-  void add(const Answer& answer, const cv::Mat1b& labels);
+  /// Scores frame `index` of the sequence; counting its things takes longer than all else.
+  void add(const Answer& answer, const cv::Mat1b& labels, std::size_t index, bool with_things = true);
+  /// Adds what another one collected of frames behind these; nothing flickers between the two.
+  void join(Scorer&& later);
   Figures finish();
 
  private:
@@ -76,8 +87,5 @@ class Scorer {
 
 /// First row in which at least 2 % of the columns are ground; -1 = none.
 int true_horizon(const cv::Mat1b& labels);
-
-/// Spearman's rank correlation; nothing when a side is constant.
-std::optional<double> rank_correlation(const std::vector<double>& a, const std::vector<double>& b);
 
 } // namespace terrainseg::eval

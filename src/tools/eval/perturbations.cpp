@@ -18,10 +18,15 @@
 namespace terrainseg::eval {
 namespace {
 
-using Change = std::function<void(Sample&)>;
+/// A picture while it is changed: B, G, R of full range, and its labels.
+struct Scene {
+  cv::Mat3b picture;
+  cv::Mat1b labels;
+};
+using Change = std::function<void(Scene&)>;
 
 Change warp(const std::function<cv::Matx23d(const cv::Size&)>& matrix_for) {
-  return [=](Sample& s) {
+  return [=](Scene& s) {
     const cv::Size size = s.picture.size();
     const cv::Matx23d m = matrix_for(size);
     cv::Mat3b picture;
@@ -43,12 +48,12 @@ Change roll(double degrees) {
 }
 
 Change light(double factor) {
-  return [=](Sample& s) { s.picture.convertTo(s.picture, -1, factor); };
+  return [=](Scene& s) { s.picture.convertTo(s.picture, -1, factor); };
 }
 
 /// Normal noise that depends on the picture's place in the sequence only through the state of one generator.
 Change noise(double deviation) {
-  return [=, random = cv::RNG(7)](Sample& s) mutable {
+  return [=, random = cv::RNG(7)](Scene& s) mutable {
     cv::Mat grain(s.picture.size(), CV_16SC3), sum;
     random.fill(grain, cv::RNG::NORMAL, 0, deviation);
     s.picture.convertTo(sum, CV_16S);
@@ -56,13 +61,13 @@ Change noise(double deviation) {
   };
 }
 
-void crop(std::vector<Sample>& samples) {
-  for (Sample& s : samples) {
+Change crop() {
+  return [](Scene& s) {
     const cv::Size size = s.picture.size();
     // Away from above and from both sides; the bottom edge stays, and with it the window.
     const cv::Rect part(size.width / 8, size.height / 5, size.width * 3 / 4, size.height - size.height / 5);
     s = {s.picture(part).clone(), s.labels(part).clone()};
-  }
+  };
 }
 
 class TemporaryFile {
@@ -88,7 +93,7 @@ class TemporaryFile {
   std::string path_;
 };
 
-void encode_h264(std::vector<Sample>& samples) {
+void encode_h264(std::vector<Scene>& samples) {
   const TemporaryFile file(".mkv");
   const cv::Size size = samples.at(0).picture.size();
   {
@@ -99,7 +104,7 @@ void encode_h264(std::vector<Sample>& samples) {
     cv::VideoWriter writer(pipeline, cv::CAP_GSTREAMER, 0, 15, size, true);
     if (!writer.isOpened())
       throw std::runtime_error("h264: OpenCV has no GStreamer with x264enc here");
-    for (const Sample& s : samples)
+    for (const Scene& s : samples)
       writer.write(s.picture);
   }
   cv::VideoCapture reader("filesrc location=" + file.path() +
@@ -115,7 +120,7 @@ void encode_h264(std::vector<Sample>& samples) {
 }
 
 Change jpeg(int quality) {
-  return [=](Sample& s) {
+  return [=](Scene& s) {
     std::vector<std::uint8_t> bytes;
     cv::imencode(".jpg", s.picture, bytes, {cv::IMWRITE_JPEG_QUALITY, quality});
     s.picture = cv::imdecode(bytes, cv::IMREAD_COLOR);
@@ -124,8 +129,9 @@ Change jpeg(int quality) {
 
 const std::vector<std::pair<std::string, Change>>& changes() {
   static const std::vector<std::pair<std::string, Change>> all{
+      {"crop", crop()},
       {"mirror",
-       [](Sample& s) {
+       [](Scene& s) {
          cv::flip(s.picture, s.picture, 1);
          cv::flip(s.labels, s.labels, 1);
        }},
@@ -135,17 +141,33 @@ const std::vector<std::pair<std::string, Change>>& changes() {
       {"dark", light(0.5)},
       {"bright", light(1.6)},
       {"noise", noise(10)},
-      {"blur", [](Sample& s) { cv::GaussianBlur(s.picture, s.picture, {}, 2); }},
+      {"blur", [](Scene& s) { cv::GaussianBlur(s.picture, s.picture, {}, 2); }},
       {"jpeg", jpeg(15)},
+      {"grey",
+       [](Scene& s) {
+         cv::Mat1b gray;
+         cv::cvtColor(s.picture, gray, cv::COLOR_BGR2GRAY);
+         cv::cvtColor(gray, s.picture, cv::COLOR_GRAY2BGR);
+       }},
   };
   return all;
+}
+
+Change change_named(const std::string& name) {
+  std::string all;
+  for (const auto& [known, change] : changes()) {
+    if (known == name)
+      return change;
+    all += " " + known;
+  }
+  throw std::runtime_error(name + ": no such perturbation; there are" + all + " h264");
 }
 
 } // namespace
 
 const std::vector<std::string>& perturbation_names() {
   static const std::vector<std::string> names = [] {
-    std::vector<std::string> list{"crop"};
+    std::vector<std::string> list;
     for (const auto& [name, change] : changes())
       list.push_back(name);
     list.push_back("h264");
@@ -155,21 +177,19 @@ const std::vector<std::string>& perturbation_names() {
 }
 
 void perturb(const std::string& name, std::vector<Sample>& samples) {
-  if (name == "crop")
-    return crop(samples);
+  std::vector<Scene> scenes;
+  scenes.reserve(samples.size());
+  for (const Sample& s : samples)
+    scenes.push_back({s.picture.bgr(), s.labels.clone()});
   if (name == "h264")
-    return encode_h264(samples);
-  for (const auto& [known, change] : changes())
-    if (known == name) {
-      Change fresh = change; // a generator of random numbers starts anew
-      for (Sample& s : samples)
-        fresh(s);
-      return;
-    }
-  std::string all;
-  for (const std::string& known : perturbation_names())
-    all += " " + known;
-  throw std::runtime_error(name + ": no such perturbation; there are" + all);
+    encode_h264(scenes);
+  else {
+    const Change change = change_named(name); // a generator of random numbers starts anew
+    for (Scene& s : scenes)
+      change(s);
+  }
+  for (std::size_t i = 0; i < samples.size(); ++i)
+    samples[i] = {Picture::of(scenes[i].picture, samples[i].picture.colorimetry()), scenes[i].labels};
 }
 
 } // namespace terrainseg::eval

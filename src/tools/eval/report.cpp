@@ -2,28 +2,20 @@
 #include "tools/eval/report.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <fstream>
-#include <iomanip>
-#include <limits>
-#include <set>
-#include <sstream>
 #include <stdexcept>
 
 #include <nlohmann/json.hpp>
-#include <opencv2/imgproc.hpp>
+
+#include "exchange/counted.hpp"
+#include "tools/eval/statistics.hpp"
+#include "tools/eval/table.hpp"
 
 namespace terrainseg::eval {
 namespace {
 
-std::string text(double value, int digits = 1) {
-  std::ostringstream out;
-  out << std::fixed << std::setprecision(digits) << value;
-  return out.str();
-}
-
-std::string text(const std::optional<double>& value, int digits = 1) {
-  return value ? text(*value, digits) : "-";
+std::optional<double> part(const std::optional<Spread>& spread, double Spread::*which) {
+  return spread ? std::optional(*spread.*which) : std::nullopt;
 }
 
 std::string quoted(const std::string& s) {
@@ -37,14 +29,23 @@ std::string quoted(const std::string& s) {
 }
 
 std::string json(const std::optional<double>& value) {
-  return value ? text(*value, 3) : "null";
+  return value ? number(*value, 3) : "null";
 }
 
 void write_counts(std::ostream& out, const char* name, const Counts& c) {
-  out << "   " << quoted(name) << ": {\"error\": " << text(c.error(), 3) << ", \"iou\": " << text(c.iou(), 3)
-      << ", \"precision\": " << text(c.precision(), 3) << ", \"recall\": " << text(c.recall(), 3)
-      << ", \"f\": " << text(c.f_measure(), 3) << ", \"unsafe\": " << text(c.unsafe_share(), 3)
-      << ", \"false_safe\": " << text(c.false_safe_share(), 3) << "},\n";
+  out << "   " << quoted(name) << ": {\"error\": " << number(c.error(), 3)
+      << ", \"iou\": " << number(c.iou(), 3) << ", \"precision\": " << number(c.precision(), 3)
+      << ", \"recall\": " << number(c.recall(), 3) << ", \"f\": " << number(c.f_measure(), 3)
+      << ", \"unsafe\": " << number(c.unsafe_share(), 3)
+      << ", \"false_safe\": " << number(c.false_safe_share(), 3) << "},\n";
+}
+
+std::string unsafe_text(const Counts& c) {
+  return c.near_obstacles > 0 ? number(c.unsafe_share()) : "-";
+}
+
+std::string things_text(const Things& t) {
+  return t.count > 0 ? number(t.missed_share()) + " of " + std::to_string(t.count) : "-";
 }
 
 std::vector<std::string> distinct(const std::vector<Figures>& all, std::string Figures::*member) {
@@ -63,27 +64,59 @@ void write_json(std::ostream& out, const std::vector<Figures>& all) {
     const Figures& f = all[i];
     out << "  {\"sequence\": " << quoted(f.sequence) << ", \"engine\": " << quoted(f.engine)
         << ", \"input\": " << quoted(f.input) << ", \"width\": " << f.width << ", \"height\": " << f.height
-        << ",\n";
+        << ", \"stills\": " << (f.stills ? "true" : "false") << ",\n";
     write_counts(out, "ground", f.ground);
     write_counts(out, "terrain", f.terrain);
     write_counts(out, "doubtful_as_ground", f.without_doubt_zone);
-    out << "   \"horizon\": {\"median\": " << json(f.horizon.median) << ", \"p90\": " << json(f.horizon.p90)
-        << ", \"null\": " << json(f.horizon_null)
+    out << "   \"horizon\": {\"median\": " << json(part(f.horizon, &Spread::median))
+        << ", \"p90\": " << json(part(f.horizon, &Spread::p90)) << ", \"null\": " << json(f.horizon_null)
         << "},\n   \"boundary\": {\"within\": " << json(f.boundary_within)
         << ", \"over\": " << json(f.boundary_over) << "},\n   \"flicker\": " << json(f.flicker)
-        << ", \"frame_error\": {\"median\": " << json(f.frame_error.median)
-        << ", \"p90\": " << json(f.frame_error.p90)
-        << "},\n   \"confidence_rank\": " << json(f.confidence_rank)
-        << ", \"milliseconds\": {\"median\": " << json(f.latency.median)
-        << ", \"p99\": " << json(f.latency.p90) << "},\n   \"frame_errors\": [";
+        << ", \"frame_error\": {\"median\": " << json(part(f.frame_error, &Spread::median))
+        << ", \"p90\": " << json(part(f.frame_error, &Spread::p90))
+        << "}, \"mean_error\": " << number(f.mean_error(), 3)
+        << ", \"mean_terrain\": " << number(f.mean_terrain_error(), 3)
+        << ", \"best_ramp\": " << json(f.best_ramp) << ",\n   \"things\": {\"count\": " << f.things.count
+        << ", \"missed\": " << f.things.missed << "},\n   \"confidence_rank\": " << json(f.confidence_rank)
+        << ", \"milliseconds\": {\"median\": " << json(part(f.latency, &Spread::median))
+        << ", \"p99\": " << json(part(f.latency, &Spread::p99)) << "},\n   \"frame_errors\": [";
     for (std::size_t k = 0; k < f.frames.size(); ++k)
-      out << (k ? ", " : "") << text(f.frames[k].error, 3);
+      out << (k ? ", " : "") << number(f.frames[k].error, 3);
     out << "],\n   \"frame_unsafe\": [";
     for (std::size_t k = 0; k < f.frames.size(); ++k)
-      out << (k ? ", " : "") << text(f.frames[k].unsafe, 3);
+      out << (k ? ", " : "") << number(f.frames[k].unsafe, 3);
     out << "]}" << (i + 1 < all.size() ? "," : "") << '\n';
   }
   out << "]}\n";
+}
+
+void write_csv(std::ostream& out, const std::vector<Figures>& all) {
+  const auto cell = [](const std::optional<double>& value) { return value ? number(*value, 3) : ""; };
+  const auto word = [](const std::string& s) { return s.find(',') == s.npos ? s : '"' + s + '"'; };
+  out << "sequence,engine,input,frames,width,height,error,mean_error,p50_error,p90_error,unsafe,false_safe,"
+         "precision,recall,iou,f,terrain_error,mean_terrain_error,best_ramp,things,things_missed,horizon_p50,"
+         "horizon_p90,horizon_null,boundary_within,boundary_over,flicker,confidence_rank,ms_p50,ms_p99\n";
+  for (const Figures& f : all) {
+    out << word(f.sequence) << ',' << word(f.engine) << ',' << word(f.input) << ',' << f.frames.size() << ','
+        << f.width << ',' << f.height;
+    const std::optional<double> unsafe =
+        f.ground.near_obstacles > 0 ? std::optional(f.ground.unsafe_share()) : std::nullopt;
+    for (const std::optional<double>& value :
+         {std::optional(f.ground.error()), std::optional(f.mean_error()),
+          part(f.frame_error, &Spread::median), part(f.frame_error, &Spread::p90), unsafe,
+          std::optional(f.ground.false_safe_share()), std::optional(f.ground.precision()),
+          std::optional(f.ground.recall()), std::optional(f.ground.iou()),
+          std::optional(f.ground.f_measure()), std::optional(f.terrain.error()),
+          std::optional(f.mean_terrain_error()), f.best_ramp})
+      out << ',' << cell(value);
+    out << ',' << f.things.count << ',' << f.things.missed;
+    for (const std::optional<double>& value :
+         {part(f.horizon, &Spread::median), part(f.horizon, &Spread::p90), f.horizon_null, f.boundary_within,
+          f.boundary_over, f.flicker, f.confidence_rank, part(f.latency, &Spread::median),
+          part(f.latency, &Spread::p99)})
+      out << ',' << cell(value);
+    out << '\n';
+  }
 }
 
 std::vector<Figures> read_json(const std::string& path) {
@@ -98,6 +131,7 @@ std::vector<Figures> read_json(const std::string& path) {
       f.sequence = run.at("sequence");
       f.engine = run.at("engine");
       f.input = run.at("input");
+      f.stills = run.value("stills", false);
       const std::vector<double> errors = run.at("frame_errors"), unsafe = run.at("frame_unsafe");
       for (std::size_t i = 0; i < errors.size(); ++i) {
         FrameFigures frame;
@@ -123,22 +157,25 @@ void write_markdown(std::ostream& out, const std::vector<Figures>& all) {
           continue;
         if (!head)
           out << "\n**" << sequence << "**" << (input == "as it is" ? "" : ", " + input) << " ("
-              << f.frames.size() << " frames, " << f.width << "x" << f.height << ")\n\n"
+              << counted(f.frames.size(), "frame") << ", " << f.width << "x" << f.height << ")\n\n"
               << "| engine | error | p50 / p90 of frames | unsafe | false-safe | precision | recall | IoU | "
                  "F | terrain "
-                 "error | horizon p50 / p90 (null) | boundary within 2 % (beyond) | flicker | confidence "
+                 "error | things missed | horizon p50 / p90 (null) | boundary within 2 % (beyond) | flicker "
+                 "| confidence "
                  "rank | ms p50 "
-                 "/ p99 |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
+                 "/ p99 |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
         head = true;
-        out << "| " << f.engine << " | " << text(f.ground.error(), 2) << " | " << text(f.frame_error.median)
-            << " / " << text(f.frame_error.p90) << " | " << text(f.ground.unsafe_share()) << " | "
-            << text(f.ground.false_safe_share()) << " | " << text(f.ground.precision()) << " | "
-            << text(f.ground.recall()) << " | " << text(f.ground.iou()) << " | " << text(f.ground.f_measure())
-            << " | " << text(f.terrain.error(), 2) << " | " << text(f.horizon.median) << " / "
-            << text(f.horizon.p90) << " (" << text(f.horizon_null, 0) << ") | " << text(f.boundary_within)
-            << " (" << text(f.boundary_over) << ") | " << text(f.flicker, 2) << " | "
-            << text(f.confidence_rank, 2) << " | " << text(f.latency.median, 2) << " / "
-            << text(f.latency.p90, 2) << " |\n";
+        out << "| " << f.engine << " | " << number(f.ground.error(), 2) << " | "
+            << number(part(f.frame_error, &Spread::median)) << " / "
+            << number(part(f.frame_error, &Spread::p90)) << " | " << number(f.ground.unsafe_share()) << " | "
+            << number(f.ground.false_safe_share()) << " | " << number(f.ground.precision()) << " | "
+            << number(f.ground.recall()) << " | " << number(f.ground.iou()) << " | "
+            << number(f.ground.f_measure()) << " | " << number(f.terrain.error(), 2) << " | "
+            << things_text(f.things) << " | " << number(part(f.horizon, &Spread::median)) << " / "
+            << number(part(f.horizon, &Spread::p90)) << " (" << number(f.horizon_null, 0) << ") | "
+            << number(f.boundary_within) << " (" << number(f.boundary_over) << ") | " << number(f.flicker, 2)
+            << " | " << number(f.confidence_rank, 2) << " | " << number(part(f.latency, &Spread::median), 2)
+            << " / " << number(part(f.latency, &Spread::p99), 2) << " |\n";
       }
     }
 }
@@ -164,100 +201,164 @@ void write_matrix(std::ostream& out, const std::vector<Figures>& all, bool by_in
         out << " - |";
         continue;
       }
-      out << ' ' << text(f->ground.error(), 2) << " / " << text(f->ground.unsafe_share()) << " |";
+      out << ' ' << number(f->ground.error(), 2) << " / " << number(f->ground.unsafe_share()) << " |";
       error += f->ground.error();
       unsafe += f->ground.unsafe_share();
       ++count;
     }
-    out << ' ' << (count ? text(error / count, 2) + " / " + text(unsafe / count) : "-") << " |\n";
+    out << ' ' << (count ? number(error / count, 2) + " / " + number(unsafe / count) : "-") << " |\n";
   }
 }
 
-cv::Mat3b judged(const cv::Mat3b& picture, const cv::Mat1b& labels, const cv::Mat1b& mask) {
-  cv::Mat3b out = picture.clone();
-  for (int y = 0; y < out.rows; ++y)
-    for (int x = 0; x < out.cols; ++x) {
-      const int label = labels(y, x), said = mask(y, x);
-      if (label == label_none)
-        continue;
-      const bool truth = label == label_terrain || label == label_ground;
-      cv::Vec3b color;
-      if (said >= 192)
-        color = truth ? cv::Vec3b(60, 190, 60) : cv::Vec3b(40, 40, 230);
-      else if (said >= 64)
-        color = cv::Vec3b(40, 210, 230);
-      else if (truth)
-        color = cv::Vec3b(230, 80, 40);
-      else
-        continue;
-      for (int c = 0; c < 3; ++c)
-        out(y, x)[c] = static_cast<std::uint8_t>((out(y, x)[c] + color[c]) / 2);
+namespace {
+
+constexpr std::size_t small_set = 10; // sets of fewer frames are taken together
+
+/// Figures of sets of stills taken together, frame by frame.
+struct Together {
+  std::size_t sets = 0, frames = 0;
+  double error = 0, terrain = 0, other = 0, ramp = 0; ///< sums over frames
+  Counts ground, driven;
+  Things things;
+  void add(const Figures& f) {
+    const auto count = static_cast<double>(f.frames.size());
+    ++sets;
+    frames += f.frames.size();
+    error += count * f.mean_error();
+    terrain += count * f.mean_terrain_error();
+    other += count * f.mean_other_missed();
+    ramp += count * f.best_ramp.value_or(0);
+    ground += f.ground;
+    driven += f.terrain;
+    things += f.things;
+  }
+};
+
+/// Means over sets; a set without obstacles near or without things has no say in theirs.
+struct MeanOfSets {
+  int sets = 0, with_obstacles = 0, with_things = 0;
+  double error = 0, terrain = 0, other = 0, pooled = 0, pooled_terrain = 0, unsafe = 0, things = 0, ramp = 0;
+  void add(const Figures& f) {
+    ++sets;
+    error += f.mean_error();
+    terrain += f.mean_terrain_error();
+    other += f.mean_other_missed();
+    pooled += f.ground.error();
+    pooled_terrain += f.terrain.error();
+    ramp += f.best_ramp.value_or(0);
+    if (f.ground.near_obstacles > 0) {
+      ++with_obstacles;
+      unsafe += f.ground.unsafe_share();
     }
-  return out;
-}
-
-cv::Mat3b contact_sheet(const std::vector<Tile>& tiles, int across, int width) {
-  if (tiles.empty())
-    return {};
-  const cv::Mat3b& first = tiles[0].picture;
-  const cv::Size size(width, width * first.rows / first.cols);
-  const int down = (static_cast<int>(tiles.size()) + across - 1) / across;
-  cv::Mat3b sheet(down * size.height, across * size.width, cv::Vec3b(255, 255, 255));
-  for (std::size_t i = 0; i < tiles.size(); ++i) {
-    cv::Mat3b tile;
-    cv::resize(tiles[i].picture, tile, size, 0, 0, cv::INTER_AREA);
-    cv::putText(tile, tiles[i].caption, {6, 16}, cv::FONT_HERSHEY_SIMPLEX, 0.42, {0, 0, 0}, 3, cv::LINE_AA);
-    cv::putText(tile, tiles[i].caption, {6, 16}, cv::FONT_HERSHEY_SIMPLEX, 0.42, {255, 255, 255}, 1,
-                cv::LINE_AA);
-    const int row = static_cast<int>(i) / across, column = static_cast<int>(i) % across;
-    tile.copyTo(sheet(cv::Rect({column * size.width, row * size.height}, size)));
-  }
-  return sheet;
-}
-
-cv::Mat3b line_plot(const std::string& title, const std::string& x_name, const std::string& y_name,
-                    const std::vector<Line>& lines) {
-  const cv::Rect area(60, 34, 620, 290);
-  cv::Mat3b plot(370, 900, cv::Vec3b(255, 255, 255));
-  double left = std::numeric_limits<double>::max(), right = -left, top = 1e-9;
-  for (const Line& line : lines)
-    for (const cv::Point2d& p : line.points) {
-      left = std::min(left, p.x);
-      right = std::max(right, p.x);
-      top = std::max(top, p.y);
+    if (f.things.count > 0) {
+      ++with_things;
+      things += f.things.missed_share();
     }
-  if (left >= right)
-    right = left + 1;
-  const double unit = std::pow(10, std::floor(std::log10(top)));
-  top = std::ceil(top / unit) * unit;
-  const auto at = [&](const cv::Point2d& p) {
-    return cv::Point(area.x + static_cast<int>((p.x - left) / (right - left) * area.width),
-                     area.y + area.height - static_cast<int>(p.y / top * area.height));
-  };
-  const auto write = [&](const std::string& s, cv::Point p, const cv::Scalar& color = {60, 60, 60}) {
-    cv::putText(plot, s, p, cv::FONT_HERSHEY_SIMPLEX, 0.42, color, 1, cv::LINE_AA);
-  };
-  for (int i = 0; i <= 4; ++i) {
-    const double x = left + (right - left) * i / 4, y = top * i / 4;
-    cv::line(plot, at({left, y}), at({right, y}), {225, 225, 225});
-    write(text(y, top < 10 ? 1 : 0), at({left, y}) + cv::Point(-42, 4));
-    write(text(x, right - left < 10 ? 1 : 0), at({x, 0}) + cv::Point(-12, 16));
   }
-  cv::rectangle(plot, area, {120, 120, 120});
-  write(title, {area.x, 20}, {0, 0, 0});
-  write(x_name, {area.x + area.width / 2 - 40, area.y + area.height + 36});
-  write(y_name, {4, 20});
-  const cv::Scalar palette[] = {{180, 90, 20},  {40, 40, 210}, {60, 150, 40}, {160, 60, 160},
-                                {30, 150, 220}, {90, 90, 90},  {200, 170, 30}};
-  for (std::size_t i = 0; i < lines.size(); ++i) {
-    const cv::Scalar& color = palette[i % std::size(palette)];
-    for (std::size_t k = 1; k < lines[i].points.size(); ++k)
-      cv::line(plot, at(lines[i].points[k - 1]), at(lines[i].points[k]), color, 1, cv::LINE_AA);
-    const int y = area.y + 12 + static_cast<int>(i) * 18;
-    cv::line(plot, {area.x + area.width + 12, y - 4}, {area.x + area.width + 32, y - 4}, color, 2);
-    write(lines[i].name, {area.x + area.width + 38, y});
+};
+
+void write_stills_row(std::ostream& out, const std::string& name, std::size_t frames,
+                      const std::vector<std::string>& cells) {
+  out << "| " << name << " | " << (frames > 0 ? std::to_string(frames) : "") << " |";
+  for (const std::string& cell : cells)
+    out << ' ' << cell << " |";
+  out << '\n';
+}
+
+} // namespace
+
+void write_stills(std::ostream& out, const std::vector<Figures>& all) {
+  for (const std::string& engine : distinct(all, &Figures::engine)) {
+    MeanOfSets mean;
+    Together small;
+    for (const Figures& f : all) {
+      if (f.engine != engine || !f.stills)
+        continue;
+      if (mean.sets == 0)
+        out << "\n**" << engine
+            << "**\n\n| stills, % | frames | error | terrain error | other ground missed | best ramp | "
+               "unsafe | "
+               "things missed | error, pooled | terrain, pooled "
+               "|\n|---|---|---|---|---|---|---|---|---|---|\n";
+      write_stills_row(out, f.sequence, f.frames.size(),
+                       {number(f.mean_error(), 2), number(f.mean_terrain_error(), 2),
+                        number(f.mean_other_missed(), 2), number(f.best_ramp, 2), unsafe_text(f.ground),
+                        things_text(f.things), number(f.ground.error(), 2), number(f.terrain.error(), 2)});
+      mean.add(f);
+      if (f.frames.size() < small_set)
+        small.add(f);
+    }
+    if (mean.sets > 1)
+      write_stills_row(out, "mean of " + std::to_string(mean.sets) + " sets", 0,
+                       {number(mean.error / mean.sets, 2), number(mean.terrain / mean.sets, 2),
+                        number(mean.other / mean.sets, 2), number(mean.ramp / mean.sets, 2),
+                        mean.with_obstacles > 0 ? number(mean.unsafe / mean.with_obstacles) : "-",
+                        mean.with_things > 0 ? number(mean.things / mean.with_things) : "-",
+                        number(mean.pooled / mean.sets, 2), number(mean.pooled_terrain / mean.sets, 2)});
+    if (const auto count = static_cast<double>(small.frames); small.sets > 1)
+      write_stills_row(
+          out, std::to_string(small.sets) + " sets of fewer than 10 frames together", small.frames,
+          {number(small.error / count, 2), number(small.terrain / count, 2), number(small.other / count, 2),
+           number(small.ramp / count, 2), unsafe_text(small.ground), things_text(small.things),
+           number(small.ground.error(), 2), number(small.driven.error(), 2)});
   }
-  return plot;
+}
+
+void write_things_matrix(std::ostream& out, const std::vector<Figures>& all) {
+  if (std::none_of(all.begin(), all.end(), [](const Figures& f) { return f.things.count > 0; }))
+    return;
+  const auto sequences = distinct(all, &Figures::sequence);
+  std::vector<std::string> head{"things missed, %"};
+  head.insert(head.end(), sequences.begin(), sequences.end());
+  Table table(head);
+  for (const std::string& engine : distinct(all, &Figures::engine)) {
+    std::vector<std::string> row{engine};
+    for (const std::string& sequence : sequences) {
+      const auto f = std::find_if(all.begin(), all.end(), [&](const Figures& g) {
+        return g.sequence == sequence && g.engine == engine;
+      });
+      row.push_back(f == all.end() ? "-" : things_text(f->things));
+    }
+    table.add(row);
+  }
+  out << '\n' << table.text();
+}
+
+void write_stills_matrix(std::ostream& out, const std::vector<Figures>& all) {
+  const auto engines = distinct(all, &Figures::engine), sets = distinct(all, &Figures::sequence);
+  double ramps = 0;
+  out << "\n| error / terrain error, % |";
+  for (const std::string& engine : engines)
+    out << ' ' << engine << " |";
+  out << " best ramp |\n|---|";
+  for (std::size_t i = 0; i <= engines.size(); ++i)
+    out << "---|";
+  out << '\n';
+  for (const std::string& set : sets) {
+    out << "| " << set << " |";
+    std::optional<double> ramp;
+    for (const std::string& engine : engines) {
+      const auto f = std::find_if(all.begin(), all.end(),
+                                  [&](const Figures& g) { return g.sequence == set && g.engine == engine; });
+      if (f == all.end()) {
+        out << " - |";
+        continue;
+      }
+      out << ' ' << number(f->mean_error(), 2) << " / " << number(f->mean_terrain_error(), 2) << " |";
+      ramp = f->best_ramp;
+    }
+    out << ' ' << number(ramp, 2) << " |\n";
+  }
+  out << "| mean of " << sets.size() << " sets |";
+  for (const std::string& engine : engines) {
+    MeanOfSets mean;
+    for (const Figures& f : all)
+      if (f.engine == engine)
+        mean.add(f);
+    out << ' ' << number(mean.error / mean.sets, 2) << " / " << number(mean.terrain / mean.sets, 2) << " |";
+    ramps = mean.ramp / mean.sets;
+  }
+  out << ' ' << number(ramps, 2) << " |\n";
 }
 
 } // namespace terrainseg::eval

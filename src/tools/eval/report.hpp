@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Figures as JSON, Markdown and pictures.
+// Figures as JSON, CSV and Markdown.
 #pragma once
 
 #include <ostream>
@@ -12,6 +12,9 @@ namespace terrainseg::eval {
 
 void write_json(std::ostream& out, const std::vector<Figures>& all);
 
+/// One line per run, with a head; what was not measured is empty. Shares are in percent.
+void write_csv(std::ostream& out, const std::vector<Figures>& all);
+
 /// Reads what write_json() wrote: sequence, engine, input and each frame's error and unsafe share. Throws
 /// std::runtime_error that names the file.
 std::vector<Figures> read_json(const std::string& path);
@@ -22,22 +25,15 @@ void write_markdown(std::ostream& out, const std::vector<Figures>& all);
 /// A matrix of "error / unsafe": engines (or inputs) down, sequences across.
 void write_matrix(std::ostream& out, const std::vector<Figures>& all, bool by_input);
 
-/// A frame with what is right (green), wrongly called ground (red), missed (blue) and doubtful (yellow).
-cv::Mat3b judged(const cv::Mat3b& picture, const cv::Mat1b& labels, const cv::Mat1b& mask);
+/// A matrix of the things missed: engines down, sequences across. Nothing when there are no things.
+void write_things_matrix(std::ostream& out, const std::vector<Figures>& all);
 
-/// Tiles in rows of `across`, each scaled to `width`, with a caption.
-struct Tile {
-  cv::Mat3b picture;
-  std::string caption;
-};
-cv::Mat3b contact_sheet(const std::vector<Tile>& tiles, int across, int width);
+/// Stills: one table per engine, a row per set. Errors are means over frames; the rows at the end are the
+/// mean of the sets, and the frames of all sets of fewer than ten taken together. Nothing when there are no
+/// stills.
+void write_stills(std::ostream& out, const std::vector<Figures>& all);
 
-/// Lines over a common x axis. All y from 0.
-struct Line {
-  std::string name;
-  std::vector<cv::Point2d> points;
-};
-cv::Mat3b line_plot(const std::string& title, const std::string& x_name, const std::string& y_name,
-                    const std::vector<Line>& lines);
+/// Stills: a matrix of "error / terrain error", means over frames: sets down, engines across.
+void write_stills_matrix(std::ostream& out, const std::vector<Figures>& all);
 
 } // namespace terrainseg::eval

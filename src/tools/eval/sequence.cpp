@@ -3,11 +3,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <stdexcept>
 
+#include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "tools/eval/rendered.hpp"
 
@@ -28,11 +29,38 @@ std::map<std::string, std::string> pictures_in(const fs::path& folder) {
   return found;
 }
 
-} // namespace
+std::string size_text(const cv::Size& size) {
+  return std::to_string(size.width) + "x" + std::to_string(size.height);
+}
 
-Sequence open_sequence(const std::string& folder, int limit) {
-  if (is_rendered(folder))
-    return rendered_sequence(folder, limit);
+/// Each frame a place of its own: shown long enough to be learned, then forgotten.
+void become_stills(Sequence& s) {
+  constexpr int shown = 4;
+  constexpr double frames_per_second = 25; // what imagefreeze makes of a picture
+  s.stills = true;
+  s.run = 1;
+  s.repeat = shown;
+  s.fps = frames_per_second;
+}
+
+/// Takes what sequence.json says; without the file nothing is known.
+void describe(Sequence& s, const fs::path& path) {
+  std::ifstream file(path);
+  if (!file)
+    return;
+  try {
+    const nlohmann::json about = nlohmann::json::parse(file);
+    s.fps = about.value("fps", 0.0);
+    s.window_bottom = about.value("window_bottom", 0);
+    s.free = about.value("source", std::string()).find("CC BY") != std::string::npos;
+    if (about.value("stills", false))
+      become_stills(s);
+  } catch (const nlohmann::json::exception& problem) {
+    throw std::runtime_error(path.string() + ": not the description of a sequence: " + problem.what());
+  }
+}
+
+Sequence open_folder(const std::string& folder) {
   Sequence s;
   s.folder = folder;
   s.name = fs::path(folder).lexically_normal().filename().string();
@@ -47,37 +75,60 @@ Sequence open_sequence(const std::string& folder, int limit) {
     }
   if (s.frames.empty())
     throw std::runtime_error(folder + ": no frame has a label of the same name");
-  if (limit > 0 && s.frames.size() > static_cast<std::size_t>(limit)) {
-    s.frames.resize(static_cast<std::size_t>(limit));
-    s.labels.resize(static_cast<std::size_t>(limit));
-  }
-  const std::string description = (fs::path(folder) / "sequence.json").string();
-  if (fs::exists(description)) {
-    try {
-      const cv::FileStorage json(description, cv::FileStorage::READ | cv::FileStorage::FORMAT_JSON);
-      if (!json["fps"].empty())
-        s.fps = static_cast<double>(json["fps"]);
-      if (!json["window_bottom"].empty())
-        s.window_bottom = static_cast<int>(json["window_bottom"]);
-    } catch (const cv::Exception&) {
-      throw std::runtime_error(description + ": not valid JSON");
-    }
-  }
+  describe(s, fs::path(folder) / "sequence.json");
   return s;
+}
+
+void select(Sequence& s, const Selection& selection) {
+  if (selection.every > 1 && s.source)
+    throw std::runtime_error(s.folder + ": frames of a rendered sequence cannot be left out");
+  for (auto* list : {&s.frames, &s.labels}) {
+    std::vector<std::string> taken;
+    for (std::size_t i = 0; i < list->size(); i += static_cast<std::size_t>(selection.every))
+      taken.push_back((*list)[i]);
+    if (selection.limit > 0 && taken.size() > static_cast<std::size_t>(selection.limit))
+      taken.resize(static_cast<std::size_t>(selection.limit));
+    *list = taken;
+  }
+}
+
+} // namespace
+
+Sequence open_sequence(const std::string& folder, const Selection& selection) {
+  Sequence sequence = is_rendered(folder) ? rendered_sequence(folder) : open_folder(folder);
+  select(sequence, selection);
+  return sequence;
+}
+
+std::vector<Sequence> sequences_in(const std::string& folder, const Selection& selection) {
+  if (!fs::is_directory(folder))
+    throw std::runtime_error(folder + ": no such folder");
+  std::vector<Sequence> found;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (fs::exists(entry.path() / "sequence.json") && fs::is_directory(entry.path() / "frames"))
+      if (Sequence s = open_sequence(entry.path().string(), selection); !s.stills)
+        found.push_back(std::move(s));
+  if (found.empty())
+    throw std::runtime_error(folder + ": no folder in it holds a sequence (frames/, labels/, sequence.json)");
+  std::sort(found.begin(), found.end(), [](const Sequence& a, const Sequence& b) { return a.name < b.name; });
+  return found;
 }
 
 Sample Sequence::read(std::size_t index) const {
   if (source)
     return source(index);
   Sample sample;
-  sample.picture = cv::imread(frames[index], cv::IMREAD_COLOR);
-  if (sample.picture.empty())
-    throw std::runtime_error(frames[index] + ": not a readable picture");
+  sample.picture = Picture::read(frames[index]);
   sample.labels = cv::imread(labels[index], cv::IMREAD_GRAYSCALE);
   if (sample.labels.empty())
     throw std::runtime_error(labels[index] + ": not a readable picture");
   if (sample.labels.size() != sample.picture.size())
-    cv::resize(sample.labels, sample.labels, sample.picture.size(), 0, 0, cv::INTER_NEAREST);
+    throw std::runtime_error(labels[index] + ": " + size_text(sample.labels.size()) +
+                             " pixels, its frame has " + size_text(sample.picture.size()) +
+                             "; labels need the frame's size");
+  const fs::path range = fs::path(folder) / "depth" / fs::path(labels[index]).filename();
+  if (fs::exists(range))
+    sample.depth = cv::imread(range.string(), cv::IMREAD_ANYDEPTH);
   return sample;
 }
 

@@ -10,6 +10,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "exchange/counted.hpp"
+
 namespace terrainseg::eval {
 namespace {
 
@@ -45,11 +47,12 @@ class WrittenMasks : public Engine {
     if (fs::exists(estimates_)) {
       answers_ = read_estimates(estimates_);
       if (answers_.size() < sequence.size())
-        throw std::runtime_error(estimates_.string() + ": " + std::to_string(answers_.size()) +
-                                 " lines for " + std::to_string(sequence.size()) + " frames");
+        throw std::runtime_error(estimates_.string() + ": " + counted(answers_.size(), "line") + " for " +
+                                 counted(sequence.size(), "frame"));
     }
   }
-  Answer look(const cv::Mat3b& picture, std::size_t index) override {
+  using Engine::look;
+  Answer look(const Picture& picture, std::size_t index, const cv::Mat1b&) override {
     const fs::path path = folder_ / fs::path(sequence_.labels[index]).filename();
     const cv::Mat1b mask = cv::imread(path.string(), cv::IMREAD_GRAYSCALE);
     if (mask.empty())

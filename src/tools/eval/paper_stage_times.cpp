@@ -8,11 +8,13 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "tools/experiments/parts.hpp"
-#include "tools/experiments/report.hpp"
-#include "tools/experiments/subject.hpp"
+#include "reference/reference_engine.hpp"
+#include "terrainseg/segmenter.hpp"
+#include "tools/eval/paper_parts.hpp"
+#include "tools/eval/statistics.hpp"
+#include "tools/eval/table.hpp"
 
-namespace terrainseg::experiments {
+namespace terrainseg::eval {
 
 namespace {
 
@@ -26,17 +28,17 @@ double since(Clock::time_point start) {
 
 void add_row(Table& table, const std::string& size, const std::string& what, const std::string& stage,
              std::vector<double> microseconds) {
-  const Spread s = Spread::of(std::move(microseconds));
+  const Spread s = spread_of(std::move(microseconds)).value_or(Spread());
   table.add({size, what, stage, number(s.least, 1), number(s.median, 1), number(s.deviation, 1),
-             number(s.p99, 1), number(s.max, 1)});
+             number(s.p99, 1), number(s.largest, 1)});
 }
 
 void measure_filter(Table& table, const std::string& size, const std::string& what, const Settings& settings,
-                    const std::vector<cv::Mat>& pictures) {
-  std::vector<FramePicture> converted(pictures.size());
+                    const std::vector<Picture>& pictures) {
   std::vector<Frame> input;
-  for (std::size_t i = 0; i < pictures.size(); ++i)
-    input.push_back(converted[i].set(pictures[i], Input::i420));
+  input.reserve(pictures.size());
+  for (const Picture& picture : pictures)
+    input.push_back(picture.frame());
   Segmenter segmenter(settings);
   std::vector<std::vector<double>> stages(stage_count);
   std::vector<double> whole, processor;
@@ -61,14 +63,18 @@ void measure_filter(Table& table, const std::string& size, const std::string& wh
   add_row(table, size, what, "whole frame, processor time", processor);
 }
 
-void measure_reference(Table& table, const std::string& size, const std::vector<cv::Mat>& pictures) {
+void measure_reference(Table& table, const std::string& size, const std::vector<Picture>& pictures) {
+  std::vector<cv::Mat3b> bgr;
+  bgr.reserve(pictures.size());
+  for (const Picture& picture : pictures)
+    bgr.push_back(picture.bgr());
   reference::ReferenceEngine engine;
   std::vector<std::vector<double>> stages(reference::reference_stage_count);
   std::vector<double> whole, processor;
   for (int i = 0; i < reference_frames; ++i) {
     const double before = processor_milliseconds();
     const Clock::time_point start = Clock::now();
-    const auto& result = engine.process(pictures[static_cast<std::size_t>(i) % pictures.size()]);
+    const auto& result = engine.process(bgr[static_cast<std::size_t>(i) % bgr.size()]);
     const double time = since(start), busy = 1000 * (processor_milliseconds() - before);
     if (i < 5)
       continue;
@@ -109,16 +115,17 @@ void measure_shift(Table& table, const std::string& size, const cv::Mat& picture
 
 std::string stage_times(const Context& context) {
   context.tell("stage times");
-  const std::vector<cv::Mat> full = speed_pictures(context.data);
-  std::vector<cv::Mat> smaller(full.size());
-  for (std::size_t i = 0; i < full.size(); ++i)
-    cv::resize(full[i], smaller[i], {1280, 720}, 0, 0, cv::INTER_AREA);
+  const std::vector<Picture> full = speed_pictures(context.data);
+  std::vector<Picture> smaller;
+  smaller.reserve(full.size());
+  for (const Picture& picture : full)
+    smaller.push_back(picture.resized({1280, 720}));
   Table table({"frame", "what", "stage", "least, us", "median", "deviation", "99th percentile", "largest"});
   for (const auto& [size, pictures] :
        {std::pair{"1280x720", std::as_const(smaller)}, std::pair{"1920x1080", full}}) {
     measure_filter(table, size, "paper preset", Settings::of(Preset::paper), pictures);
-    measure_shift(table, size, pictures.front(), 5);
-    measure_shift(table, size, pictures.front(), 0);
+    measure_shift(table, size, pictures.front().bgr(), 5);
+    measure_shift(table, size, pictures.front().bgr(), 0);
     measure_filter(table, size, "default", Settings::of(Preset::standard), pictures);
     measure_reference(table, size, pictures);
   }
@@ -128,4 +135,4 @@ std::string stage_times(const Context& context) {
          "); the unmodified algorithm from B G R.\n\n" + table.text();
 }
 
-} // namespace terrainseg::experiments
+} // namespace terrainseg::eval

@@ -1,19 +1,21 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "tools/experiments/report.hpp"
+#include "tools/eval/charts.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <ctime>
 #include <stdexcept>
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-namespace terrainseg::experiments {
+#include "tools/eval/sequence.hpp"
+#include "tools/eval/statistics.hpp"
+
+namespace terrainseg::eval {
 
 namespace {
 
+constexpr std::size_t most_marks = 50; // points of a curve that are drawn one by one
 const cv::Scalar ink(60, 60, 60), grid_color(228, 228, 228), white(255, 255, 255);
 
 void write(cv::Mat& on, const std::string& text, cv::Point at, const cv::Scalar& color = ink,
@@ -33,56 +35,6 @@ double axis_end(double largest) {
 }
 
 } // namespace
-
-std::string number(double value, int digits) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
-}
-
-Table::Table(std::vector<std::string> head) {
-  std::vector<std::string> rule(head.size(), "---");
-  rows_ = {std::move(head), std::move(rule)};
-}
-
-void Table::add(std::vector<std::string> row) {
-  rows_.push_back(std::move(row));
-}
-
-std::string Table::text() const {
-  std::string text;
-  for (const auto& row : rows_) {
-    for (const std::string& cell : row)
-      text += "| " + cell + " ";
-    text += "|\n";
-  }
-  return text;
-}
-
-Spread Spread::of(std::vector<double> values) {
-  Spread spread;
-  if (values.empty())
-    return spread;
-  std::sort(values.begin(), values.end());
-  const double n = static_cast<double>(values.size());
-  double sum = 0, squares = 0;
-  for (double v : values) {
-    sum += v;
-    squares += v * v;
-  }
-  spread.least = values.front();
-  spread.median = values[values.size() / 2];
-  spread.p99 = values[static_cast<std::size_t>(0.99 * (n - 1))];
-  spread.max = values.back();
-  spread.deviation = std::sqrt(std::max(0.0, squares / n - sum / n * sum / n));
-  return spread;
-}
-
-double processor_milliseconds() {
-  timespec time;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) * 1e3 + static_cast<double>(time.tv_nsec) * 1e-6;
-}
 
 cv::Mat chart(const std::string& title, const std::string& x_name, const std::string& left_name,
               const std::string& right_name, const std::vector<Curve>& curves) {
@@ -126,11 +78,12 @@ cv::Mat chart(const std::string& title, const std::string& x_name, const std::st
   for (std::size_t i = 0; i < curves.size(); ++i) {
     const Curve& curve = curves[i];
     const cv::Scalar& color = colors[i % std::size(colors)];
+    const bool marked = curve.points.size() <= most_marks;
     for (std::size_t k = 0; k < curve.points.size(); ++k) {
       const cv::Point p = place(curve.points[k], curve.right);
-      if (curve.right)
+      if (marked && curve.right)
         cv::circle(picture, p, 3, color, cv::FILLED, cv::LINE_AA);
-      else
+      else if (marked)
         cv::rectangle(picture, {p.x - 2, p.y - 2, 5, 5}, color, cv::FILLED);
       if (k > 0)
         cv::line(picture, place(curve.points[k - 1], curve.right), p, color, 1, cv::LINE_AA);
@@ -142,7 +95,30 @@ cv::Mat chart(const std::string& title, const std::string& x_name, const std::st
   return picture;
 }
 
-cv::Mat sheet(const std::vector<Tile>& tiles, int across, int width) {
+cv::Mat3b judged(const cv::Mat3b& picture, const cv::Mat1b& labels, const cv::Mat1b& mask) {
+  cv::Mat3b out = picture.clone();
+  for (int y = 0; y < out.rows; ++y)
+    for (int x = 0; x < out.cols; ++x) {
+      const int label = labels(y, x), said = mask(y, x);
+      if (label == label_none)
+        continue;
+      const bool truth = label == label_terrain || label == label_ground;
+      cv::Vec3b color;
+      if (said >= 192)
+        color = truth ? cv::Vec3b(60, 190, 60) : cv::Vec3b(40, 40, 230);
+      else if (said >= 64)
+        color = cv::Vec3b(40, 210, 230);
+      else if (truth)
+        color = cv::Vec3b(230, 80, 40);
+      else
+        continue;
+      for (int c = 0; c < 3; ++c)
+        out(y, x)[c] = static_cast<std::uint8_t>((out(y, x)[c] + color[c]) / 2);
+    }
+  return out;
+}
+
+cv::Mat contact_sheet(const std::vector<Tile>& tiles, int across, int width) {
   constexpr int caption = 20, gap = 4;
   std::vector<cv::Mat> scaled;
   int height = 0;
@@ -172,4 +148,4 @@ void save(const std::string& path, const cv::Mat& picture) {
     throw std::runtime_error(path + ": cannot be written");
 }
 
-} // namespace terrainseg::experiments
+} // namespace terrainseg::eval

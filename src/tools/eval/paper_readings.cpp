@@ -2,11 +2,13 @@
 // How much each reading of an ambiguous or wrong place in the paper matters.
 #include <cmath>
 
-#include "tools/experiments/parts.hpp"
-#include "tools/experiments/report.hpp"
-#include "tools/experiments/subject.hpp"
+#include "reference/paper_reading.hpp"
+#include "tools/eval/engines.hpp"
+#include "tools/eval/figures.hpp"
+#include "tools/eval/paper_parts.hpp"
+#include "tools/eval/table.hpp"
 
-namespace terrainseg::experiments {
+namespace terrainseg::eval {
 
 namespace {
 
@@ -55,12 +57,12 @@ std::vector<Variant> variants() {
 }
 
 struct Tally {
-  Score score;
+  Counts counts;
   std::vector<double> horizon_off;
   double clusters = 0, frames = 0, nulls = 0, with_horizon = 0;
 };
 
-void count_horizon(Tally& tally, int said, const cv::Mat& labels) {
+void count_horizon(Tally& tally, int said, const cv::Mat1b& labels) {
   const int truth = true_horizon(labels);
   if (truth < 0)
     return;
@@ -78,30 +80,30 @@ std::string readings(const Context& context) {
   std::vector<std::vector<Tally>> tallies;
   std::vector<std::string> head{"reading", "mean error %", "unsafe %"};
   double apart = 0, compared = 0;
-  const auto materials = open_material(context.data, context.limit);
-  for (const auto& material : materials) {
-    context.tell("readings: " + material->name);
-    head.push_back(material->name);
+  for (const Sequence& sequence : paper_sequences(context.data, context.selection)) {
+    context.tell("readings: " + sequence.name);
+    head.push_back(sequence.name);
     std::vector<PaperReading> subjects;
     for (Variant variant : all) {
-      variant.readings.window_bottom = material->window_bottom;
+      variant.readings.window_bottom = sequence.window_bottom;
       subjects.emplace_back(variant.readings);
     }
     Settings paper = Settings::of(Preset::paper);
-    paper.window_bottom = material->window_bottom;
-    const auto filter = filter_subject(paper, Input::bgr, 0);
+    paper.window_bottom = sequence.window_bottom;
+    const auto filter = make_filter(paper, 0, PixelFormat::BGR);
     std::vector<Tally> tally(all.size());
-    for (int i = 0; i < material->size; ++i) {
-      const Shot shot = material->shot(i);
+    for (std::size_t i = 0; i < sequence.size(); ++i) {
+      const Sample sample = sequence.read(i);
+      const cv::Mat3b bgr = sample.picture.bgr();
       for (std::size_t k = 0; k < all.size(); ++k) {
-        tally[k].score.add(subjects[k].process(shot.picture), shot.labels);
+        tally[k].counts += count_pixels(subjects[k].process(bgr), sample.labels);
         tally[k].clusters += subjects[k].live_clusters();
         tally[k].frames += 1;
         if (all[k].readings.horizon != HorizonRule::off)
-          count_horizon(tally[k], subjects[k].horizon_row(), shot.labels);
+          count_horizon(tally[k], subjects[k].horizon_row(), sample.labels);
         if (k == 0) {
-          apart += cv::countNonZero(filter->label(shot) != subjects[0].mask());
-          compared += static_cast<double>(shot.labels.total());
+          apart += cv::countNonZero(filter->look(sample.picture, i).mask != subjects[0].mask());
+          compared += static_cast<double>(sample.labels.total());
         }
       }
     }
@@ -115,18 +117,18 @@ std::string readings(const Context& context) {
     std::vector<std::string> row{all[k].name, "", ""};
     for (const auto& tally : tallies) {
       const Tally& t = tally[k];
-      error += t.score.error() / static_cast<double>(tallies.size());
-      unsafe += t.score.unsafe_share() / static_cast<double>(tallies.size());
+      error += t.counts.error() / static_cast<double>(tallies.size());
+      unsafe += t.counts.unsafe_share() / static_cast<double>(tallies.size());
       clusters += t.clusters;
       frames += t.frames;
       nulls += t.nulls;
       with_horizon += t.with_horizon;
       off.insert(off.end(), t.horizon_off.begin(), t.horizon_off.end());
-      row.push_back(number(t.score.error(), 1));
+      row.push_back(number(t.counts.error(), 1));
     }
     row[1] = number(error, 1);
     row[2] = number(unsafe, 1);
-    row.push_back(off.empty() ? "" : number(Spread::of(off).median, 1));
+    row.push_back(off.empty() ? "" : number(spread_of(off)->median, 1));
     row.push_back(with_horizon > 0 ? number(100 * nulls / with_horizon, 0) : "");
     row.push_back(number(clusters / frames, 2));
     table.add(row);
@@ -137,4 +139,4 @@ std::string readings(const Context& context) {
          number(100 * apart / compared, 2) + " % of the pixels.\n\n" + table.text();
 }
 
-} // namespace terrainseg::experiments
+} // namespace terrainseg::eval

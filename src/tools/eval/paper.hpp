@@ -3,19 +3,10 @@
 // discussed in docs/paper.md.
 #pragma once
 
-#include <stdexcept>
 #include <string>
 #include <vector>
 
-namespace terrainseg::experiments {
-
-extern const char* const usage;
-
-/// Arguments that make no sense.
-class UsageError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
+namespace terrainseg::eval {
 
 /// Tables 1 and 2, figures 11 to 14, and how much each reading of the text matters. Arguments are those
 /// behind the subcommand. Throws UsageError, or std::runtime_error that names what is wrong.
@@ -23,4 +14,4 @@ void run_paper(const std::vector<std::string>& arguments);
 /// Pictures after figures 4 to 9.
 void run_figures(const std::vector<std::string>& arguments);
 
-} // namespace terrainseg::experiments
+} // namespace terrainseg::eval

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Charts and pictures of what was measured.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <opencv2/core.hpp>
+
+namespace terrainseg::eval {
+
+/// One curve: `right` ones belong to the axis on the right.
+struct Curve {
+  std::string name;
+  std::vector<cv::Point2d> points;
+  bool right = false;
+};
+
+/// Curves over a common x axis, with an axis on either side; both start at 0.
+cv::Mat chart(const std::string& title, const std::string& x_name, const std::string& left_name,
+              const std::string& right_name, const std::vector<Curve>& curves);
+
+/// A frame with what is right (green), wrongly called ground (red), missed (blue) and doubtful (yellow).
+cv::Mat3b judged(const cv::Mat3b& picture, const cv::Mat1b& labels, const cv::Mat1b& mask);
+
+/// Pictures in rows of `across`, each scaled to `width` and captioned.
+struct Tile {
+  cv::Mat picture;
+  std::string caption;
+};
+cv::Mat contact_sheet(const std::vector<Tile>& tiles, int across, int width);
+
+/// Writes a picture; throws std::runtime_error that names the path.
+void save(const std::string& path, const cv::Mat& picture);
+
+} // namespace terrainseg::eval
