@@ -1,16 +1,21 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The rooms of terrainseg-process that need no pipeline.
 #include <gtest/gtest.h>
+#include <locale.h>
 #include <stdlib.h>
+#include <wchar.h>
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <string>
 
+#include "tools/process/conflicts.hpp"
 #include "tools/process/container.hpp"
 #include "tools/process/display.hpp"
 #include "tools/process/inputs.hpp"
 #include "tools/process/outputs.hpp"
+#include "tools/process/shard.hpp"
 
 namespace terrainseg::process {
 namespace {
@@ -89,6 +94,13 @@ TEST_F(Container, MatroskaEndsWithItsSegment) {
       << "a stream of unknown length";
 }
 
+TEST_F(Container, AGifEndsWithItsMark) {
+  const std::string head = "GIF89a" + std::string(20, '\1');
+  EXPECT_FALSE(lacks_end_mark(write("whole.gif", head + ";")));
+  EXPECT_TRUE(lacks_end_mark(write("cut.gif", head)));
+  EXPECT_FALSE(lacks_end_mark(write("none.mp4", std::string(40, 'x'))));
+}
+
 TEST_F(Container, OthersSayNothing) {
   EXPECT_FALSE(missing_length(write("noise", std::string(5000, 'n'))));
   EXPECT_FALSE(missing_length(write("empty", "")));
@@ -133,21 +145,39 @@ TEST(Display, TheLineSaysWhatIsKnown) {
   Moment unknown = moment();
   unknown.permille = unknown.whole_permille = -1;
   EXPECT_EQ(plain_line(unknown), "[3/12] recordings/clip.mp4:   ? %  312 frames  50.0 fps");
+  unknown.frames = 1;
+  EXPECT_EQ(plain_line(unknown), "[3/12] recordings/clip.mp4:   ? %  1 frame  50.0 fps");
 }
 
+/// Columns of a terminal by the C library: an oracle apart from GLib's tables.
 int columns(const std::string& text) {
+  const locale_t utf8 = newlocale(LC_CTYPE_MASK, "C.UTF-8", nullptr);
+  const locale_t before = uselocale(utf8);
   int count = 0;
-  for (const char c : text)
-    count += (c & 0xc0) != 0x80;
+  mbstate_t state{};
+  for (std::size_t at = 0; at < text.size();) {
+    wchar_t code = 0;
+    const std::size_t bytes = mbrtowc(&code, text.data() + at, text.size() - at, &state);
+    EXPECT_LE(bytes, text.size()) << "a character was split";
+    if (bytes == 0 || bytes > text.size())
+      break;
+    count += std::max(wcwidth(code), 0);
+    at += bytes;
+  }
+  uselocale(before);
+  freelocale(utf8);
   return count;
 }
 
 TEST(Display, TheBarFitsEveryTerminal) {
   Moment wide = moment();
-  wide.name = "ein/sehr/langer/Weg/über/Grün/und/durch/Täler/Wiese.mp4";
-  for (int width = 0; width < 200; ++width)
-    EXPECT_LE(columns(bar_line(wide, width)), width) << width;
-  EXPECT_NE(bar_line(wide, 100).find("~"), std::string::npos) << "a cut name is marked";
+  for (const char* name : {"ein/sehr/langer/Weg/über/Grün/und/durch/Täler/Wiese.mp4",
+                           "録画/月曜日の朝/山の道を下る長い走行の記録.mp4", "한국/산길/주행기록/아침.mp4"}) {
+    wide.name = name;
+    for (int width = 0; width < 200; ++width)
+      EXPECT_LE(columns(bar_line(wide, width)), width) << name << " " << width;
+    EXPECT_NE(bar_line(wide, 72).find("~"), std::string::npos) << "a cut name is marked";
+  }
   EXPECT_NE(bar_line(moment(), 120).find("[############------------------]"), std::string::npos)
       << bar_line(moment(), 120);
 }
@@ -168,7 +198,7 @@ TEST_F(Inputs, PatternsTakeExactlyTheirNumbers) {
   for (const char* name : {"f0001.png", "f0002.png", "f0010.png", "f12345.png", "f001.png", "f00003.png",
                            "g0001.png", "f0001.jpg", "f-001.png", "f000x.png"})
     write(name);
-  const auto inputs = find_inputs({(folder / "f%04d.png").string()});
+  const auto inputs = find_inputs({(folder / "f%04d.png").string()}).inputs;
   ASSERT_EQ(inputs.size(), 1u);
   ASSERT_EQ(inputs[0].problem, "");
   std::vector<std::string> names;
@@ -179,50 +209,285 @@ TEST_F(Inputs, PatternsTakeExactlyTheirNumbers) {
 
 TEST_F(Inputs, AnExistingFileIsNoPattern) {
   write("100%d.mp4");
-  const auto inputs = find_inputs({(folder / "100%d.mp4").string()});
+  const auto inputs = find_inputs({(folder / "100%d.mp4").string()}).inputs;
   ASSERT_EQ(inputs.size(), 1u);
   EXPECT_EQ(inputs[0].kind, Input::Kind::file);
   EXPECT_EQ(inputs[0].stem, "100%d");
 }
 
-TEST_F(Inputs, FoldersAreReadInNaturalOrderWithoutOwnOutputs) {
-  for (const char* name :
-       {"v10.mp4", "v2.MP4", "v2.annotated.mp4", "v2.masks.mkv", ".hidden.mp4", "notes.txt"})
-    write(name);
-  const auto inputs = find_inputs({folder.string()});
-  ASSERT_EQ(inputs.size(), 2u);
-  EXPECT_EQ(inputs[0].stem, "v2");
-  EXPECT_EQ(inputs[1].stem, "v10");
+std::vector<std::string> stems(const Found& found) {
+  std::vector<std::string> names;
+  for (const Input& input : found.inputs)
+    names.push_back(input.stem);
+  return names;
 }
 
-TEST_F(Inputs, StemsDifferAlways) {
-  for (const char* name : {"a/x.mp4", "b/x.mp4", "a/x.avi", "a_x.mp4", "c/a/x.mp4", "a/x.mp4.mp4"})
+TEST_F(Inputs, FoldersAreReadToTheirDepthsInNaturalOrder) {
+  for (const char* name :
+       {"v10.mp4", "v2.MP4", "v2.annotated.mp4", "v2.masks.mkv", ".hidden.mp4", "notes.txt",
+        "monday/am/v1.mkv", "monday/frames/2.png", "monday/frames/10.png", ".git/v.mp4"})
     write(name);
-  std::vector<std::string> arguments;
-  for (const char* name : {"a/x.mp4", "b/x.mp4", "a/x.avi", "a_x.mp4", "c/a/x.mp4", "a/x.mp4.mp4", "a/x.mp4"})
-    arguments.push_back((folder / name).string());
-  const auto inputs = find_inputs(arguments);
-  ASSERT_EQ(inputs.size(), 6u) << "the same file twice is one input";
-  for (std::size_t i = 0; i < inputs.size(); ++i)
-    for (std::size_t j = 0; j < i; ++j)
-      EXPECT_NE(inputs[i].stem, inputs[j].stem);
+  fs::create_directory_symlink(folder, folder / "monday" / "loop");
+  const auto found = find_inputs({folder.string() + "/"});
+  EXPECT_EQ(stems(found), (std::vector<std::string>{"monday/am/v1", "v2", "v10", "monday/frames"}));
+  EXPECT_EQ(found.inputs.back().images.size(), 2u);
+  EXPECT_EQ(found.inputs.back().images.front().filename(), "2.png");
+  ASSERT_EQ(found.notes.size(), 1u);
+  EXPECT_NE(found.notes[0].find("left out 6 members"), std::string::npos) << found.notes[0];
+}
+
+TEST_F(Inputs, ANameDependsOnTheInputAlone) {
+  for (const char* name : {"a/x.mp4", "b/x.mp4", "a/x.avi", "c/f0.png", "c/f1.png"})
+    write(name);
+  const auto at = [this](const char* name) { return (folder / name).string(); };
+  const std::vector<std::string> all = {at("a/x.mp4"), at("b/x.mp4"), at("a/x.avi"), at("c/f%d.png")};
+  for (const Names names : {Names::base, Names::path, Names::hash}) {
+    const auto together = stems(find_inputs(all, names));
+    ASSERT_EQ(together.size(), all.size());
+    for (std::size_t i = 0; i < all.size(); ++i)
+      EXPECT_EQ(stems(find_inputs({all[i]}, names))[0], together[i]);
+  }
+  EXPECT_EQ(stems(find_inputs(all)), (std::vector<std::string>{"x", "x", "x", "c"}));
+  const std::string inside = folder.relative_path().string();
+  EXPECT_EQ(stems(find_inputs(all, Names::path)),
+            (std::vector<std::string>{inside + "/a/x", inside + "/b/x", inside + "/a/x", inside + "/c"}));
+  const auto hashed = stems(find_inputs(all, Names::hash));
+  EXPECT_EQ(std::set<std::string>(hashed.begin(), hashed.end()).size(), 4u);
+  EXPECT_EQ(find_inputs({at("a/x.mp4"), at("b/../a/x.mp4")}).inputs.size(), 1u) << "one file twice";
+}
+
+TEST_F(Inputs, APathNeverLeadsOutOfTheOutputFolder) {
+  write("x.mp4");
+  write("a/b/y.mp4");
+  const fs::path before = fs::current_path();
+  fs::current_path(folder / "a" / "b");
+  for (const char* argument : {"../../x.mp4", "../../a/../x.mp4", "./y.mp4", "../b/./y.mp4"}) {
+    const auto found = find_inputs({argument}, Names::path);
+    ASSERT_EQ(found.inputs.size(), 1u);
+    EXPECT_EQ(found.inputs[0].problem, "") << argument;
+    EXPECT_FALSE(fs::path(found.inputs[0].stem).is_absolute()) << argument;
+    for (const auto& part : fs::path(found.inputs[0].stem))
+      EXPECT_NE(part, "..") << argument;
+    EXPECT_NE(found.inputs[0].stem, "") << argument;
+  }
+  fs::current_path(before);
+}
+
+TEST_F(Inputs, AFileUriIsTheFile) {
+  const auto path = write("a b.mp4");
+  const auto found = find_inputs({"file://" + folder.string() + "/a%20b.mp4", path.string()});
+  ASSERT_EQ(found.inputs.size(), 1u);
+  EXPECT_EQ(found.inputs[0].kind, Input::Kind::file);
+  EXPECT_EQ(found.inputs[0].path, path);
+}
+
+TEST_F(Inputs, WhatIsNoUriIsAFileThatIsNotThere) {
+  for (const char* argument : {"://x", "1x://y", "a b://c", "clip:1.mp4", "a:b"})
+    EXPECT_NE(find_inputs({argument}).inputs[0].problem, "") << argument;
+  for (const char* argument : {"rtsp://x", "x+y.z-1://q"})
+    EXPECT_EQ(find_inputs({argument}).inputs[0].kind, Input::Kind::uri) << argument;
 }
 
 TEST_F(Inputs, UrisGiveSafeNames) {
-  EXPECT_EQ(find_inputs({"rtsp://rover:8554/front cam?x=/.."})[0].stem, "front_cam");
-  EXPECT_EQ(find_inputs({"rtsp://rover:8554/front"})[0].stem, "front");
-  EXPECT_EQ(find_inputs({"http://host/a/b.mp4?token=1#x"})[0].stem, "b");
-  for (const auto& input : find_inputs({"udp://127.0.0.1:5000", "x://y/.."}))
+  EXPECT_EQ(find_inputs({"rtsp://rover:8554/front cam?x=/.."}).inputs[0].stem, "front_cam");
+  EXPECT_EQ(find_inputs({"rtsp://rover:8554/front"}).inputs[0].stem, "front");
+  EXPECT_EQ(find_inputs({"http://host/a/b.mp4?token=1#x"}).inputs[0].stem, "b");
+  for (const auto& input : find_inputs({"udp://127.0.0.1:5000", "x://y/.."}).inputs)
     EXPECT_EQ(input.stem.find('/'), std::string::npos);
 }
 
 TEST_F(Inputs, IdentityFollowsTheContent) {
-  const auto path = write("clip.mp4", "12345");
-  const auto before = find_inputs({path.string()})[0].identity();
-  EXPECT_EQ(before.bytes, 5u);
-  EXPECT_NE(before.changed, 0);
+  const auto path = write("clip.mp4", std::string(3'000'000, 'a'));
+  const auto identity = [&path] { return find_inputs({path.string()}).inputs[0].identity(); };
+  const Identity before = identity();
+  EXPECT_EQ(before.bytes, 3'000'000u);
+  EXPECT_EQ(before.fingerprint.size(), 64u);
   fs::last_write_time(path, fs::last_write_time(path) + std::chrono::seconds(1));
-  EXPECT_NE(find_inputs({path.string()})[0].identity(), before);
+  EXPECT_EQ(identity(), before) << "touched";
+  fs::create_directory(folder / "staged");
+  fs::copy_file(path, folder / "staged" / "other.mp4");
+  EXPECT_EQ(identity_of(folder / "staged" / "other.mp4"), before) << "staged";
+  for (const int position :
+       {0, 60'000, 1'500'000, 2'999'999}) { // the third within 45 kB of a hole in the middle
+    std::string bytes(3'000'000, 'a');
+    bytes.replace(static_cast<std::size_t>(std::max(0, position - 45'000)), 45'001, 45'001, 'b');
+    write("clip.mp4", bytes);
+    EXPECT_NE(identity(), before) << position;
+  }
+  write("clip.mp4", std::string(3'000'001, 'a'));
+  EXPECT_NE(identity(), before) << "longer";
+  fs::remove(path);
+  EXPECT_EQ(identity_of(path).fingerprint, "") << "gone";
+}
+
+// ---- conflicts
+
+class Conflicts : public InFolder {
+ protected:
+  Conflicts() { options.output_dir = folder / "out"; }
+  std::vector<std::string> of(const std::vector<std::string>& names) const {
+    std::vector<std::string> arguments;
+    for (const std::string& name : names)
+      arguments.push_back(name.find("://") == std::string::npos ? (folder / name).string() : name);
+    return find_conflicts(find_inputs(arguments, options.names).inputs, options);
+  }
+  /// One conflict, which names both sides.
+  void expect_one(const std::vector<std::string>& conflicts, const std::string& one,
+                  const std::string& other) const {
+    ASSERT_EQ(conflicts.size(), 1u);
+    EXPECT_NE(conflicts[0].find(one), std::string::npos) << conflicts[0];
+    EXPECT_NE(conflicts[0].find(other), std::string::npos) << conflicts[0];
+  }
+  Options options;
+};
+
+TEST_F(Conflicts, AnOutputThatIsAnInput) {
+  write("drive.mp4");
+  write("drive.masks.mkv", "y");
+  options.output_dir = folder;
+  expect_one(of({"drive.mp4", "drive.masks.mkv"}), "of " + (folder / "drive.mp4").string(),
+             "drive.masks.mkv");
+  options.wanted[static_cast<int>(Output::masks)] = false;
+  EXPECT_TRUE(of({"drive.mp4", "drive.masks.mkv"}).empty()) << "only what is written counts";
+}
+
+TEST_F(Conflicts, LinksAreSeenThrough) {
+  write("in/drive.mp4");
+  write("in/other.mp4", "y");
+  fs::create_directory(folder / "out");
+  fs::create_hard_link(folder / "in/other.mp4", folder / "out/drive.annotated.mp4");
+  expect_one(of({"in/drive.mp4", "in/other.mp4"}), "out/drive.annotated.mp4", "in/other.mp4");
+  fs::remove(folder / "out/drive.annotated.mp4");
+  fs::create_hard_link(folder / "in/other.mp4", folder / "out/drive.csv.part"); // would be emptied
+  expect_one(of({"in/drive.mp4", "in/other.mp4"}), "out/drive.csv.part", "in/other.mp4");
+  fs::remove(folder / "out/drive.csv.part");
+  fs::create_symlink(folder / "in/other.mp4", folder / "out/drive.csv");
+  expect_one(of({"in/drive.mp4", "in/other.mp4"}), "out/drive.csv", "in/other.mp4");
+  fs::remove_all(folder / "out");
+  fs::create_directory_symlink(folder / "in", folder / "out");
+  write("in/drive.annotated.mp4", "z");
+  expect_one(of({"in/drive.mp4", "in/drive.annotated.mp4"}), "drive.annotated.mp4", "in/drive.mp4");
+}
+
+TEST_F(Conflicts, TwoInputsWithOutputsOfOneName) {
+  write("a/drive.mp4");
+  write("b/drive.mp4", "y");
+  expect_one(of({"a/drive.mp4", "b/drive.mp4"}), "a/drive.mp4", "b/drive.mp4");
+  write("b/Drive.mp4", "z");
+  expect_one(of({"a/drive.mp4", "b/Drive.mp4"}), "a/drive.mp4", "b/Drive.mp4");
+  write("b/drive.partial.mp4", "p");
+  expect_one(of({"a/drive.mp4", "b/drive.partial.mp4"}), "a/drive.mp4", "b/drive.partial.mp4");
+  options.names = Names::hash;
+  EXPECT_TRUE(of({"a/drive.mp4", "b/drive.mp4"}).empty());
+}
+
+TEST_F(Conflicts, AnAbsentInputThatAnOutputWouldBecome) {
+  write("drive.mp4");
+  options.output_dir = folder;
+  expect_one(of({"drive.mp4", "drive.annotated.mp4"}), "drive.mp4", "drive.annotated.mp4");
+}
+
+TEST_F(Conflicts, WhatLiesInTheFolderMustBeOfThisInput) {
+  write("a/drive.mp4", "first");
+  write("b/drive.mp4", "second");
+  write("out/drive.csv", "somebody's figures");
+  expect_one(of({"a/drive.mp4"}), "out/drive.csv is there already", "a/drive.mp4");
+
+  Record record;
+  const Input first = find_inputs({(folder / "a/drive.mp4").string()}).inputs[0];
+  record.input = first.label;
+  record.place = first.place();
+  record.identity = first.identity();
+  write("out/drive.summary.json", record.to_json());
+  EXPECT_TRUE(of({"a/drive.mp4"}).empty()) << "its own";
+  expect_one(of({"b/drive.mp4"}), "a/drive.mp4", "b/drive.mp4");
+  write("c/drive.mp4", "first");
+  EXPECT_TRUE(of({"c/drive.mp4"}).empty()) << "the same recording in another place";
+  write("a/drive.mp4", "first, longer");
+  EXPECT_TRUE(of({"a/drive.mp4"}).empty()) << "the same place with a newer recording";
+  write("out/drive.summary.json", "{\"complete\": tr");
+  expect_one(of({"a/drive.mp4"}), "no record", "a/drive.mp4");
+}
+
+// ---- shards
+
+class Environment : public testing::Test {
+ protected:
+  ~Environment() override {
+    for (const char* name : names)
+      unsetenv(name);
+  }
+  void set(std::initializer_list<std::pair<const char*, const char*>> values) const {
+    for (const char* name : names)
+      unsetenv(name);
+    for (const auto& [name, value] : values)
+      setenv(name, value, 1);
+  }
+  static std::string text(const std::string& argument) {
+    const auto result = read_shard(argument);
+    if (const auto* problem = std::get_if<std::string>(&result))
+      return *problem;
+    const auto& shard = std::get<Shard>(result);
+    return std::to_string(shard.index) + "/" + std::to_string(shard.count);
+  }
+  static constexpr const char* names[] = {"SLURM_ARRAY_TASK_ID",    "SLURM_ARRAY_TASK_MIN",
+                                          "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_STEP",
+                                          "JOB_COMPLETION_INDEX",   "TERRAINSEG_SHARD_COUNT"};
+};
+using Shards = Environment;
+
+TEST_F(Shards, AreReadFromTextAndEnvironment) {
+  EXPECT_EQ(text("1/4"), "1/4");
+  EXPECT_EQ(text("4/4"), "4/4");
+  for (const char* wrong :
+       {"0/4", "5/4", "1", "a/b", "/", "1/", "/4", "1/0", "-1/4", "1/4x", "", "1/9999999999"})
+    EXPECT_EQ(text(wrong).find("--shard: "), 0u) << wrong;
+  set({});
+  EXPECT_NE(text("auto").find("neither"), std::string::npos);
+  set({{"SLURM_ARRAY_TASK_ID", "5"}, {"SLURM_ARRAY_TASK_MIN", "3"}, {"SLURM_ARRAY_TASK_COUNT", "4"}});
+  EXPECT_EQ(text("auto"), "3/4");
+  set({{"SLURM_ARRAY_TASK_ID", "30"},
+       {"SLURM_ARRAY_TASK_MIN", "10"},
+       {"SLURM_ARRAY_TASK_COUNT", "3"},
+       {"SLURM_ARRAY_TASK_STEP", "10"}});
+  EXPECT_EQ(text("auto"), "3/3");
+  set({{"SLURM_ARRAY_TASK_ID", "2"}});
+  EXPECT_NE(text("auto").find("SLURM_ARRAY_TASK_MIN"), std::string::npos);
+  set({{"JOB_COMPLETION_INDEX", "0"}, {"TERRAINSEG_SHARD_COUNT", "4"}});
+  EXPECT_EQ(text("auto"), "1/4");
+  set({{"JOB_COMPLETION_INDEX", "4"}, {"TERRAINSEG_SHARD_COUNT", "4"}});
+  EXPECT_EQ(text("auto").find("--shard: 5/4"), 0u);
+  set({{"JOB_COMPLETION_INDEX", "1"}});
+  EXPECT_NE(text("auto").find("TERRAINSEG_SHARD_COUNT"), std::string::npos);
+}
+
+TEST(ShardsOfAList, ShareEveryInputOnceWhateverElseIsInTheList) {
+  std::vector<Input> all;
+  for (int i = 0; i < 1000; ++i) {
+    Input input;
+    input.label = "ride/" + std::to_string(i) + ".mp4";
+    all.push_back(input);
+  }
+  std::set<std::string> seen;
+  for (int index = 1; index <= 8; ++index) {
+    const auto share = share_of({index, 8}, all);
+    EXPECT_GT(share.size(), 80u) << "far from an eighth";
+    EXPECT_LT(share.size(), 175u);
+    for (const Input& input : share) {
+      EXPECT_TRUE(seen.insert(input.label).second) << input.label;
+      EXPECT_EQ(share_of({index, 8}, {input}).size(), 1u) << "alone as in the list";
+    }
+  }
+  EXPECT_EQ(seen.size(), 1000u);
+}
+
+// ---- causes
+
+TEST(Causes, WhatMayPassLater) {
+  for (const Cause cause : {Cause::none, Cause::damaged, Cause::unsupported, Cause::stalled})
+    EXPECT_FALSE(may_pass_later(cause)) << name_of(cause);
+  for (const Cause cause : {Cause::missing, Cause::disk, Cause::resources, Cause::interrupted})
+    EXPECT_TRUE(may_pass_later(cause)) << name_of(cause);
 }
 
 // ---- outputs

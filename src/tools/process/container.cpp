@@ -123,4 +123,15 @@ std::optional<std::uint64_t> missing_length(const std::filesystem::path& path) {
   return std::nullopt;
 }
 
+bool lacks_end_mark(const std::filesystem::path& path) {
+  constexpr char end_mark = 0x3b;
+  std::ifstream file(path, std::ios::binary);
+  const Head head = head_at(file, 0);
+  if (!is_tag(&head[0], "GIF8"))
+    return false;
+  file.clear();
+  file.seekg(-1, std::ios::end);
+  return file.get() != end_mark;
+}
+
 } // namespace terrainseg::process

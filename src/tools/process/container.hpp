@@ -14,4 +14,7 @@ namespace terrainseg::process {
 /// that cannot be read.
 std::optional<std::uint64_t> missing_length(const std::filesystem::path& file);
 
+/// True for a GIF whose last byte is not its end mark: it tells no length, but how it must end.
+bool lacks_end_mark(const std::filesystem::path& file);
+
 } // namespace terrainseg::process

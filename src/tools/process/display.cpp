@@ -9,6 +9,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "exchange/counted.hpp"
+
 namespace terrainseg::process {
 namespace {
 
@@ -23,7 +25,7 @@ std::string number(const char* format, double value) {
 }
 
 std::string figures(const Moment& moment) {
-  std::string text = std::to_string(moment.frames) + " frames  " + number("%.1f", moment.fps) + " fps";
+  std::string text = counted(moment.frames, "frame") + "  " + number("%.1f", moment.fps) + " fps";
   // Before some of it is done the estimate would only jump.
   if (moment.whole_permille >= 5)
     text += "  " + duration_text(moment.seconds * (1000 - moment.whole_permille) / moment.whole_permille) +
@@ -46,19 +48,41 @@ std::string percent(const Moment& moment) {
   return std::string(3 - std::min<std::size_t>(3, text.size()), ' ') + text;
 }
 
-/// Terminal columns are counted as code points: right for most names, never splits one.
-int columns_of(const std::string& text) {
-  return static_cast<int>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xc0) != 0x80; }));
+/// Length of the character that begins at `text`, and the terminal columns it takes; what is no UTF-8 counts
+/// byte by byte.
+struct Character {
+  std::size_t bytes = 1;
+  int columns = 1;
+};
+
+Character character_at(const char* text, std::size_t left) {
+  const gunichar code = g_utf8_get_char_validated(text, static_cast<gssize>(left));
+  if (code == static_cast<gunichar>(-1) || code == static_cast<gunichar>(-2))
+    return {};
+  const int columns = g_unichar_iszerowidth(code) ? 0 : g_unichar_iswide(code) ? 2 : 1;
+  return {static_cast<std::size_t>(g_utf8_next_char(text) - text), columns};
 }
 
-/// The last `columns` code points, marked when something was cut.
+int columns_of(const std::string& text) {
+  int columns = 0;
+  for (std::size_t at = 0; at < text.size();) {
+    const Character character = character_at(text.data() + at, text.size() - at);
+    columns += character.columns;
+    at += character.bytes;
+  }
+  return columns;
+}
+
+/// The last characters that fit into `columns`, marked when something was cut.
 std::string tail_of(const std::string& text, int columns) {
-  if (columns_of(text) <= columns)
+  int left = columns_of(text);
+  if (left <= columns)
     return text;
-  std::size_t begin = text.size();
-  for (int kept = 0; begin > 0 && kept < columns - 1;) {
-    --begin;
-    kept += (text[begin] & 0xc0) != 0x80;
+  std::size_t begin = 0;
+  while (begin < text.size() && left > columns - 1) {
+    const Character character = character_at(text.data() + begin, text.size() - begin);
+    left -= character.columns;
+    begin += character.bytes;
   }
   return text.substr(begin).insert(0, 1, '~');
 }

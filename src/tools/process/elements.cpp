@@ -22,6 +22,9 @@ struct Needed {
 constexpr const char* own_package =
     "gstreamer1.0-terrainseg, or set GST_PLUGIN_PATH to the folder of libgstterrainseg.so";
 
+constexpr const char* recorder_package =
+    "gstreamer1.0-terrainseg; a build of your own needs libzstd-dev for it (meson setup says so)";
+
 bool exists(const char* element) {
   return FactoryPointer(gst_element_factory_find(element)) != nullptr;
 }
@@ -63,8 +66,9 @@ void point_to_own_plugin() {
   // In a build tree: BUILD/src/tools/terrainseg-process and BUILD/gst; installed: the folder of the
   // installation as it was configured, and the same relative to a prefix that was moved.
   const fs::path here = program.parent_path();
-  const fs::path candidates[] = {here / "../../gst", here / TERRAINSEG_PLUGINS_FROM_BINDIR,
-                                 TERRAINSEG_PLUGINS_DIR};
+  const fs::path candidates[] = {
+      here / "../../gst", here / fs::path(TERRAINSEG_PLUGINS_DIR).lexically_relative(TERRAINSEG_BINDIR),
+      TERRAINSEG_PLUGINS_DIR};
   for (const fs::path& candidate : candidates) {
     if (!fs::is_regular_file(candidate / plugin_file, error))
       continue;
@@ -97,11 +101,6 @@ std::optional<std::string> missing_elements(const Options& options) {
                                  {"videoscale", "gstreamer1.0-plugins-base"},
                                  {"videobox", "gstreamer1.0-plugins-good"},
                                  {"mp4mux", "gstreamer1.0-plugins-good"}});
-    if (!exists("x264enc")) {
-      needed.push_back(
-          {"openh264enc", "gstreamer1.0-plugins-ugly (for x264enc) or gstreamer1.0-plugins-bad"});
-      needed.push_back({"h264parse", "gstreamer1.0-plugins-bad"});
-    }
   }
   if (wants(Output::masks))
     needed.insert(needed.end(), {{"terrainextract", own_package},
@@ -109,6 +108,14 @@ std::optional<std::string> missing_elements(const Options& options) {
                                  {"matroskamux", "gstreamer1.0-plugins-good"}});
   if (wants(Output::json))
     needed.push_back({"terrainextract", own_package});
+  if (wants(Output::mcap))
+    needed.insert(needed.end(), {{"terrainmcapsink", recorder_package},
+                                 {"videoscale", "gstreamer1.0-plugins-base"},
+                                 {"h264parse", "gstreamer1.0-plugins-bad"}});
+  if ((wants(Output::annotated) || wants(Output::mcap)) && !exists("x264enc"))
+    needed.insert(needed.end(),
+                  {{"openh264enc", "gstreamer1.0-plugins-ugly (for x264enc) or gstreamer1.0-plugins-bad"},
+                   {"h264parse", "gstreamer1.0-plugins-bad"}});
 
   std::set<std::string> named;
   std::string text;
@@ -160,6 +167,22 @@ std::optional<std::string> apply_settings(const Options& options, GstElement* te
         return problem;
   }
   return std::nullopt;
+}
+
+std::optional<std::string> start_problem(GstElement* element) {
+  const BusPointer bus(gst_bus_new());
+  gst_element_set_bus(element, bus.get());
+  const bool failed = gst_element_set_state(element, GST_STATE_PAUSED) == GST_STATE_CHANGE_FAILURE;
+  std::string text = "does not start";
+  if (const MessagePointer message{gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ERROR)}) {
+    GError* error = nullptr;
+    gst_message_parse_error(message.get(), &error, nullptr);
+    text = error->message;
+    g_error_free(error);
+  }
+  gst_element_set_state(element, GST_STATE_NULL);
+  gst_element_set_bus(element, nullptr);
+  return failed ? std::optional(text) : std::nullopt;
 }
 
 } // namespace terrainseg::process

@@ -32,4 +32,8 @@ std::optional<std::string> set_property(GstElement* element, const std::string& 
 std::optional<std::string> apply_settings(const Options& options, GstElement* terrainseg,
                                           GstElement* overlay);
 
+/// Why an element whose settings are sound by themselves does not start (a file that they name, say); nothing
+/// when it does.
+std::optional<std::string> start_problem(GstElement* element);
+
 } // namespace terrainseg::process

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "tools/process/inputs.hpp"
 
-#include <sys/stat.h>
+#include <glib.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 #include <cstring>
 #include <map>
 #include <optional>
 #include <set>
 
+#include "exchange/counted.hpp"
+#include "tools/process/handles.hpp"
 #include "tools/process/options.hpp"
 
 namespace terrainseg::process {
@@ -20,10 +21,10 @@ namespace fs = std::filesystem;
 
 constexpr const char* image_extensions[] = {".png", ".jpg", ".jpeg", ".bmp", ".ppm",
                                             ".pgm", ".pnm", ".webp", ".tif", ".tiff"};
-constexpr const char* video_extensions[] = {".mp4",  ".m4v",  ".mov",   ".mkv",  ".webm", ".avi",  ".ts",
-                                            ".mts",  ".m2ts", ".mpg",   ".mpeg", ".ogv",  ".ogg",  ".flv",
-                                            ".wmv",  ".asf",  ".3gp",   ".y4m",  ".mxf",  ".h264", ".264",
-                                            ".h265", ".hevc", ".mjpeg", ".mjpg", ".vob"};
+constexpr const char* video_extensions[] = {".mp4", ".m4v",  ".mov",  ".mkv",   ".webm", ".avi", ".ts",
+                                            ".mts", ".m2ts", ".mpg",  ".mpeg",  ".ogv",  ".ogg", ".flv",
+                                            ".wmv", ".asf",  ".3gp",  ".gif",   ".y4m",  ".mxf", ".h264",
+                                            ".264", ".h265", ".hevc", ".mjpeg", ".mjpg", ".vob"};
 
 template <std::size_t count>
 bool has_extension(const fs::path& path, const char* const (&extensions)[count]) {
@@ -40,8 +41,9 @@ bool ends_with(const std::string& text, const std::string& end) {
 
 /// An output of this tool in the folder it reads from is no input of the next run.
 bool is_own_output(const fs::path& path) {
+  const std::string name = path.filename().string();
   for (const OutputKind& kind : output_kinds)
-    if (ends_with(path.filename().string(), kind.suffix))
+    if (name == kind.bare || ends_with(name, std::string(".") + kind.suffix))
       return true;
   return false;
 }
@@ -50,11 +52,12 @@ bool before(const fs::path& a, const fs::path& b) {
   return strverscmp(a.c_str(), b.c_str()) < 0;
 }
 
-Input failed(const std::string& label, const std::string& problem) {
+Input failed(const std::string& label, const std::string& problem, Cause cause = Cause::missing) {
   Input input;
   input.label = label;
   input.path = label;
   input.problem = problem;
+  input.cause = cause;
   return input;
 }
 
@@ -67,13 +70,14 @@ Input sequence(const std::string& label, const std::string& stem, std::vector<fs
   return input;
 }
 
-Input file(const fs::path& path) {
+/// A recording, or a picture, which is a sequence of one.
+Input file(const fs::path& path, const std::string& stem) {
   if (has_extension(path, image_extensions))
-    return sequence(path.string(), path.stem().string(), {path});
+    return sequence(path.string(), stem, {path});
   Input input;
   input.label = path.string();
   input.path = path;
-  input.stem = path.stem().string();
+  input.stem = stem;
   return input;
 }
 
@@ -84,34 +88,86 @@ std::string folder_name(const fs::path& folder) {
   return name.empty() ? "root" : name;
 }
 
-void add_folder(const fs::path& folder, std::vector<Input>& inputs) {
-  std::vector<fs::path> videos, images;
+/// The members of a folder that are no inputs, for one line to the user.
+class LeftOut {
+ public:
+  void add(const fs::path& path) {
+    ++count_;
+    if (count_ <= shown)
+      names_ += (names_.empty() ? "" : ", ") + path.string();
+  }
+  /// Nothing when nothing was left out.
+  void note(const fs::path& folder, std::vector<std::string>& notes) const {
+    if (count_ > 0)
+      notes.push_back(
+          folder.string() + ": left out " + counted(count_, "member") +
+          (count_ == 1 ? " that is" : " that are") +
+          " no video or image by the name, an output of this tool, hidden, or a link to a folder: " + names_ +
+          (count_ > shown ? ", ..." : ""));
+  }
+
+ private:
+  static constexpr int shown = 5;
+  int count_ = 0;
+  std::string names_;
+};
+
+/// What a folder and those below it hold, by folder, in natural order.
+struct Members {
+  std::vector<fs::path> videos;
+  std::map<fs::path, std::vector<fs::path>> images; ///< by their folder
+  LeftOut left_out;
+};
+
+std::error_code read_folder(const fs::path& folder, Members& members) {
   std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+  for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
     const fs::path& path = entry->path();
+    const fs::path name = path.lexically_relative(folder);
     std::error_code ignored;
-    if (path.filename().string().starts_with(".") || !fs::is_regular_file(path, ignored) ||
-        is_own_output(path))
-      continue;
-    if (has_extension(path, video_extensions))
-      videos.push_back(path);
-    else if (has_extension(path, image_extensions))
-      images.push_back(path);
+    const bool hidden = path.filename().string().starts_with(".");
+    if (entry->is_directory(ignored)) {
+      if (hidden)
+        entry.disable_recursion_pending();
+      if (hidden || entry->is_symlink(ignored))
+        members.left_out.add(name);
+      // NOLINTNEXTLINE(bugprone-branch-clone)
+    } else if (hidden || !entry->is_regular_file(ignored) || is_own_output(path)) {
+      members.left_out.add(name);
+    } else if (has_extension(path, video_extensions)) {
+      members.videos.push_back(path);
+    } else if (has_extension(path, image_extensions)) {
+      members.images[path.parent_path()].push_back(path);
+    } else {
+      members.left_out.add(name);
+    }
   }
-  if (error) {
-    inputs.push_back(failed(folder.string(), "cannot read the folder: " + error.message()));
+  return error;
+}
+
+void add_folder(const fs::path& given, Found& found) {
+  const fs::path folder = given.has_filename() ? given : given.parent_path(); // "recordings/"
+  Members members;
+  if (const std::error_code error = read_folder(folder, members)) {
+    found.inputs.push_back(failed(folder.string(), "cannot read the folder: " + error.message()));
     return;
   }
-  if (videos.empty() && images.empty()) {
-    inputs.push_back(failed(folder.string(), "there is no video and no image in this folder"));
+  members.left_out.note(folder, found.notes);
+  if (members.videos.empty() && members.images.empty()) {
+    found.inputs.push_back(
+        failed(folder.string(), "there is no video and no image in this folder", Cause::unsupported));
     return;
   }
-  std::sort(videos.begin(), videos.end(), before);
-  std::sort(images.begin(), images.end(), before);
-  for (const fs::path& video : videos)
-    inputs.push_back(file(video));
-  if (!images.empty())
-    inputs.push_back(sequence(folder.string(), folder_name(folder), std::move(images)));
+  std::sort(members.videos.begin(), members.videos.end(), before);
+  for (const fs::path& video : members.videos)
+    found.inputs.push_back(file(video, video.lexically_relative(folder).replace_extension().string()));
+  for (auto& [place, images] : members.images) {
+    std::sort(images.begin(), images.end(), before);
+    const std::string name =
+        place == folder ? folder_name(folder) : place.lexically_relative(folder).string();
+    found.inputs.push_back(sequence(place.string(), name, std::move(images)));
+  }
 }
 
 /// A file name with one number in it: PREFIX %0WIDTHd SUFFIX.
@@ -155,7 +211,7 @@ std::optional<std::uint64_t> number_in(const std::string& name, const Pattern& p
   return number;
 }
 
-void add_pattern(const fs::path& argument, const Pattern& pattern, std::vector<Input>& inputs) {
+void add_pattern(const fs::path& argument, const Pattern& pattern, Found& found) {
   const fs::path folder = argument.has_parent_path() ? argument.parent_path() : fs::path(".");
   std::map<std::uint64_t, fs::path> numbered;
   std::error_code error;
@@ -163,24 +219,20 @@ void add_pattern(const fs::path& argument, const Pattern& pattern, std::vector<I
     if (const auto number = number_in(entry->path().filename().string(), pattern))
       numbered[*number] = argument.has_parent_path() ? entry->path() : entry->path().filename();
   if (numbered.empty()) {
-    inputs.push_back(failed(argument.string(),
-                            error ? "cannot read the folder: " + error.message() : "no file matches it"));
+    found.inputs.push_back(failed(argument.string(), error ? "cannot read the folder: " + error.message()
+                                                           : "no file matches it"));
     return;
   }
   std::vector<fs::path> images;
   images.reserve(numbered.size());
   for (const auto& [number, path] : numbered)
     images.push_back(path);
-  inputs.push_back(sequence(argument.string(), folder_name(folder), std::move(images)));
+  found.inputs.push_back(sequence(argument.string(), folder_name(folder), std::move(images)));
 }
 
+/// "x:y" alone is more likely a file that is not there.
 bool is_uri(const std::string& argument) {
-  const std::size_t colon = argument.find("://");
-  return colon != std::string::npos && colon > 0 &&
-         std::all_of(argument.begin(), argument.begin() + colon, [](char c) {
-           return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '+' ||
-                  c == '-' || c == '.';
-         });
+  return gst_uri_is_valid(argument.c_str()) && argument.find("://") != std::string::npos;
 }
 
 Input from_uri(const std::string& uri) {
@@ -199,94 +251,109 @@ Input from_uri(const std::string& uri) {
   return input;
 }
 
-void add(const std::string& argument, std::vector<Input>& inputs) {
-  const fs::path path(argument);
+/// The path that a file:// URI of this machine means; nothing for others.
+std::optional<fs::path> local_path(const std::string& uri) {
+  char* host = nullptr;
+  const std::string path = take(g_filename_from_uri(uri.c_str(), &host, nullptr));
+  const std::string machine = take(host);
+  if (path.empty() || !(machine.empty() || machine == "localhost"))
+    return std::nullopt;
+  return fs::path(path);
+}
+
+void add(const std::string& argument, Found& found) {
+  fs::path path(argument);
   std::error_code error;
-  const fs::file_status status = fs::status(path, error);
+  fs::file_status status = fs::status(path, error);
+  if (!fs::exists(status) && is_uri(argument)) {
+    const auto local = local_path(argument);
+    if (!local) {
+      found.inputs.push_back(from_uri(argument));
+      return;
+    }
+    path = *local;
+    status = fs::status(path, error);
+  }
   if (fs::is_directory(status))
-    return add_folder(path, inputs);
-  if (fs::exists(status)) {
-    inputs.push_back(file(path));
+    return add_folder(path, found);
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
+    found.inputs.push_back(
+        failed(path.string(), "this is a pipe or a device, not a file", Cause::unsupported));
     return;
   }
-  if (is_uri(argument)) {
-    inputs.push_back(from_uri(argument));
+  if (fs::exists(status)) {
+    found.inputs.push_back(file(path, path.stem().string()));
     return;
   }
   if (const auto pattern = read_pattern(path.filename().string()))
-    return add_pattern(path, *pattern, inputs);
-  inputs.push_back(failed(argument, status.type() == fs::file_type::not_found
-                                        ? "there is no such file or folder"
-                                        : error.message()));
+    return add_pattern(path, *pattern, found);
+  found.inputs.push_back(failed(path.string(), status.type() == fs::file_type::not_found
+                                                   ? "there is no such file or folder"
+                                                   : error.message()));
+}
+
+/// The path as it was written, without its extension and what leads out of the folder of the outputs.
+std::string written_path(const Input& input) {
+  if (input.kind == Input::Kind::uri)
+    return input.stem;
+  fs::path path = fs::path(input.label).lexically_normal();
+  if (!path.has_filename())
+    path = path.parent_path();
+  if (read_pattern(path.filename().string()) && input.kind == Input::Kind::images && input.images.size() != 1)
+    path = path.parent_path();
+  else if (input.kind == Input::Kind::file || input.images.size() == 1)
+    path.replace_extension();
+  fs::path inside;
+  for (const fs::path& part : path.relative_path())
+    if (part != ".." && part != ".")
+      inside /= part;
+  return inside.empty() ? input.stem : inside.string();
+}
+
+std::string short_hash(const std::string& text) {
+  return take(
+             g_compute_checksum_for_string(G_CHECKSUM_SHA256, text.c_str(), static_cast<gssize>(text.size())))
+      .substr(0, 8);
+}
+
+void name_outputs(Names names, std::vector<Input>& inputs) {
+  for (Input& input : inputs) {
+    if (!input.problem.empty()) // nothing will be written
+      continue;
+    if (names == Names::path)
+      input.stem = written_path(input);
+    else if (names == Names::hash)
+      input.stem += "-" + short_hash(fs::path(input.label).lexically_normal().string());
+  }
 }
 
 void drop_repeated(std::vector<Input>& inputs) {
   std::set<std::string> seen;
-  std::erase_if(inputs, [&](const Input& input) {
-    std::error_code error;
-    std::string key = input.kind == Input::Kind::uri ? input.label
-                      : input.kind == Input::Kind::images
-                          ? fs::weakly_canonical(input.images.front(), error).string()
-                          : fs::weakly_canonical(input.path, error).string();
-    return !seen.insert(key).second;
-  });
-}
-
-/// clip.mp4 and clip.avi must not write the same files: names that occur twice get more of the path.
-void make_stems_differ(std::vector<Input>& inputs) {
-  const auto clashes = [&inputs] {
-    std::map<std::string, int> uses;
-    for (const Input& input : inputs)
-      ++uses[input.stem];
-    return uses;
-  };
-  auto uses = clashes();
-  for (Input& input : inputs)
-    if (uses[input.stem] > 1 && input.kind == Input::Kind::file)
-      input.stem = input.path.filename().string();
-  uses = clashes();
-  for (Input& input : inputs) {
-    if (uses[input.stem] <= 1)
-      continue;
-    const fs::path& place = input.kind == Input::Kind::images ? input.images.front() : input.path;
-    const fs::path folder = place.parent_path();
-    const fs::path above = input.kind == Input::Kind::images ? folder / ".." : folder;
-    input.stem = folder_name(above.empty() ? fs::path(".") : above) + "_" + input.stem;
-  }
-  std::set<std::string> taken;
-  for (Input& input : inputs) {
-    const std::string stem = input.stem;
-    for (int number = 2; !taken.insert(input.stem).second; ++number)
-      input.stem = stem + "-" + std::to_string(number);
-  }
+  std::erase_if(inputs, [&](const Input& input) { return !seen.insert(input.place()).second; });
 }
 
 } // namespace
 
-Input::Identity Input::identity() const {
-  Identity identity;
-  const auto take = [&identity](const fs::path& each) {
-    struct stat status;
-    if (stat(each.c_str(), &status) != 0)
-      return;
-    identity.bytes += static_cast<std::uint64_t>(status.st_size);
-    identity.changed = std::max<std::int64_t>(identity.changed, status.st_mtim.tv_sec * 1'000'000'000LL +
-                                                                    status.st_mtim.tv_nsec);
-  };
-  if (kind == Kind::file)
-    take(path);
-  for (const fs::path& image : images)
-    take(image);
-  return identity;
+Identity Input::identity() const {
+  if (!problem.empty() || kind == Kind::uri)
+    return {};
+  return kind == Kind::file ? identity_of(path) : identity_of(images);
 }
 
-std::vector<Input> find_inputs(const std::vector<std::string>& arguments) {
-  std::vector<Input> inputs;
+std::string Input::place() const {
+  if (kind == Kind::uri)
+    return label;
+  std::error_code error;
+  return fs::weakly_canonical(kind == Kind::images ? images.front() : path, error).string();
+}
+
+Found find_inputs(const std::vector<std::string>& arguments, Names names) {
+  Found found;
   for (const std::string& argument : arguments)
-    add(argument, inputs);
-  drop_repeated(inputs);
-  make_stems_differ(inputs);
-  return inputs;
+    add(argument, found);
+  drop_repeated(found.inputs);
+  name_outputs(names, found.inputs);
+  return found;
 }
 
 } // namespace terrainseg::process

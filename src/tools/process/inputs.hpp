@@ -7,29 +7,44 @@
 #include <string>
 #include <vector>
 
+#include "tools/process/cause.hpp"
+#include "tools/process/fingerprint.hpp"
+
 namespace terrainseg::process {
 
 struct Input {
   enum class Kind { file, images, uri };
   Kind kind = Kind::file;
-  std::string label;                         ///< as the user knows it, for messages
-  std::string stem;                          ///< base name of the outputs, different for every input of a run
-  std::filesystem::path path;                ///< of a file
+  std::string label;          ///< as the user knows it, for messages
+  std::string stem;           ///< base name of the outputs: "drive", "monday/drive"; empty with a problem
+  std::filesystem::path path; ///< of a file
   std::vector<std::filesystem::path> images; ///< of a sequence, in order
   std::string problem;                       ///< why it cannot even be tried; empty = it can
+  Cause cause = Cause::none;                 ///< of the problem
 
-  /// Tells two versions of an input apart: bytes and the last change in nanoseconds, summed over a sequence.
-  /// {0, 0} when unknown (a URI).
-  struct Identity {
-    std::uint64_t bytes = 0;
-    std::int64_t changed = 0;
-    bool operator==(const Identity&) const = default;
-  };
+  /// What is in it; unknown for a stream.
   Identity identity() const;
+  /// Where it is, the same however it was spelled: the whole path without links, or the URI.
+  std::string place() const;
+};
+
+/// How outputs are named after their inputs. A name depends on the input alone, never on the rest of a list:
+/// where two inputs would get the same one, the run is refused.
+enum class Names : std::uint8_t {
+  base, ///< drive; below a folder that was named the path from there: monday/drive
+  path, ///< the path as it was written, without "/", "./" and "../" in front
+  hash, ///< as base, with eight hexadecimal digits of the SHA-256 of the path as it was written
+};
+
+/// What find_inputs() found.
+struct Found {
+  std::vector<Input> inputs;
+  std::vector<std::string> notes; ///< members of folders that were left out, a line for each folder
 };
 
 /// Expands files, folders and numbered patterns. What does not exist stays in the list with its problem, so
-/// that it is reported in its turn. The same file named twice is one input.
-std::vector<Input> find_inputs(const std::vector<std::string>& arguments);
+/// that it is reported in its turn. The same file named twice is one input. Folders are searched to their
+/// depths, links to folders are not followed.
+Found find_inputs(const std::vector<std::string>& arguments, Names names = Names::base);
 
 } // namespace terrainseg::process

@@ -10,18 +10,23 @@
 #include <exception>
 #include <memory>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
+#include "exchange/counted.hpp"
+#include "tools/process/conflicts.hpp"
 #include "tools/process/display.hpp"
 #include "tools/process/elements.hpp"
 #include "tools/process/handles.hpp"
 #include "tools/process/inputs.hpp"
+#include "tools/process/manifest.hpp"
 #include "tools/process/options.hpp"
 #include "tools/process/outputs.hpp"
 #include "tools/process/pipeline.hpp"
 
 using namespace terrainseg::process;
+using terrainseg::counted;
 
 namespace {
 
@@ -52,14 +57,72 @@ std::optional<std::string> check_settings(const Options& options) {
   for (const ElementPointer* element : {&terrainseg, &overlay})
     if (*element)
       gst_object_ref_sink(element->get());
-  return apply_settings(options, terrainseg.get(), overlay.get());
+  if (auto problem = apply_settings(options, terrainseg.get(), overlay.get()))
+    return problem;
+  // Files that settings name are read when the filter starts.
+  return start_problem(terrainseg.get());
 }
+
+/// True when the run would destroy something: says what, and that nothing was touched.
+bool refuse_conflicts(const std::vector<Input>& inputs, const Options& options) {
+  constexpr std::size_t shown = 20;
+  const std::vector<std::string> conflicts = find_conflicts(inputs, options);
+  for (std::size_t i = 0; i < std::min(conflicts.size(), shown); ++i)
+    complain(conflicts[i]);
+  if (conflicts.size() > shown)
+    complain("and " + std::to_string(conflicts.size() - shown) + " more like these");
+  if (!conflicts.empty())
+    complain("nothing was written");
+  return !conflicts.empty();
+}
+
+/// What became of the inputs of a run.
+class Tally {
+ public:
+  void add(bool skipped, const Outcome& outcome) {
+    if (skipped) {
+      ++skipped_;
+      return;
+    }
+    whole_ += outcome.kind == Outcome::Kind::complete;
+    partial_ += outcome.kind == Outcome::Kind::partial;
+    failed_ += outcome.kind == Outcome::Kind::failed;
+    later_ += may_pass_later(outcome.record.cause);
+    if (outcome.kind == Outcome::Kind::complete || outcome.kind == Outcome::Kind::partial)
+      frames_ += outcome.record.frames;
+  }
+  /// Of a run that was asked to process `inputs`.
+  Exit exit_code(std::size_t inputs) const {
+    if (later_ > 0 || skipped_ + whole_ + partial_ + failed_ < inputs)
+      return Exit::try_again;
+    return partial_ + failed_ > 0 ? Exit::damaged : Exit::ok;
+  }
+  std::string line(std::size_t inputs, double seconds) const {
+    std::string text = counted(inputs, "input") + ": " + std::to_string(whole_) + " whole";
+    const std::pair<std::size_t, const char*> others[] = {
+        {skipped_, "complete already"},
+        {partial_, "partial"},
+        {failed_, "failed"},
+        {inputs - (skipped_ + whole_ + partial_ + failed_), "not done"}};
+    for (const auto& [count, what] : others)
+      if (count > 0)
+        text += ", " + std::to_string(count) + " " + what;
+    if (later_ > 0)
+      text += " (" + std::to_string(later_) + " may succeed when tried again)";
+    return text + "; " + counted(frames_, "frame") + " in " + duration_text(seconds);
+  }
+
+ private:
+  std::size_t whole_ = 0, skipped_ = 0, partial_ = 0, failed_ = 0, later_ = 0;
+  std::uint64_t frames_ = 0;
+};
 
 /// All inputs of a run, shared by the workers and the display.
 class Batch {
  public:
-  Batch(const Options& options, std::vector<Input> inputs)
-      : options_(options), inputs_(std::move(inputs)), display_(options.quiet), begin_(Clock::now()) {
+  Batch(const Options& options, std::vector<Input> inputs, Manifest& manifest)
+      : options_(options), manifest_(manifest), inputs_(std::move(inputs)), display_(options.quiet),
+        begin_(Clock::now()) {
     for (std::size_t i = 0; i < inputs_.size(); ++i)
       works_.push_back(std::make_unique<Work>());
   }
@@ -67,27 +130,26 @@ class Batch {
   Exit run();
 
  private:
+  void start_workers(std::vector<std::thread>& threads);
   enum class Phase { waiting, running, done, skipped };
   struct Work {
     Progress progress;
     Phase phase = Phase::waiting;
   };
 
-  Naming naming_of(const Input& input) const {
-    return Naming(options_.output_dir, options_.name.value_or(input.stem));
-  }
   void work();
   void report(const Input& input, const Outcome& outcome);
   void report_skip(const Input& input);
   void show();
 
   const Options& options_;
+  Manifest& manifest_;
   const std::vector<Input> inputs_;
   std::vector<std::unique_ptr<Work>> works_;
-  std::mutex mutex_; ///< guards phases, next_, failures_, done_, the display and what is printed
+  std::mutex mutex_; ///< guards phases, next_, tally_, done_, the display and what is printed
   std::condition_variable changed_;
   std::size_t next_ = 0;
-  int failures_ = 0;
+  Tally tally_;
   int finished_ = 0;
   int working_threads_ = 0;
   Display display_;
@@ -109,22 +171,28 @@ void Batch::report(const Input& input, const Outcome& outcome) {
   const bool kept = outcome.kind == Outcome::Kind::complete || outcome.kind == Outcome::Kind::partial;
   if (kept && !options_.quiet) {
     const bool partial = outcome.kind == Outcome::Kind::partial;
-    char fps[G_ASCII_DTOSTR_BUF_SIZE], share[G_ASCII_DTOSTR_BUF_SIZE];
+    char fps[G_ASCII_DTOSTR_BUF_SIZE], share[G_ASCII_DTOSTR_BUF_SIZE], own[G_ASCII_DTOSTR_BUF_SIZE];
+    g_ascii_formatd(own, sizeof own, "%.2f", record.filter_milliseconds);
     g_ascii_formatd(fps, sizeof fps, "%.1f", record.fps());
     g_ascii_formatd(share, sizeof share, "%.1f", 100 * record.traversable());
-    std::printf("%s: %s%llu frames, %s fps, %s %% traversable -> %s\n", input.label.c_str(),
-                partial ? "PARTIAL, " : "", static_cast<unsigned long long>(record.frames), fps, share,
-                naming_of(input).record(partial).string().c_str());
+    std::printf("%s: %s%s, %s fps, filter %s ms, %s %% traversable -> %s\n", input.label.c_str(),
+                partial ? "PARTIAL, " : "", counted(record.frames, "frame").c_str(), fps, own, share,
+                naming_of(options_, input).record(partial).string().c_str());
     std::fflush(stdout);
   }
+  if (kept && record.still_rows > 0 && !options_.quiet)
+    complain(
+        input.label + ": the lowest " + std::to_string(record.still_rows) +
+        " rows never change (a bonnet, a black bar?) and are learned as ground; try --set window-bottom=" +
+        std::to_string(record.still_rows));
   switch (outcome.kind) {
   case Outcome::Kind::complete:
   case Outcome::Kind::interrupted:
     break;
   case Outcome::Kind::partial:
-    complain(input.label + ": " + record.problem + "; the " + std::to_string(record.frames) +
-             " frames that could be decoded are kept as " +
-             naming_of(input).record(true).stem().stem().string() + ".*");
+    complain(input.label + ": " + record.problem + "; what could be decoded, " +
+             counted(record.frames, "frame") + ", is kept as " +
+             naming_of(options_, input).record(true).stem().stem().string() + ".*");
     break;
   case Outcome::Kind::failed:
     complain(input.label + ": " + record.problem);
@@ -141,7 +209,7 @@ void Batch::work() {
     Work& work = *works_[index];
     work.phase = Phase::running;
     lock.unlock();
-    const Naming naming = naming_of(input);
+    const Naming naming = naming_of(options_, input);
     const bool skip = options_.resume && input.problem.empty() && is_complete(naming, input, options_);
     Outcome outcome;
     if (!skip) {
@@ -149,16 +217,21 @@ void Batch::work() {
         outcome = process(input, naming, options_, work.progress, interruptions);
       } catch (const std::exception& error) {
         outcome.record.problem = error.what();
+        outcome.record.cause = Cause::resources;
       }
     }
+    const bool kept = outcome.kind == Outcome::Kind::complete || outcome.kind == Outcome::Kind::partial;
+    const std::string line =
+        manifest_.is_open() ? Manifest::line(options_, input, outcome.record, skip, kept) : "";
     lock.lock();
+    manifest_.write(line);
     if (skip)
       report_skip(input);
     else
       report(input, outcome);
     work.phase = skip ? Phase::skipped : Phase::done;
     ++finished_;
-    failures_ += !skip && outcome.kind != Outcome::Kind::complete;
+    tally_.add(skip, outcome);
     changed_.notify_all();
   }
   --working_threads_;
@@ -199,12 +272,25 @@ void Batch::show() {
   display_.show(moment);
 }
 
+/// As many workers as start: where the system gives no more threads, those that run do the work.
+void Batch::start_workers(std::vector<std::thread>& threads) {
+  const std::size_t count = std::min<std::size_t>(static_cast<std::size_t>(options_.jobs), inputs_.size());
+  threads.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::lock_guard lock(mutex_);
+    try {
+      threads.emplace_back([this] { work(); });
+      ++working_threads_;
+    } catch (const std::system_error& error) {
+      complain(std::string("no thread for a job: ") + error.what());
+      break;
+    }
+  }
+}
+
 Exit Batch::run() {
   std::vector<std::thread> threads;
-  const std::size_t count = std::min<std::size_t>(static_cast<std::size_t>(options_.jobs), inputs_.size());
-  working_threads_ = static_cast<int>(count);
-  for (std::size_t i = 0; i < count; ++i)
-    threads.emplace_back([this] { work(); });
+  start_workers(threads);
   {
     std::unique_lock lock(mutex_);
     while (working_threads_ > 0) {
@@ -215,7 +301,26 @@ Exit Batch::run() {
   }
   for (std::thread& thread : threads)
     thread.join();
-  return failures_ > 0 || finished_ < static_cast<int>(inputs_.size()) ? Exit::some_failed : Exit::ok;
+  if (!options_.quiet && inputs_.size() > 1)
+    std::printf("%s\n", tally_.line(inputs_.size(), seconds_since(begin_)).c_str());
+  return tally_.exit_code(inputs_.size());
+}
+
+/// --check: says what is missing or damaged.
+Exit check(const Options& options, const std::vector<Input>& inputs) {
+  const auto result = check_manifest(options, inputs);
+  if (const std::string* problem = std::get_if<std::string>(&result)) {
+    complain(*problem);
+    return Exit::usage;
+  }
+  const Check& found = std::get<Check>(result);
+  for (const auto* list : {&found.again, &found.damaged})
+    for (const std::string& line : *list)
+      complain(line);
+  if (!options.quiet)
+    std::printf("%zu whole, %zu damaged for good, %zu to try again\n", found.whole, found.damaged.size(),
+                found.again.size());
+  return !found.again.empty() ? Exit::try_again : !found.damaged.empty() ? Exit::damaged : Exit::ok;
 }
 
 int process(int argc, char** argv) {
@@ -228,6 +333,9 @@ int process(int argc, char** argv) {
     return static_cast<int>(early->code);
   }
   const Options& options = std::get<Options>(parsed);
+  if (!options.check.empty())
+    return static_cast<int>(
+        check(options, share_of(options.shard, find_inputs(options.inputs, options.names).inputs)));
   if (auto problem = missing_elements(options)) {
     complain(*problem);
     return static_cast<int>(Exit::environment);
@@ -236,14 +344,25 @@ int process(int argc, char** argv) {
     complain(*problem);
     return static_cast<int>(Exit::usage);
   }
-  std::vector<Input> inputs = find_inputs(options.inputs);
+  auto [inputs, notes] = find_inputs(options.inputs, options.names);
+  if (inputs.empty()) {
+    complain("--inputs-from: the list is empty");
+    return static_cast<int>(Exit::usage);
+  }
+  if (!options.quiet)
+    for (const std::string& note : notes)
+      complain(note);
   if (options.name && inputs.size() > 1) {
     complain("--name is for one input, but these are " + std::to_string(inputs.size()));
     return static_cast<int>(Exit::usage);
   }
+  // The whole list, not only this shard's share: tasks that start together must all refuse.
+  if (refuse_conflicts(inputs, options))
+    return static_cast<int>(Exit::usage);
+  inputs = share_of(options.shard, std::move(inputs));
   if (auto problem = prepare_folder(options.output_dir)) {
-    complain(*problem);
-    return static_cast<int>(Exit::output);
+    complain(problem->text);
+    return static_cast<int>(problem->passes ? Exit::try_again : Exit::output);
   }
   struct sigaction action {};
   action.sa_handler = on_signal;
@@ -251,10 +370,20 @@ int process(int argc, char** argv) {
   sigaction(SIGTERM, &action, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
 
-  const Exit result = Batch(options, std::move(inputs)).run();
+  Manifest manifest;
+  if (!options.manifest.empty())
+    if (auto problem = manifest.open(options, inputs.size())) {
+      complain(*problem);
+      return static_cast<int>(Exit::try_again);
+    }
+  Exit result = Batch(options, std::move(inputs), manifest).run();
+  if (auto problem = manifest.close()) {
+    complain(*problem);
+    result = Exit::try_again;
+  }
   if (last_signal && result != Exit::ok) {
     complain("interrupted; finished outputs are kept, the unfinished one is gone");
-    return 128 + last_signal;
+    return last_signal == SIGINT ? 128 + SIGINT : static_cast<int>(Exit::try_again);
   }
   return static_cast<int>(result);
 }
@@ -266,6 +395,6 @@ int main(int argc, char** argv) {
     return process(argc, argv);
   } catch (const std::exception& problem) { // such as no memory
     std::fprintf(stderr, "terrainseg-process: %s\n", problem.what());
-    return static_cast<int>(Exit::some_failed);
+    return static_cast<int>(Exit::try_again);
   }
 }

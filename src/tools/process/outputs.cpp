@@ -11,6 +11,9 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "exchange/write_all.hpp"
+#include "tools/process/handles.hpp"
+
 namespace terrainseg::process {
 namespace {
 
@@ -41,6 +44,11 @@ bool same_file(int fd, const fs::path& path) {
 
 } // namespace
 
+fs::path part_of(const fs::path& final_path) {
+  fs::path path = final_path;
+  return path += ".part";
+}
+
 AtomicFile::~AtomicFile() {
   discard();
 }
@@ -56,8 +64,7 @@ void AtomicFile::discard() {
 std::optional<std::string> AtomicFile::open(const fs::path& final_path) {
   discard();
   final_path_ = final_path;
-  part_path_ = final_path;
-  part_path_ += ".part";
+  part_path_ = part_of(final_path);
   std::error_code ignored;
   if (fs::is_directory(final_path, ignored))
     return because("write", final_path, EISDIR);
@@ -93,14 +100,8 @@ void AtomicFile::write(const std::string& text) {
 }
 
 bool AtomicFile::flush() {
-  std::size_t done = 0;
-  while (failure_ == 0 && done < buffer_.size()) {
-    const ssize_t count = ::write(fd_, buffer_.data() + done, buffer_.size() - done);
-    if (count >= 0)
-      done += static_cast<std::size_t>(count);
-    else if (errno != EINTR)
-      failure_ = errno;
-  }
+  if (failure_ == 0)
+    failure_ = write_all(fd_, {reinterpret_cast<const std::uint8_t*>(buffer_.data()), buffer_.size()});
   buffer_.clear();
   return failure_ == 0;
 }
@@ -136,9 +137,8 @@ fs::path Naming::named(const std::string& suffix, const char* bare, bool partial
 }
 
 fs::path Naming::output(Output kind, bool partial) const {
-  constexpr const char* bare[output_count] = {"annotated.mp4", "masks.mkv", "terrain.jsonl", "terrain.csv"};
-  const int index = static_cast<int>(kind);
-  return named(output_kinds[index].suffix, bare[index], partial);
+  const OutputKind& names = output_kinds[static_cast<int>(kind)];
+  return named(names.suffix, names.bare, partial);
 }
 
 fs::path Naming::record(bool partial) const {
@@ -149,18 +149,22 @@ std::string Record::to_json() const {
   ordered_json json;
   json["tool"] = "terrainseg-process";
   json["version"] = TERRAINSEG_VERSION;
-  json["input"] = {{"name", input}, {"bytes", identity.bytes}, {"changed", identity.changed}};
+  json["input"] = {
+      {"name", input}, {"place", place}, {"bytes", identity.bytes}, {"fingerprint", identity.fingerprint}};
   json["settings"] = settings;
   json["complete"] = problem.empty();
   json["problem"] = problem.empty() ? ordered_json() : ordered_json(problem);
+  json["cause"] = cause == Cause::none ? ordered_json() : ordered_json(name_of(cause));
   json["frames"] = frames;
   json["width"] = width;
   json["height"] = height;
   json["seconds"] = seconds;
   json["fps"] = fps();
+  json["filter_milliseconds"] = filter_milliseconds;
   json["traversable"] = traversable();
   json["blocked_frames"] = blocked;
   json["horizon_frames"] = horizon_frames;
+  json["still_rows"] = still_rows;
   ordered_json files = ordered_json::object();
   for (int i = 0; i < output_count; ++i)
     if (outputs[i])
@@ -170,10 +174,28 @@ std::string Record::to_json() const {
   return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
+namespace {
+
+/// A calibration is a file: another content under the same name is another setting.
+std::string content_of(const std::string& name, const std::string& value) {
+  if (name != "camera-info" && name != "mount")
+    return {};
+  gchar* text = nullptr;
+  gsize length = 0;
+  if (!g_file_get_contents(value.c_str(), &text, &length, nullptr))
+    return {};
+  const CharPointer owner(text);
+  const CharPointer sum(
+      g_compute_checksum_for_data(G_CHECKSUM_SHA256, reinterpret_cast<const guchar*>(text), length));
+  return "@" + std::string(sum.get(), 16);
+}
+
+} // namespace
+
 std::string describe(const Options& options, const Input& input) {
   std::string text = "preset=" + (options.preset.empty() ? std::string("default") : options.preset);
   for (const auto& [name, value] : options.settings)
-    text.append(" ").append(name).append("=").append(value);
+    text.append(" ").append(name).append("=").append(value).append(content_of(name, value));
   if (options.wanted[static_cast<int>(Output::annotated)])
     text += " quality=" + std::to_string(options.quality);
   if (options.json_mask)
@@ -185,18 +207,34 @@ std::string describe(const Options& options, const Input& input) {
   return text;
 }
 
+namespace {
+
+/// The record in a file; not an object when it is none.
+nlohmann::json read_record(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_regular_file(path, error))
+    return {};
+  std::ifstream file(path);
+  return nlohmann::json::parse(file, nullptr, false);
+}
+
+} // namespace
+
+std::optional<Origin> read_origin(const fs::path& record) {
+  const nlohmann::json json = read_record(record);
+  try {
+    const auto& input = json.at("input");
+    return Origin{input.at("place"), {input.at("bytes"), input.at("fingerprint")}};
+  } catch (const nlohmann::json::exception&) {
+    return std::nullopt;
+  }
+}
+
 bool is_complete(const Naming& naming, const Input& input, const Options& options) {
-  const Input::Identity identity = input.identity();
-  if (identity == Input::Identity{})
-    return false;
-  std::ifstream file(naming.record());
-  const nlohmann::json json = nlohmann::json::parse(file, nullptr, false);
-  if (!json.is_object())
-    return false;
+  const nlohmann::json json = read_record(naming.record());
   try {
     if (!json.at("complete").get<bool>() || json.at("version") != TERRAINSEG_VERSION ||
-        json.at("settings") != describe(options, input) || json.at("input").at("bytes") != identity.bytes ||
-        json.at("input").at("changed") != identity.changed)
+        json.at("settings") != describe(options, input))
       return false;
     for (int i = 0; i < output_count; ++i) {
       if (!options.wanted[i])
@@ -206,21 +244,31 @@ bool is_complete(const Naming& naming, const Input& input, const Options& option
       if (error || json.at("outputs").at(output_kinds[i].name).at("bytes") != bytes)
         return false;
     }
-    return true;
+    const Identity identity = input.identity();
+    return !identity.fingerprint.empty() && json.at("input").at("bytes") == identity.bytes &&
+           json.at("input").at("fingerprint") == identity.fingerprint;
   } catch (const nlohmann::json::exception&) { // a record of another shape
     return false;
   }
 }
 
-std::optional<std::string> prepare_folder(const fs::path& folder) {
+std::optional<FolderProblem> prepare_folder(const fs::path& folder) {
+  const auto problem = [&folder](const char* what, int error) {
+    bool passes = false;
+    for (const int each : {ENOSPC, EDQUOT, EIO, ESTALE, ENOMEM, EMFILE, ENFILE, ETIMEDOUT})
+      passes = passes || error == each;
+    return FolderProblem{std::string("cannot ") + what + " the output folder " + folder.string() + ": " +
+                             std::strerror(error),
+                         passes};
+  };
   std::error_code error;
   fs::create_directories(folder, error);
   if (error)
-    return "cannot make the output folder " + folder.string() + ": " + error.message();
+    return problem("make", error.value());
   std::string probe = (folder / ".terrainseg-process-XXXXXX").string();
   const int fd = mkstemp(probe.data());
   if (fd < 0)
-    return "cannot write in the output folder " + folder.string() + ": " + std::strerror(errno);
+    return problem("write in", errno);
   close(fd);
   unlink(probe.c_str());
   return std::nullopt;

@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "tools/process/cause.hpp"
 #include "tools/process/inputs.hpp"
 #include "tools/process/options.hpp"
 
@@ -30,7 +31,9 @@ class AtomicFile {
   const std::filesystem::path& final_path() const { return final_path_; }
   /// Appends; remembers the first failure for commit().
   void write(const std::string& text);
-  /// Everything on disk (fsync), then renamed to `path`, which must lie in the same folder.
+  /// Hands what was appended to the system; false when that failed, now or before.
+  bool flush();
+  /// Everything on disk (fsync), then renamed to `path`, which must lie on the same file system.
   [[nodiscard]] std::optional<std::string> commit(const std::filesystem::path& path);
   std::uint64_t size() const;
 
@@ -40,8 +43,10 @@ class AtomicFile {
   int fd_ = -1;
   int failure_ = 0; ///< errno of the first failed write
   std::string buffer_;
-  bool flush();
 };
+
+/// The name of a file while it is being written.
+std::filesystem::path part_of(const std::filesystem::path& final_path);
 
 /// Names of the outputs of an input: DIR/STEM.annotated.mp4, or DIR/annotated.mp4 when the stem is empty.
 class Naming {
@@ -60,15 +65,19 @@ class Naming {
 /// What was done with one input: the content of NAME.summary.json.
 struct Record {
   std::string input;
-  Input::Identity identity;
+  std::string place; ///< of the input: Input::place()
+  Identity identity;
   std::string settings; ///< everything that shapes the outputs, as one line
   std::string problem;  ///< empty = complete
+  Cause cause = Cause::none;
   std::uint64_t frames = 0;
   int width = 0, height = 0;         ///< of the first frame
   double seconds = 0;                ///< that it took
   std::uint64_t traversable_sum = 0; ///< permille, summed over the frames
   std::uint64_t blocked = 0;         ///< frames in which the way ahead was blocked
   std::uint64_t horizon_frames = 0;  ///< frames with a horizon
+  double filter_milliseconds = 0;    ///< median of what terrainseg itself took for a frame
+  int still_rows = 0;                ///< at the bottom, under the training window, that never changed
   struct Written {
     std::string file;
     std::uint64_t bytes = 0;
@@ -82,6 +91,15 @@ struct Record {
   std::string to_json() const;
 };
 
+/// What a record says about the input that its files were made from.
+struct Origin {
+  std::string place;
+  Identity identity;
+};
+
+/// Nothing when the file is no record of this tool.
+std::optional<Origin> read_origin(const std::filesystem::path& record);
+
 /// The settings that an input is processed with, as Record::settings.
 std::string describe(const Options& options, const Input& input);
 
@@ -89,7 +107,13 @@ std::string describe(const Options& options, const Input& input);
 /// with these settings, and the files are still there with the sizes they had.
 bool is_complete(const Naming& naming, const Input& input, const Options& options);
 
-/// Makes the folder and tries to write in it; says why it cannot be written.
-std::optional<std::string> prepare_folder(const std::filesystem::path& folder);
+/// Why a folder cannot be written, and whether that may pass by itself (a full disk, no memory).
+struct FolderProblem {
+  std::string text;
+  bool passes = false;
+};
+
+/// Makes the folder and tries to write in it.
+std::optional<FolderProblem> prepare_folder(const std::filesystem::path& folder);
 
 } // namespace terrainseg::process

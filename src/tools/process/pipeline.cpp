@@ -9,10 +9,14 @@
 #include <array>
 #include <chrono>
 
+#include "exchange/counted.hpp"
+#include "tools/process/conflicts.hpp"
 #include "tools/process/container.hpp"
+#include "tools/process/csv_rows.hpp"
 #include "tools/process/elements.hpp"
 #include "tools/process/handles.hpp"
 #include "tools/process/source.hpp"
+#include "tools/process/still_bottom.hpp"
 
 namespace terrainseg::process {
 namespace {
@@ -20,16 +24,10 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-/// Nothing moved for so long: the decoder hangs.
-constexpr std::chrono::seconds patience{60};
 /// A source that failed has this long to end its stream by itself.
 constexpr std::chrono::seconds grace{2};
 
 constexpr GstClockTime poll_interval = 20 * GST_MSECOND;
-
-constexpr const char* csv_header =
-    "frame,pts,width,height,horizon_row,horizon_confidence,traversable,confidence,"
-    "blocked,learned,generation\n";
 
 /// The text of an error message for a person: what GStreamer says to users and the detail it keeps for
 /// developers, without the places in its sources.
@@ -50,6 +48,26 @@ std::string text_of(GstMessage* message) {
   return text;
 }
 
+/// Whose fault an error is: of a file or a stream that cannot be opened or read, or of what is in it.
+Cause cause_of(GstMessage* message) {
+  GError* error = nullptr;
+  gst_message_parse_error(message, &error, nullptr);
+  const bool from_source =
+      GST_IS_ELEMENT(message->src) && GST_OBJECT_FLAG_IS_SET(message->src, GST_ELEMENT_FLAG_SOURCE);
+  const bool unreadable = error->domain == GST_RESOURCE_ERROR && from_source;
+  g_error_free(error);
+  return unreadable ? Cause::missing : Cause::damaged;
+}
+
+/// A disk or a memory, and no setting or stream.
+bool is_of_a_resource(GstMessage* message) {
+  GError* error = nullptr;
+  gst_message_parse_error(message, &error, nullptr);
+  const bool result = error->domain == GST_RESOURCE_ERROR && error->code != GST_RESOURCE_ERROR_SETTINGS;
+  g_error_free(error);
+  return result;
+}
+
 bool is_decoding_problem(GstMessage* warning) {
   GError* error = nullptr;
   gst_message_parse_warning(warning, &error, nullptr);
@@ -58,10 +76,45 @@ bool is_decoding_problem(GstMessage* warning) {
   return result;
 }
 
+/// What is wrong, for people and for scripts; no cause: nothing is.
+struct Fault {
+  Cause cause = Cause::none;
+  std::string text;
+};
+
+/// Folders for outputs that are more than one file; those that are empty in the end go.
+class BagFolders {
+ public:
+  BagFolders() = default;
+  ~BagFolders() {
+    std::error_code not_empty;
+    for (const fs::path& folder : folders_)
+      fs::remove(folder, not_empty);
+  }
+  BagFolders(const BagFolders&) = delete;
+  BagFolders& operator=(const BagFolders&) = delete;
+
+  /// The folder of an output, where it is not that of the others.
+  [[nodiscard]] std::optional<std::string> make(const fs::path& folder, const fs::path& others) {
+    if (folder == others)
+      return std::nullopt;
+    std::error_code error;
+    fs::create_directories(folder, error);
+    folders_.push_back(folder);
+    if (error)
+      return "cannot make the folder " + folder.string() + ": " + error.message();
+    return std::nullopt;
+  }
+
+ private:
+  std::vector<fs::path> folders_;
+};
+
 class Run {
  public:
   Run(const Input& input, const Naming& naming, const Options& options, Progress& progress)
       : input_(input), naming_(naming), options_(options), progress_(progress), source_(input, options) {
+    gst_segment_init(&segment_, GST_FORMAT_UNDEFINED);
     pipeline_ = gst_pipeline_new(nullptr);
     gst_bin_add(GST_BIN(pipeline_), source_.bin());
   }
@@ -88,6 +141,9 @@ class Run {
   void add_annotated(GstElement* tee);
   void add_masks(GstElement* tee);
   void add_json(GstElement* tee);
+  void add_recording(GstElement* tee);
+  GstElement* encode_h264(GstElement* from, bool recording);
+  void write_bag_metadata();
   void count(GstElement* element, const char* pad, Output kind);
   void watch_end(GstElement* sink);
   static GstPadProbeReturn on_end(GstPad*, GstPadProbeInfo* info, gpointer self);
@@ -98,15 +154,19 @@ class Run {
   void update_progress();
   std::uint64_t moved() const;
   Outcome conclude();
-  std::string damage() const;
-  std::string cut_off(std::uint64_t length) const;
-  std::string emptiness() const;
+  Fault damage() const;
+  std::optional<Fault> cut_off() const;
+  Fault emptiness() const;
   std::optional<std::string> miscount() const;
-  Outcome keep(const std::string& damage);
+  std::optional<std::string> write_record(const Record& record, const fs::path& path);
+  Outcome keep(const Fault& damage);
+  Outcome fail(const Fault& fault) const;
 
   GstPadProbeReturn entering(GstPadProbeInfo* info);
+  void segment_entering(GstPadProbeInfo* info);
   void size_known(GstCaps* caps);
   void frame_done(GstBuffer* buffer);
+  void learn_from_the_run();
   static GstPadProbeReturn on_entering(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_labelled(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_written(GstPad*, GstPadProbeInfo*, gpointer counter);
@@ -115,6 +175,8 @@ class Run {
   const Naming& naming_;
   const Options& options_;
   Progress& progress_;
+  BagFolders folders_; // removed when the files are gone
+  AtomicFile summary_;
   std::array<AtomicFile, output_count> files_;
   std::array<GstElement*, output_count> file_sinks_{}; // of the pipeline
   Record record_;
@@ -125,11 +187,17 @@ class Run {
   GstElement* annotated_caps_ = nullptr; ///< nullptr where the output is not wanted, like the next two
   GstElement* annotated_box_ = nullptr;
   GstElement* masks_caps_ = nullptr;
+  GstElement* recording_caps_ = nullptr;
   std::array<std::atomic<std::uint64_t>, output_count> written_{};
 
   // The streaming thread's, read by the others when the pipeline has stopped.
+  GstSegment segment_{}; ///< of the decoder
   std::uint64_t entered_ = 0;
   GstClockTime next_pts_ = 0;
+  GstVideoInfo video_info_{}; ///< behind terrainseg
+  StillBottom still_bottom_;
+  std::string csv_row_;
+  GstVideoRectangle window_{}; ///< of the last frame
   std::uint64_t without_metadata_ = 0;
   std::atomic<std::uint64_t> labelled_{0};
   std::atomic<GstClockTime> position_{0};
@@ -138,11 +206,13 @@ class Run {
   // The controlling thread's.
   gint64 duration_ = -1;
   int sinks_ = 0;
-  bool stopped_ = false;       ///< by the user
-  std::string source_error_;   ///< the input's fault
+  bool stopped_ = false;     ///< by the user
+  std::string source_error_; ///< the input's fault
+  Cause source_cause_ = Cause::none;
   std::string source_warning_; ///< the first that the decoder gave
   std::string missing_decoder_;
   std::string filter_error_; ///< behind the decoder: settings, encoders, disk
+  Cause filter_cause_ = Cause::none;
 };
 
 GstElement* Run::add(const char* factory) {
@@ -195,25 +265,41 @@ void Run::add_annotated(GstElement* tee) {
   GstElement* scale = add("videoscale"); // only where a stream changes its size: a file has one
   annotated_caps_ = add("capsfilter");
   annotated_box_ = add("videobox"); // H.264 4:2:0 wants even sizes
-  const std::string encoder_name = h264_encoder();
-  GstElement* encoder = add(encoder_name.c_str());
   GstElement* mux = add("mp4mux");
   g_object_set(scale, "add-borders", TRUE, nullptr);
-  gst_element_link_many(queue, overlay_, convert, scale, annotated_caps_, annotated_box_, encoder, nullptr);
-  if (encoder_name == "x264enc") {
+  gst_element_link_many(queue, overlay_, convert, scale, annotated_caps_, annotated_box_, nullptr);
+  GstElement* encoded = encode_h264(annotated_box_, false);
+  gst_element_link_many(encoded, mux, add_sink(Output::annotated), nullptr);
+  count(encoded, "src", Output::annotated);
+}
+
+/// An encoder, and a parser where one is needed, behind `from`; the last of them.
+GstElement* Run::encode_h264(GstElement* from, bool recording) {
+  const std::string name = h264_encoder();
+  const bool x264 = name == "x264enc";
+  GstElement* encoder = add(name.c_str());
+  gst_element_link(from, encoder);
+  constexpr guint key_frame_distance = 30; // frames that a seek has to decode
+  if (x264) {
     gst_util_set_object_arg(G_OBJECT(encoder), "pass", "qual");
     gst_util_set_object_arg(G_OBJECT(encoder), "speed-preset", "veryfast");
-    g_object_set(encoder, "quantizer", static_cast<guint>(options_.quality), nullptr);
-    gst_element_link(encoder, mux);
+    g_object_set(encoder, "quantizer", static_cast<guint>(options_.quality), "threads",
+                 static_cast<guint>(options_.threads), nullptr);
+    if (recording)
+      g_object_set(encoder, "bframes", 0u, "key-int-max", key_frame_distance, nullptr);
   } else {
     gst_util_set_object_arg(G_OBJECT(encoder), "rate-control", "quality");
     g_object_set(encoder, "bitrate", 8'000'000u, "qp-max",
-                 static_cast<guint>(std::min(options_.quality + 8, 51)), nullptr);
-    GstElement* parse = add("h264parse");
-    gst_element_link_many(encoder, parse, mux, nullptr);
+                 static_cast<guint>(std::min(options_.quality + 8, 51)), "multi-thread",
+                 static_cast<guint>(options_.threads), nullptr);
+    if (recording)
+      g_object_set(encoder, "gop-size", key_frame_distance, nullptr);
   }
-  gst_element_link(mux, add_sink(Output::annotated));
-  count(encoder, "src", Output::annotated);
+  if (x264 && !recording)
+    return encoder;
+  GstElement* parse = add("h264parse");
+  gst_element_link(encoder, parse);
+  return parse;
 }
 
 void Run::add_masks(GstElement* tee) {
@@ -240,14 +326,51 @@ void Run::add_json(GstElement* tee) {
   count(sink, "sink", Output::json);
 }
 
+/// The untouched video, the metadata and the metres. A scaler makes odd sides even; it keeps the metadata.
+void Run::add_recording(GstElement* tee) {
+  GstElement* queue = branch(tee);
+  GstElement* convert = add("videoconvert");
+  GstElement* scale = add("videoscale");
+  recording_caps_ = add("capsfilter");
+  gst_element_link_many(queue, convert, scale, recording_caps_, nullptr);
+  GstElement* sink = add("terrainmcapsink");
+  g_object_set(sink, "fd", file(Output::mcap).fd(), "sync", FALSE, "async", FALSE, nullptr);
+  for (const char* name : {"camera-info", "mount"})
+    g_object_set(sink, name, options_.setting(name).c_str(), nullptr);
+  gst_element_link(encode_h264(recording_caps_, true), sink);
+  file_sinks_[static_cast<std::size_t>(Output::mcap)] = sink;
+  watch_end(sink);
+  count(sink, "sink", Output::mcap);
+}
+
+/// When the recording is whole.
+void Run::write_bag_metadata() {
+  gchar* text = nullptr;
+  g_object_get(file_sinks_[static_cast<std::size_t>(Output::mcap)], "bag-metadata", &text, nullptr);
+  if (const std::string metadata = take(text); !metadata.empty()) {
+    file(Output::bag).write(metadata);
+    written_[static_cast<int>(Output::bag)] = written_[static_cast<int>(Output::mcap)].load();
+  }
+}
+
+/// The record's temporary file comes first: who holds it owns the name, whichever outputs are wanted.
 std::optional<std::string> Run::open_files() {
+  std::error_code error;
+  if (const fs::path folder = naming_.record().parent_path(); !folder.empty())
+    fs::create_directories(folder, error);
+  if (error)
+    return "cannot make the folder of " + naming_.record().string() + ": " + error.message();
+  if (auto problem = summary_.open(naming_.record()))
+    return problem;
+  // Another run may have finished another input under this name since the whole batch was looked at.
+  if (auto problem = foreign_files(naming_, input_, options_))
+    return problem;
   for (int i = 0; i < output_count; ++i) {
     if (!options_.wanted[i])
       continue;
     const fs::path path = naming_.output(static_cast<Output>(i));
-    std::error_code ignored;
-    if (input_.kind == Input::Kind::file && fs::equivalent(path, input_.path, ignored))
-      return "the output " + path.string() + " would replace the input; choose another --output-dir";
+    if (auto problem = folders_.make(path.parent_path(), naming_.record().parent_path()))
+      return problem;
     if (auto problem = files_[i].open(path))
       return problem;
   }
@@ -265,14 +388,18 @@ std::optional<std::string> Run::build() {
     add_masks(tee);
   if (wants(Output::json))
     add_json(tee);
-  if (!wants(Output::annotated) && !wants(Output::masks) && !wants(Output::json)) {
+  if (wants(Output::mcap))
+    add_recording(tee);
+  if (sinks_ == 0) {
     GstElement* sink = add("fakesink"); // the CSV comes from the metadata
     g_object_set(sink, "sync", FALSE, "async", FALSE, nullptr);
     watch_end(sink);
     gst_element_link(tee, sink);
   }
   const PadPointer in(gst_element_get_static_pad(source_.bin(), "src"));
-  gst_pad_add_probe(in.get(), GST_PAD_PROBE_TYPE_BUFFER, on_entering, this, nullptr);
+  gst_pad_add_probe(
+      in.get(), static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM),
+      on_entering, this, nullptr);
   const PadPointer out(gst_element_get_static_pad(terrainseg_, "src"));
   gst_pad_add_probe(
       out.get(),
@@ -281,8 +408,28 @@ std::optional<std::string> Run::build() {
   return apply_settings(options_, terrainseg_, overlay_);
 }
 
+/// Behind this point a time stamp is the time in the file, as its player shows it: an edit list, or the
+/// frames that B-frames hold back, move a demuxer's stamps away from it, and its segment says how far.
+void Run::segment_entering(GstPadProbeInfo* info) {
+  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+  gst_event_copy_segment(event, &segment_);
+  if (segment_.format != GST_FORMAT_TIME)
+    return;
+  GstSegment plain;
+  gst_segment_init(&plain, GST_FORMAT_TIME);
+  GstEvent* replacement = gst_event_new_segment(&plain);
+  gst_event_set_seqnum(replacement, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  GST_PAD_PROBE_INFO_DATA(info) = replacement;
+}
+
 /// Frames beyond --frames end the stream; frames without a time get one, because files need it.
 GstPadProbeReturn Run::entering(GstPadProbeInfo* info) {
+  if (!(GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER)) {
+    if (GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) == GST_EVENT_SEGMENT)
+      segment_entering(info);
+    return GST_PAD_PROBE_OK;
+  }
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
   if (options_.max_frames && entered_ >= options_.max_frames) {
     gst_buffer_unref(buffer);
@@ -291,9 +438,13 @@ GstPadProbeReturn Run::entering(GstPadProbeInfo* info) {
     return GST_PAD_PROBE_HANDLED;
   }
   ++entered_;
-  if (!GST_BUFFER_PTS_IS_VALID(buffer)) {
+  const GstClockTime time =
+      segment_.format == GST_FORMAT_TIME && GST_BUFFER_PTS_IS_VALID(buffer)
+          ? gst_segment_to_stream_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer))
+          : GST_BUFFER_PTS(buffer);
+  if (!GST_CLOCK_TIME_IS_VALID(time) || time != GST_BUFFER_PTS(buffer)) {
     buffer = gst_buffer_make_writable(buffer);
-    GST_BUFFER_PTS(buffer) = next_pts_;
+    GST_BUFFER_PTS(buffer) = GST_CLOCK_TIME_IS_VALID(time) ? time : next_pts_;
     GST_PAD_PROBE_INFO_DATA(info) = buffer;
   }
   const GstClockTime length = GST_BUFFER_DURATION_IS_VALID(buffer) && GST_BUFFER_DURATION(buffer) > 0
@@ -307,7 +458,10 @@ GstPadProbeReturn Run::entering(GstPadProbeInfo* info) {
 /// before the first frame: the orientation of a video comes behind them and turns them.
 void Run::size_known(GstCaps* caps) {
   GstVideoInfo info;
-  if (labelled_ > 0 || !gst_video_info_from_caps(&info, caps))
+  if (!gst_video_info_from_caps(&info, caps))
+    return;
+  video_info_ = info;
+  if (labelled_ > 0)
     return;
   record_.width = info.width;
   record_.height = info.height;
@@ -318,6 +472,12 @@ void Run::size_known(GstCaps* caps) {
         G_TYPE_STRING, info.height >= 720 ? "bt709" : "bt601", nullptr));
     g_object_set(annotated_caps_, "caps", filter.get(), nullptr);
     g_object_set(annotated_box_, "right", -(info.width & 1), "bottom", -(info.height & 1), nullptr);
+  }
+  if (recording_caps_) {
+    const CapsPointer filter(gst_caps_new_simple("video/x-raw", "format", G_TYPE_STRING, "I420", "width",
+                                                 G_TYPE_INT, info.width + (info.width & 1), "height",
+                                                 G_TYPE_INT, info.height + (info.height & 1), nullptr));
+    g_object_set(recording_caps_, "caps", filter.get(), nullptr);
   }
   if (masks_caps_) {
     const CapsPointer filter(gst_caps_new_simple(
@@ -335,19 +495,13 @@ void Run::frame_done(GstBuffer* buffer) {
     const guint flags = gst_terrain_seg_meta_get_flags(meta);
     const gint horizon = gst_terrain_seg_meta_get_horizon_row(meta);
     record_.traversable_sum += permille;
+    still_bottom_.take(video_info_, buffer);
+    gst_terrain_seg_meta_get_window(meta, &window_);
     record_.blocked += (flags & GST_TERRAIN_SEG_FLAG_BLOCKED) != 0;
     record_.horizon_frames += horizon >= 0;
     if (wants(Output::csv)) {
-      char row[256];
-      g_snprintf(
-          row, sizeof row, "%" G_GUINT64_FORMAT ",%" G_GUINT64_FORMAT ",%d,%d,%s,%u,%u.%03u,%u,%d,%d,%u\n",
-          gst_terrain_seg_meta_get_frame(meta), GST_BUFFER_PTS(buffer),
-          gst_terrain_seg_meta_get_frame_width(meta), gst_terrain_seg_meta_get_frame_height(meta),
-          horizon >= 0 ? std::to_string(horizon).c_str() : "",
-          gst_terrain_seg_meta_get_horizon_confidence(meta), permille / 1000, permille % 1000,
-          gst_terrain_seg_meta_get_confidence(meta), (flags & GST_TERRAIN_SEG_FLAG_BLOCKED) != 0,
-          (flags & GST_TERRAIN_SEG_FLAG_LEARNED) != 0, gst_terrain_seg_meta_get_model_generation(meta));
-      file(Output::csv).write(row);
+      make_csv_row(csv_row_, buffer, meta);
+      file(Output::csv).write(csv_row_);
       ++written_[static_cast<int>(Output::csv)];
     }
   } else {
@@ -383,8 +537,13 @@ void Run::handle(GstMessage* message) {
   switch (GST_MESSAGE_TYPE(message)) {
   case GST_MESSAGE_ERROR: {
     std::string& error = decoding ? source_error_ : filter_error_;
-    if (error.empty())
-      error = unwritten_file(message->src) + text_of(message);
+    if (!error.empty())
+      break;
+    const std::string file = is_of_a_resource(message) ? unwritten_file(message->src) : "";
+    error = file + text_of(message);
+    (decoding ? source_cause_ : filter_cause_) = decoding       ? cause_of(message)
+                                                 : file.empty() ? Cause::unsupported
+                                                                : Cause::disk;
     break;
   }
   case GST_MESSAGE_WARNING:
@@ -450,8 +609,11 @@ void Run::play(const std::atomic<int>& interrupted) {
       handle(message.get());
     if (source_error_.empty() && filter_error_.empty())
       filter_error_ = "the pipeline does not start";
+    if (filter_cause_ == Cause::none)
+      filter_cause_ = Cause::resources;
     return;
   }
+  const std::chrono::seconds patience(options_.stall_seconds);
   auto last_move = Clock::now();
   std::uint64_t last_moved = 0;
   bool asked_to_end = false;
@@ -472,14 +634,19 @@ void Run::play(const std::atomic<int>& interrupted) {
     const bool failed = !source_error_.empty() || !source_.problem().empty();
     if (failed && labelled_ == 0 && (!source_.has_video() || now - last_move > grace))
       return;
-    if (!asked_to_end && labelled_ > 0 && (interrupted || (failed && now - last_move > grace))) {
+    const bool over = failed || source_.has_been_read();
+    if (!asked_to_end && labelled_ > 0 && (interrupted || (over && now - last_move > grace))) {
       asked_to_end = true;
       source_.end();
     }
     if (now - last_move > grace && source_.has_given_up())
       return;
     if (now - last_move > patience) {
-      source_error_ = source_error_.empty() ? "nothing came out of the decoder for a minute" : source_error_;
+      if (source_error_.empty()) {
+        source_error_ = "no frame came for " + std::to_string(options_.stall_seconds) +
+                        " s (--stall-timeout): the decoder hangs or its source gives nothing";
+        source_cause_ = input_.kind == Input::Kind::uri ? Cause::missing : Cause::stalled;
+      }
       if (asked_to_end || labelled_ == 0)
         return;
       asked_to_end = true;
@@ -490,96 +657,124 @@ void Run::play(const std::atomic<int>& interrupted) {
   handle_messages(bus.get(), 0); // what was said before the end
 }
 
-std::string Run::cut_off(std::uint64_t length) const {
-  return "the file is cut off: " + std::to_string(record_.identity.bytes) + " of " + std::to_string(length) +
-         " bytes are there";
+std::optional<Fault> Run::cut_off() const {
+  if (input_.kind != Input::Kind::file)
+    return std::nullopt;
+  if (const auto length = missing_length(input_.path))
+    return Fault{Cause::damaged, "the file is cut off: " + std::to_string(record_.identity.bytes) + " of " +
+                                     std::to_string(*length) + " bytes are there"};
+  if (lacks_end_mark(input_.path))
+    return Fault{Cause::damaged, "the file is cut off: its end mark is missing"};
+  return std::nullopt;
 }
 
 /// Why not a single frame came.
-std::string Run::emptiness() const {
+Fault Run::emptiness() const {
   if (!missing_decoder_.empty())
-    return "no decoder for it: " + missing_decoder_ + " is missing; install gstreamer1.0-libav and " +
-           "gstreamer1.0-plugins-bad, or see gst-inspect-1.0";
+    return {Cause::unsupported,
+            "no decoder for it: " + missing_decoder_ +
+                " is missing; install gstreamer1.0-libav and gstreamer1.0-plugins-bad, or see "
+                "gst-inspect-1.0"};
   if (!source_.problem().empty())
-    return source_.problem();
+    return {source_.cause(), source_.problem()};
   if (!source_.has_video() && !source_.other_streams().empty())
-    return "there is no video in it, only " + source_.other_streams();
-  if (input_.kind == Input::Kind::file)
-    if (const auto length = missing_length(input_.path))
-      return cut_off(*length) + (source_error_.empty() ? "" : "; " + source_error_);
+    return {Cause::unsupported, "there is no video in it, only " + source_.other_streams()};
+  if (auto cut = cut_off()) {
+    cut->text += source_error_.empty() ? "" : "; " + source_error_;
+    return *cut;
+  }
   if (!source_error_.empty()) {
     const std::string image = source_.image_after(0);
-    return (image.empty() ? "" : image + ": ") + source_error_;
+    return {source_cause_, (image.empty() ? "" : image + ": ") + source_error_};
   }
-  return "there is no video in it";
+  return {Cause::unsupported, "there is no video in it"};
 }
 
-/// What is wrong with an input of which frames came; empty = nothing.
-std::string Run::damage() const {
+/// What is wrong with an input of which frames came.
+Fault Run::damage() const {
   if (!source_.problem().empty())
-    return source_.problem();
+    return {source_.cause(), source_.problem()};
   if (!source_error_.empty()) {
     const std::string image = source_.image_after(labelled_);
-    return (image.empty() ? "" : image + ": ") + source_error_;
+    return {source_cause_, (image.empty() ? "" : image + ": ") + source_error_};
   }
   if (options_.max_frames && labelled_ >= options_.max_frames)
     return {};
   if (input_.kind == Input::Kind::images && labelled_ < input_.images.size())
-    return source_.image_after(labelled_) + ": no picture came out of it" +
-           (source_warning_.empty() ? "" : ": " + source_warning_);
-  if (input_.kind == Input::Kind::file)
-    if (const auto length = missing_length(input_.path))
-      return cut_off(*length);
+    return {Cause::damaged, source_.image_after(labelled_) + ": no picture came out of it" +
+                                (source_warning_.empty() ? "" : ": " + source_warning_)};
+  if (const auto cut = cut_off())
+    return *cut;
   if (!source_warning_.empty())
-    return source_warning_;
+    return {Cause::damaged, source_warning_};
   if (const std::uint64_t lost = source_.lost(); lost > 0)
-    return std::to_string(lost) + " frames in it could not be decoded";
+    return {Cause::damaged, counted(lost, "frame") + " in it could not be decoded"};
   if (source_.corrupted() > 0)
-    return "the decoder marked " + std::to_string(source_.corrupted()) + " frames as damaged";
+    return {Cause::damaged, "the decoder marked " + counted(source_.corrupted(), "frame") + " as damaged"};
   return {};
 }
 
 /// Every output must hold every frame; if one does not, none is kept.
 std::optional<std::string> Run::miscount() const {
   if (without_metadata_ > 0)
-    return std::to_string(without_metadata_) + " frames came without metadata out of terrainseg";
+    return counted(without_metadata_, "frame") + " came without metadata out of terrainseg";
   for (int i = 0; i < output_count; ++i)
     if (options_.wanted[i] && written_[i] != labelled_)
       return std::string(output_kinds[i].name) + " holds " + std::to_string(written_[i]) + " of " +
-             std::to_string(labelled_) + " frames";
+             counted(labelled_, "frame");
   return std::nullopt;
 }
 
-Outcome Run::keep(const std::string& damage) {
+/// Writes a record under its name. The name stays owned: its temporary file is there again afterwards.
+std::optional<std::string> Run::write_record(const Record& record, const fs::path& path) {
+  summary_.write(record.to_json());
+  if (auto problem = summary_.commit(path))
+    return problem;
+  return summary_.open(naming_.record());
+}
+
+/// Nothing is kept.
+Outcome Run::fail(const Fault& fault) const {
   Outcome outcome;
   outcome.record = record_;
-  outcome.record.problem = damage;
-  const bool partial = !damage.empty();
-  const auto fail = [&outcome](const std::string& problem) {
-    outcome.kind = Outcome::Kind::failed;
-    outcome.record.problem = problem;
-    return outcome;
-  };
-  // From here until the new record is there, nothing may say that these outputs are complete.
-  std::error_code ignored;
-  fs::remove(naming_.record(partial), ignored);
+  outcome.record.problem = fault.text;
+  outcome.record.cause = fault.cause;
+  return outcome;
+}
+
+Outcome Run::keep(const Fault& damage) {
+  Outcome outcome;
+  outcome.record = record_;
+  outcome.record.problem = damage.text;
+  outcome.record.cause = damage.cause;
+  const bool partial = damage.cause != Cause::none;
+  // From here until the new record is there, nothing may say that these outputs are complete; but whose they
+  // are must be said at every moment.
+  const fs::path record = naming_.record(partial);
+  Record announced = record_;
+  announced.problem = "its outputs are being renamed";
+  announced.cause = Cause::interrupted; // if this is what stays
+  if (auto problem = write_record(announced, record))
+    return fail({Cause::disk, *problem});
   for (int i = 0; i < output_count; ++i) {
     if (!options_.wanted[i])
       continue;
     const fs::path path = naming_.output(static_cast<Output>(i), partial);
-    outcome.record.outputs[i] = Record::Written{path.filename().string(), files_[i].size()};
+    outcome.record.outputs[i] =
+        Record::Written{path.lexically_relative(record.parent_path()).string(), files_[i].size()};
+    if (auto problem = folders_.make(path.parent_path(), naming_.record().parent_path()))
+      return fail({Cause::disk, *problem});
     if (auto problem = files_[i].commit(path))
-      return fail(*problem);
+      return fail({Cause::disk, *problem});
   }
-  AtomicFile summary;
-  if (auto problem = summary.open(naming_.record(partial)))
-    return fail(*problem);
-  summary.write(outcome.record.to_json());
-  if (auto problem = summary.commit(naming_.record(partial)))
-    return fail(*problem);
+  if (auto problem = write_record(outcome.record, record))
+    return fail({Cause::disk, *problem});
+  std::error_code ignored;
   if (!partial) { // what an earlier attempt could save is of no use beside the whole
     for (int i = 0; i < output_count; ++i)
       fs::remove(naming_.output(static_cast<Output>(i), true), ignored);
+    fs::remove(naming_.output(Output::bag, true).parent_path(),
+               ignored); // stays where something else is in it
     fs::remove(naming_.record(true), ignored);
   }
   outcome.kind = partial ? Outcome::Kind::partial : Outcome::Kind::complete;
@@ -587,36 +782,46 @@ Outcome Run::keep(const std::string& damage) {
 }
 
 Outcome Run::conclude() {
-  Outcome outcome;
-  outcome.record = record_;
   if (stopped_) {
+    Outcome outcome = fail({Cause::interrupted, "interrupted"});
     outcome.kind = Outcome::Kind::interrupted;
-    outcome.record.problem = "interrupted";
-  } else if (!filter_error_.empty()) {
-    outcome.record.problem = filter_error_;
-  } else if (labelled_ == 0) {
-    outcome.record.problem = emptiness();
-  } else if (auto problem = miscount()) {
-    outcome.record.problem = source_error_.empty() ? *problem : source_error_ + "; " + *problem;
-  } else {
-    outcome = keep(damage());
+    return outcome;
   }
-  return outcome;
+  if (!filter_error_.empty())
+    return fail({filter_cause_, filter_error_});
+  if (labelled_ == 0)
+    return fail(emptiness());
+  if (wants(Output::mcap))
+    write_bag_metadata();
+  if (auto problem = miscount())
+    return fail({source_error_.empty() ? Cause::resources : source_cause_,
+                 source_error_.empty() ? *problem : source_error_ + "; " + *problem});
+  return keep(damage());
+}
+
+/// What only shows when all frames are through.
+void Run::learn_from_the_run() {
+  GstStructure* stats = nullptr;
+  g_object_get(terrainseg_, "stats", &stats, nullptr);
+  double microseconds = 0;
+  if (stats && gst_structure_get_double(stats, "total-median-us", &microseconds))
+    record_.filter_milliseconds = microseconds / 1000;
+  if (stats)
+    gst_structure_free(stats);
+  const int rows = still_bottom_.rows();
+  if (window_.h > 0 && window_.y + window_.h > video_info_.height - rows)
+    record_.still_rows = rows;
 }
 
 Outcome Run::run(const std::atomic<int>& interrupted) {
   record_.input = input_.label;
+  record_.place = input_.place();
   record_.identity = input_.identity();
   record_.settings = describe(options_, input_);
-  Outcome outcome;
-  outcome.record = record_;
-  auto problem = open_files();
-  if (!problem)
-    problem = build();
-  if (problem) {
-    outcome.record.problem = *problem;
-    return outcome;
-  }
+  if (auto problem = open_files())
+    return fail({Cause::disk, *problem});
+  if (auto problem = build())
+    return fail({Cause::resources, *problem});
   if (wants(Output::csv))
     file(Output::csv).write(csv_header);
   const auto begin = Clock::now();
@@ -625,6 +830,7 @@ Outcome Run::run(const std::atomic<int>& interrupted) {
   update_progress();
   record_.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
   record_.frames = labelled_;
+  learn_from_the_run();
   return conclude();
 }
 
@@ -636,6 +842,7 @@ Outcome process(const Input& input, const Naming& naming, const Options& options
     Outcome outcome;
     outcome.record.input = input.label;
     outcome.record.problem = input.problem;
+    outcome.record.cause = input.cause;
     return outcome;
   }
   return Run(input, naming, options, progress).run(interrupted);

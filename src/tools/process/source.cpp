@@ -18,16 +18,40 @@ bool is_video(const GstCaps* caps) {
          g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), "video/");
 }
 
-/// videoflip, which turns a video upright by its tag, does not know 4:2:2 in planes; only cameras that are
-/// not turned make that, and converting it would cost every frame.
+/// videoflip, which turns a video upright by its tag, does not know 8-bit 4:2:2 in planes, and converting it
+/// would cost every frame: where no tag says that the video is turned, it goes without.
 bool can_be_turned(const GstCaps* caps) {
   const char* format = gst_structure_get_string(gst_caps_get_structure(caps, 0), "format");
   return !format || !g_str_equal(format, "Y42B");
 }
 
+/// Whether a tag that came before the first frame says that the camera was turned.
+bool is_turned(GstPad* pad) {
+  bool turned = false;
+  for (guint index = 0;; ++index) {
+    GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_TAG, index);
+    if (!event)
+      return turned;
+    GstTagList* tags = nullptr;
+    gst_event_parse_tag(event, &tags);
+    char* orientation = nullptr;
+    if (gst_tag_list_get_string(tags, GST_TAG_IMAGE_ORIENTATION, &orientation))
+      turned = take(orientation) != "rotate-0";
+    gst_event_unref(event);
+  }
+}
+
+/// Every decoder has its own name for it: libav's, dav1d's, libvpx's.
+void bound_threads(GstElement* decoder, int threads) {
+  for (const char* name : {"max-threads", "n-threads", "threads"})
+    if (const GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(decoder), name);
+        spec && (spec->value_type == G_TYPE_INT || spec->value_type == G_TYPE_UINT))
+      gst_util_set_object_arg(G_OBJECT(decoder), name, std::to_string(threads).c_str());
+}
+
 } // namespace
 
-Source::Source(const Input& input, const Options& options) : input_(input) {
+Source::Source(const Input& input, const Options& options) : input_(input), threads_(options.threads) {
   bin_ = gst_bin_new("source");
   tail_ = gst_element_factory_make("queue", nullptr);
   g_object_set(tail_, "max-size-buffers", 4, "max-size-bytes", 0, "max-size-time", guint64{0}, nullptr);
@@ -77,7 +101,7 @@ void Source::feed() {
   gsize size = 0;
   GError* error = nullptr;
   if (!g_file_get_contents(path.c_str(), &data, &size, &error)) {
-    set_problem(path.string() + ": " + error->message);
+    set_problem(path.string() + ": " + error->message, Cause::missing);
     g_error_free(error);
     gst_app_src_end_of_stream(feeder);
     return;
@@ -90,7 +114,8 @@ void Source::feed() {
   if (!g_str_has_prefix(type.c_str(), "image/")) {
     gst_buffer_unref(buffer);
     set_problem(path.string() + (size ? ": this is no image" : ": the file is empty") +
-                (type.empty() ? "" : " but " + type));
+                    (type.empty() ? "" : " but " + type),
+                Cause::damaged);
     gst_app_src_end_of_stream(feeder);
     return;
   }
@@ -101,7 +126,8 @@ void Source::feed() {
     gst_app_src_set_caps(feeder, full.get());
   } else if (type != image_type_) {
     gst_buffer_unref(buffer);
-    set_problem(path.string() + ": the sequence began as " + image_type_ + " but this is " + type);
+    set_problem(path.string() + ": the sequence began as " + image_type_ + " but this is " + type,
+                Cause::damaged);
     gst_app_src_end_of_stream(feeder);
     return;
   }
@@ -146,7 +172,7 @@ bool Source::link_video(GstPad* pad) {
   bool ok = gst_element_link(convert, deinterlace);
   GstElement* last = deinterlace;
   const CapsPointer caps(gst_pad_query_caps(pad, nullptr));
-  if (can_be_turned(caps.get())) {
+  if (can_be_turned(caps.get()) || is_turned(pad)) {
     GstElement* flip = gst_element_factory_make("videoflip", nullptr);
     gst_util_set_object_arg(G_OBJECT(flip), "video-direction", "auto");
     gst_bin_add(GST_BIN(bin_), flip);
@@ -162,7 +188,7 @@ bool Source::link_video(GstPad* pad) {
   const GstPadLinkReturn linked = gst_pad_link(pad, sink.get());
   if (ok && linked == GST_PAD_LINK_OK)
     return true;
-  set_problem("its video cannot be used: " + take(gst_caps_to_string(caps.get())));
+  set_problem("its video cannot be used: " + take(gst_caps_to_string(caps.get())), Cause::unsupported);
   return false;
 }
 
@@ -171,10 +197,23 @@ void Source::end() {
   gst_pad_send_event(sink.get(), gst_event_new_eos());
 }
 
-void Source::set_problem(const std::string& problem) {
+void Source::set_problem(const std::string& problem, Cause cause) {
   const std::lock_guard lock(mutex_);
-  if (problem_.empty())
-    problem_ = problem;
+  if (!problem_.empty())
+    return;
+  problem_ = problem;
+  cause_ = cause;
+}
+
+bool Source::has_been_read() const {
+  std::error_code error;
+  return input_.kind == Input::Kind::file && pulled_ > 0 &&
+         pulled_ >= std::filesystem::file_size(input_.path, error);
+}
+
+Cause Source::cause() const {
+  const std::lock_guard lock(mutex_);
+  return cause_;
 }
 
 bool Source::has_given_up() const {
@@ -216,7 +255,8 @@ void Source::on_no_more_pads(GstElement*, gpointer self) {
   Source* source = static_cast<Source*>(self);
   const std::string others = source->other_streams();
   if (!source->linked_)
-    source->set_problem("there is no video in it" + (others.empty() ? "" : ", only " + others));
+    source->set_problem("there is no video in it" + (others.empty() ? "" : ", only " + others),
+                        Cause::unsupported);
 }
 
 /// Sound and subtitles are neither decoded nor asked decoders for.
@@ -235,12 +275,30 @@ void Source::on_need_data(GstElement*, guint, gpointer self) {
 
 void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self) {
   GstElementFactory* factory = gst_element_get_factory(element);
+  if (factory && g_str_has_prefix(gst_plugin_feature_get_name(GST_PLUGIN_FEATURE(factory)), "avdemux_")) {
+    const PadPointer sink(gst_element_get_static_pad(element, "sink"));
+    gst_pad_add_probe(sink.get(),
+                      static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BUFFER),
+                      on_pulled, self, nullptr);
+  }
   if (!factory || !gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_DECODER |
                                                                  GST_ELEMENT_FACTORY_TYPE_MEDIA_VIDEO))
     return;
+  bound_threads(element, static_cast<Source*>(self)->threads_);
   const PadPointer sink(gst_element_get_static_pad(element, "sink"));
   if (sink)
     gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, self, nullptr);
+}
+
+GstPadProbeReturn Source::on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self) {
+  Source* source = static_cast<Source*>(self);
+  const GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
+  if (buffer && GST_BUFFER_OFFSET_IS_VALID(buffer)) {
+    const std::uint64_t end =
+        GST_BUFFER_OFFSET(buffer) + gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info));
+    source->pulled_ = std::max(source->pulled_.load(), end);
+  }
+  return GST_PAD_PROBE_OK;
 }
 
 GstPadProbeReturn Source::on_encoded(GstPad* pad, GstPadProbeInfo* info, gpointer self) {

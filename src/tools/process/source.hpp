@@ -30,10 +30,14 @@ class Source {
   /// True when nothing works on the input any more although no video came: some demuxers give up a cut file
   /// without a word.
   bool has_given_up() const;
+  /// True when the whole file has been read by a demuxer that does not end the stream then: libav's in
+  /// GStreamer 1.22 ask for more of it without end (GIF).
+  bool has_been_read() const;
   /// What it holds instead of video, for a message; empty when nothing is known.
   std::string other_streams() const;
   /// Why feeding or linking failed; empty when it did not.
   std::string problem() const;
+  Cause cause() const; ///< of the problem
   /// Frames that the decoder itself marked as damaged.
   std::uint64_t corrupted() const { return corrupted_; }
   /// Frames that went into the decoder behind the first that came out, and never came out themselves. 0 where
@@ -50,16 +54,18 @@ class Source {
   void feed();
   void pad_added(GstPad* pad);
   bool link_video(GstPad* pad);
-  void set_problem(const std::string& problem);
+  void set_problem(const std::string& problem, Cause cause);
   static void on_pad_added(GstElement*, GstPad* pad, gpointer self);
   static void on_no_more_pads(GstElement*, gpointer self);
   static gboolean on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer);
   static void on_need_data(GstElement*, guint, gpointer self);
   static void on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self);
+  static GstPadProbeReturn on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_encoded(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_decoded(GstPad*, GstPadProbeInfo* info, gpointer self);
 
   const Input& input_;
+  const int threads_; ///< of the decoder
   GstElement* bin_ = nullptr;
   GstElement* tail_ = nullptr;   ///< the queue that ends the bin
   GstElement* feeder_ = nullptr; ///< the appsrc of an image sequence
@@ -71,8 +77,10 @@ class Source {
   bool countable_ = true; ///< one frame out per frame in; streaming threads
   /// Times of the frames that went into the decoder and came out; a streaming thread each.
   std::vector<GstClockTime> encoded_, decoded_;
-  mutable std::mutex mutex_; ///< guards the two below
+  std::atomic<std::uint64_t> pulled_{0}; ///< end of what a libav demuxer has read
+  mutable std::mutex mutex_;             ///< guards the three below
   std::string problem_;
+  Cause cause_ = Cause::none;
   std::string other_streams_;
 };
 

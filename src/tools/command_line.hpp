@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What the tools read their command lines with, on top of GLib's options.
+#pragma once
+
+#include <glib.h>
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace terrainseg::tools {
+
+/// A command line that makes no sense.
+class UsageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+struct FreeContext {
+  void operator()(GOptionContext* context) const { g_option_context_free(context); }
+};
+using Context = std::unique_ptr<GOptionContext, FreeContext>;
+
+/// A list that GLib writes into; owns its strings.
+struct Words {
+  Words() = default;
+  ~Words() { g_strfreev(list); }
+  Words(const Words&) = delete;
+  Words& operator=(const Words&) = delete;
+  std::vector<std::string> all() const {
+    std::vector<std::string> out;
+    for (char** word = list; word && *word; ++word)
+      out.emplace_back(*word);
+    return out;
+  }
+  char** list = nullptr;
+};
+
+/// A word that GLib writes into; owns its string.
+struct Word {
+  Word() = default;
+  ~Word() { g_free(text); }
+  Word(const Word&) = delete;
+  Word& operator=(const Word&) = delete;
+  std::string value(const std::string& otherwise = "") const { return text ? text : otherwise; }
+  char* text = nullptr;
+};
+
+/// Reads words; throws UsageError.
+inline void parse(GOptionContext* context, const std::vector<std::string>& words, const char* name) {
+  GStrvBuilder* builder = g_strv_builder_new();
+  g_strv_builder_add(builder, name);
+  for (const std::string& word : words)
+    g_strv_builder_add(builder, word.c_str());
+  char** strv = g_strv_builder_end(builder);
+  g_strv_builder_unref(builder);
+  GError* error = nullptr;
+  g_option_context_parse_strv(context, &strv, &error);
+  g_strfreev(strv);
+  if (error) {
+    const std::string text = error->message;
+    g_error_free(error);
+    throw UsageError(text);
+  }
+}
+
+inline std::string help_of(GOptionContext* context) {
+  char* text = g_option_context_get_help(context, TRUE, nullptr);
+  std::string help = text;
+  g_free(text);
+  return help;
+}
+
+} // namespace terrainseg::tools

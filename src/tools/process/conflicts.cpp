@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "tools/process/conflicts.hpp"
+
+#include <glib.h>
+#include <sys/stat.h>
+
+#include <map>
+#include <utility>
+
+#include "tools/process/handles.hpp"
+#include "tools/process/manifest.hpp"
+
+namespace terrainseg::process {
+namespace {
+
+namespace fs = std::filesystem;
+
+using FileNumber = std::pair<dev_t, ino_t>;
+
+/// The file behind a path, links followed; nothing where there is none.
+std::optional<FileNumber> number_of(const fs::path& path) {
+  struct stat status;
+  if (stat(path.c_str(), &status) != 0)
+    return std::nullopt;
+  return FileNumber{status.st_dev, status.st_ino};
+}
+
+bool is_there(const fs::path& path) {
+  struct stat status;
+  return lstat(path.c_str(), &status) == 0;
+}
+
+/// The same for names that a file system which does not tell cases or Unicode forms apart would mix up.
+std::string folded(const fs::path& path) {
+  std::error_code error;
+  const std::string whole = (fs::weakly_canonical(path.parent_path(), error) / path.filename()).string();
+  if (!g_utf8_validate(whole.c_str(), static_cast<gssize>(whole.size()), nullptr))
+    // NOLINTNEXTLINE(performance-no-automatic-move)
+    return whole;
+  const CharPointer normal(g_utf8_normalize(whole.c_str(), -1, G_NORMALIZE_ALL));
+  return take(g_utf8_casefold(normal.get(), -1));
+}
+
+/// Every name that an input's outputs may get, while they are written and after.
+std::vector<fs::path> written_paths(const Naming& naming, const Options& options) {
+  std::vector<fs::path> paths = {naming.record(), naming.record(true)};
+  for (int i = 0; i < output_count; ++i)
+    for (const bool partial : {false, true})
+      if (options.wanted[i])
+        paths.push_back(naming.output(static_cast<Output>(i), partial));
+  for (std::size_t i = 0, count = paths.size(); i < count; ++i)
+    paths.push_back(part_of(paths[i]));
+  return paths;
+}
+
+/// What is in the way of a manifest.
+template <typename Files, typename Claimed>
+std::optional<std::string> manifest_clash(const fs::path& manifest, const Files& files,
+                                          const Claimed& claimed) {
+  for (const fs::path& path : {manifest, part_of(manifest)}) {
+    const std::string key = folded(path);
+    if (const std::string* victim = files.at(path, key))
+      return "the manifest " + path.string() + " would replace the input " + *victim;
+    if (const auto found = claimed.find(key); found != claimed.end())
+      return "the manifest " + path.string() + " would be written as an output of " + found->second->label;
+  }
+  if (is_there(manifest) && !is_manifest(manifest))
+    return "the manifest " + manifest.string() + " would replace a file that is none; choose another name";
+  return std::nullopt;
+}
+
+/// The inputs of a batch by what they are on the disk.
+class InputFiles {
+ public:
+  explicit InputFiles(const std::vector<Input>& inputs) {
+    for (const Input& input : inputs) {
+      if (input.kind == Input::Kind::file)
+        add(input.path, input.label);
+      for (const fs::path& image : input.images)
+        add(image, image.string());
+    }
+  }
+  /// The input that writing to `path` would destroy.
+  const std::string* at(const fs::path& path, const std::string& key) const {
+    if (const auto number = number_of(path))
+      if (const auto found = numbers_.find(*number); found != numbers_.end())
+        return &found->second;
+    const auto found = names_.find(key);
+    return found != names_.end() ? &found->second : nullptr;
+  }
+
+ private:
+  void add(const fs::path& path, const std::string& label) {
+    if (const auto number = number_of(path))
+      numbers_.emplace(*number, label);
+    names_.emplace(folded(path), label);
+  }
+  std::map<FileNumber, std::string> numbers_;
+  std::map<std::string, std::string> names_;
+};
+
+/// What is wrong with the outputs of one input beside the other inputs' ones.
+std::optional<std::string> clash_of(const Input& input, const Naming& naming, const Options& options,
+                                    const InputFiles& files, std::map<std::string, const Input*>& claimed) {
+  for (const fs::path& path : written_paths(naming, options)) {
+    const std::string key = folded(path);
+    if (const std::string* victim = files.at(path, key))
+      return "the output " + path.string() + " of " + input.label + " would replace the input " + *victim +
+             "; choose another --output-dir";
+    if (const auto [other, fresh] = claimed.emplace(key, &input); !fresh && other->second != &input)
+      return input.label + " and " + other->second->label + " would both be written as " + path.string() +
+             "; tell them apart with --names hash or --names path";
+  }
+  return std::nullopt;
+}
+
+} // namespace
+
+Naming naming_of(const Options& options, const Input& input) {
+  return Naming(options.output_dir, options.name.value_or(input.stem));
+}
+
+std::vector<std::string> find_conflicts(const std::vector<Input>& inputs, const Options& options) {
+  const InputFiles files(inputs);
+  std::map<std::string, const Input*> claimed;
+  std::vector<std::string> conflicts;
+  for (const Input& input : inputs) {
+    if (!input.problem.empty()) // nothing will be written
+      continue;
+    const Naming naming = naming_of(options, input);
+    auto conflict = clash_of(input, naming, options, files, claimed);
+    if (!conflict)
+      conflict = foreign_files(naming, input, options);
+    if (conflict)
+      conflicts.push_back(*conflict);
+  }
+  if (!options.manifest.empty())
+    if (auto conflict = manifest_clash(options.manifest, files, claimed))
+      conflicts.push_back(*conflict);
+  return conflicts;
+}
+
+std::optional<std::string> foreign_files(const Naming& naming, const Input& input, const Options& options) {
+  std::optional<Identity> identity; // reading it costs: only where there is something to compare
+  for (const bool partial : {false, true}) {
+    std::optional<fs::path> there;
+    for (int i = 0; i < output_count && !there; ++i)
+      if (const fs::path path = naming.output(static_cast<Output>(i), partial);
+          options.wanted[i] && is_there(path))
+        there = path;
+    const fs::path record = naming.record(partial);
+    if (is_there(record))
+      there = record;
+    if (!there)
+      continue;
+    const auto origin = read_origin(record);
+    const std::string remedy = "; move it away or choose another --output-dir";
+    if (!origin)
+      return there->string() + " is there already, and no record says that it was made from " + input.label +
+             remedy;
+    if (origin->place == input.place())
+      continue;
+    if (!identity)
+      identity = input.identity();
+    if (identity->fingerprint.empty() || !(origin->identity == *identity))
+      return there->string() + " was made from " + origin->place + ", not from " + input.label + remedy;
+  }
+  return std::nullopt;
+}
+
+} // namespace terrainseg::process

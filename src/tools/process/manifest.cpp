@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "tools/process/manifest.hpp"
+
+#include <glib.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iostream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "tools/process/conflicts.hpp"
+#include "tools/process/handles.hpp"
+
+namespace terrainseg::process {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+constexpr int format_version = 1;
+
+std::string as_line(const ordered_json& json) {
+  return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+/// In hexadecimal; empty when the file cannot be read.
+std::string sha256_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file)
+    return {};
+  const std::unique_ptr<GChecksum, Releaser<g_checksum_free>> sum(g_checksum_new(G_CHECKSUM_SHA256));
+  std::array<char, 64 * 1024> buffer;
+  while (file.read(buffer.data(), buffer.size()) || file.gcount() > 0)
+    g_checksum_update(sum.get(), reinterpret_cast<const guchar*>(buffer.data()), file.gcount());
+  return file.bad() ? "" : g_checksum_get_string(sum.get());
+}
+
+/// What a manifest says of one input, and of the run around it.
+// NOLINTNEXTLINE(bugprone-exception-escape)
+struct Line {
+  nlohmann::json json;
+  fs::path folder;
+};
+
+class Checker {
+ public:
+  explicit Checker(const Options& options) : options_(options) {}
+
+  void read(std::istream& stream) {
+    std::string text;
+    for (int number = 1; std::getline(stream, text); ++number)
+      if (!text.empty())
+        take(text, number);
+  }
+  bool read_any() const { return runs_ > 0; }
+  Check finish(const std::vector<Input>& inputs);
+
+ private:
+  void take(const std::string& text, int number);
+  void check(const std::string& input, const Line& line);
+  void check_shards();
+
+  const Options& options_;
+  Check check_;
+  fs::path folder_;
+  int runs_ = 0;
+  std::map<std::string, Line> lines_; ///< by input; a later line of the same input replaces an earlier one
+  struct Promise {
+    std::size_t inputs = 0;
+    std::set<std::string> seen;
+  };
+  std::map<std::pair<int, int>, Promise> shards_; ///< by count and index
+  Promise* promise_ = nullptr;
+};
+
+void Checker::take(const std::string& text, int number) {
+  const auto json = nlohmann::json::parse(text, nullptr, false);
+  try {
+    if (json.contains("manifest")) {
+      ++runs_;
+      folder_ = options_.output_dir_given ? options_.output_dir
+                                          : fs::path(json.at("output_dir").get<std::string>());
+      promise_ = &shards_[{json.at("shards").get<int>(), json.at("shard").get<int>()}];
+      promise_->inputs = json.at("inputs");
+      return;
+    }
+    const std::string input = json.at("input");
+    json.at("status").get<std::string>();
+    lines_[input] = {json, folder_};
+    if (promise_)
+      promise_->seen.insert(input);
+  } catch (const nlohmann::json::exception&) {
+    check_.again.push_back("line " + std::to_string(number) + " of the manifest cannot be read");
+  }
+}
+
+void Checker::check(const std::string& input, const Line& line) {
+  const auto& json = line.json;
+  const std::string status = json.at("status");
+  if (status != "complete" && status != "skipped") {
+    const std::string problem = input + ": " + status + ": " + json.value("problem", "no cause is given");
+    (json.value("try_again", true) ? check_.again : check_.damaged).push_back(problem);
+    return;
+  }
+  bool whole = true;
+  for (const auto& [kind, output] : json.at("outputs").items()) {
+    const fs::path path = line.folder / output.at("file").get<std::string>();
+    std::error_code error;
+    const std::uint64_t expected = output.at("bytes"), bytes = fs::file_size(path, error);
+    std::string problem;
+    if (error)
+      problem = " is missing";
+    else if (bytes != expected)
+      problem = " has " + std::to_string(bytes) + " bytes instead of " + std::to_string(expected);
+    else if (sha256_of(path) != output.at("sha256").get<std::string>())
+      problem = " is not the file that was written: its SHA-256 differs";
+    if (problem.empty())
+      continue;
+    // NOLINTNEXTLINE(performance-inefficient-string-concatenation)
+    check_.again.push_back(input + ": " + path.string() + problem);
+    whole = false;
+  }
+  check_.whole += whole;
+}
+
+/// Every shard of a set must be there, with as many inputs as it began with.
+void Checker::check_shards() {
+  for (const auto& [key, promise] : shards_) {
+    const auto [count, index] = key;
+    if (promise.seen.size() < promise.inputs)
+      check_.again.push_back("shard " + std::to_string(index) + "/" + std::to_string(count) + ": only " +
+                             std::to_string(promise.seen.size()) + " of its " +
+                             std::to_string(promise.inputs) + " inputs have a line");
+  }
+  std::set<int> counts;
+  for (const auto& [key, promise] : shards_)
+    counts.insert(key.first);
+  for (const int count : counts)
+    for (int index = 1; index <= count; ++index)
+      if (!shards_.count({count, index}))
+        check_.again.push_back("shard " + std::to_string(index) + "/" + std::to_string(count) +
+                               " has no manifest");
+}
+
+Check Checker::finish(const std::vector<Input>& inputs) {
+  for (const auto& [input, line] : lines_) {
+    try {
+      check(input, line);
+    } catch (const nlohmann::json::exception&) {
+      check_.again.push_back(input + ": its line in the manifest cannot be read");
+    }
+  }
+  check_shards();
+  for (const Input& input : inputs)
+    if (!lines_.count(input.label))
+      check_.again.push_back(input.label + ": has no line in the manifest");
+  return std::move(check_);
+}
+
+} // namespace
+
+std::optional<std::string> Manifest::open(const Options& options, std::size_t inputs) {
+  if (auto problem = file_.open(options.manifest))
+    return problem;
+  std::error_code error;
+  ordered_json json;
+  json["manifest"] = format_version;
+  json["tool"] = "terrainseg-process";
+  json["version"] = TERRAINSEG_VERSION;
+  json["output_dir"] = fs::weakly_canonical(options.output_dir, error).string();
+  json["shard"] = options.shard.index;
+  json["shards"] = options.shard.count;
+  json["inputs"] = inputs;
+  write(as_line(json));
+  return std::nullopt;
+}
+
+std::string Manifest::line(const Options& options, const Input& input, const Record& record, bool skipped,
+                           bool kept) {
+  const bool whole = skipped || (kept && record.cause == Cause::none);
+  const Naming naming = naming_of(options, input);
+  ordered_json json;
+  json["input"] = input.label;
+  json["status"] = skipped                              ? "skipped"
+                   : whole                              ? "complete"
+                   : kept                               ? "partial"
+                   : record.cause == Cause::interrupted ? "interrupted"
+                                                        : "failed";
+  json["cause"] = whole ? ordered_json() : ordered_json(name_of(record.cause));
+  if (!whole)
+    json["problem"] = record.problem;
+  json["try_again"] = !whole && may_pass_later(record.cause);
+  const Identity identity = skipped ? input.identity() : record.identity;
+  json["bytes"] = identity.bytes;
+  json["fingerprint"] = identity.fingerprint;
+  ordered_json outputs = ordered_json::object();
+  for (int i = 0; i < output_count && (skipped || kept); ++i) {
+    if (!options.wanted[i])
+      continue;
+    const fs::path path = naming.output(static_cast<Output>(i), !whole);
+    std::error_code error;
+    outputs[output_kinds[i].name] = {{"file", path.lexically_relative(options.output_dir).string()},
+                                     {"bytes", fs::file_size(path, error)},
+                                     {"sha256", sha256_of(path)}};
+  }
+  json["outputs"] = outputs;
+  return as_line(json);
+}
+
+void Manifest::write(const std::string& line) {
+  if (!is_open())
+    return;
+  file_.write(line);
+  file_.flush();
+}
+
+std::optional<std::string> Manifest::close() {
+  return is_open() ? file_.commit(file_.final_path()) : std::nullopt;
+}
+
+bool is_manifest(const fs::path& path) {
+  std::error_code error;
+  std::ifstream file(path);
+  std::string text;
+  if (!fs::is_regular_file(path, error) || !std::getline(file, text))
+    return false;
+  const auto json = nlohmann::json::parse(text, nullptr, false);
+  return json.is_object() && json.contains("manifest");
+}
+
+std::variant<Check, std::string> check_manifest(const Options& options, const std::vector<Input>& inputs) {
+  Checker checker(options);
+  if (options.check == "-") {
+    checker.read(std::cin);
+  } else {
+    std::ifstream file(options.check);
+    if (!file)
+      return "--check: cannot read " + options.check + ": " + std::strerror(errno);
+    checker.read(file);
+  }
+  if (!checker.read_any())
+    return "--check: " + options.check + " is no manifest of this tool";
+  return checker.finish(inputs);
+}
+
+} // namespace terrainseg::process
