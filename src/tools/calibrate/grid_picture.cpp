@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "tools/calibrate/grid_picture.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <opencv2/imgproc.hpp>
+#include <string>
+#include <vector>
+
+namespace terrainseg::calibrate {
+namespace {
+
+using metric::Camera, metric::GroundPoint, metric::GroundProjection, metric::ImagePoint, metric::Mount;
+
+const cv::Scalar across_color(0, 220, 255), ahead_color(255, 200, 0), horizon_color(255, 80, 255),
+    point_color(60, 60, 255), dark(0, 0, 0);
+constexpr double metres_ahead[] = {0.5, 1, 1.5, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50, 100};
+constexpr int widest = 10; ///< metres to either side
+constexpr int shift = 4;   ///< OpenCV's fixed point: sixteenths of a pixel
+
+cv::Point fixed(const cv::Point2d& p) {
+  return {static_cast<int>(std::lround(p.x * (1 << shift))),
+          static_cast<int>(std::lround(p.y * (1 << shift)))};
+}
+
+class Pen {
+ public:
+  explicit Pen(cv::Mat& picture)
+      : picture_(picture), thin_(std::max(1, picture.rows / 540)),
+        font_(std::max(0.4, picture.rows / 900.0)) {}
+
+  /// A line through those points that are seen and lie in or near the picture.
+  void curve(const std::vector<std::optional<cv::Point2d>>& points, const cv::Scalar& color) {
+    for (const int thickness : {thin_ + 2, thin_})
+      for (std::size_t i = 1; i < points.size(); ++i)
+        if (near(points[i - 1]) && near(points[i]))
+          cv::line(picture_, fixed(*points[i - 1]), fixed(*points[i]), thickness == thin_ ? color : dark,
+                   thickness, cv::LINE_AA, shift);
+  }
+  void text(const std::string& words, cv::Point2d at, const cv::Scalar& color) {
+    const cv::Size size = cv::getTextSize(words, cv::FONT_HERSHEY_SIMPLEX, font_, thin_, nullptr);
+    const cv::Point place(
+        std::clamp(static_cast<int>(at.x), 2, std::max(picture_.cols - size.width - 2, 2)),
+        std::clamp(static_cast<int>(at.y), size.height + 2, std::max(picture_.rows - 4, 2)));
+    for (const int thickness : {thin_ + 3, thin_})
+      cv::putText(picture_, words, place, cv::FONT_HERSHEY_SIMPLEX, font_, thickness == thin_ ? color : dark,
+                  thickness, cv::LINE_AA);
+  }
+  void cross(const cv::Point2d& at, const cv::Scalar& color) {
+    for (const int thickness : {thin_ + 3, thin_ + 1})
+      cv::drawMarker(picture_, at, thickness == thin_ + 1 ? color : dark, cv::MARKER_CROSS,
+                     std::max(picture_.rows / 30, 9), thickness, cv::LINE_AA);
+  }
+  double line_height() const { return 30 * font_; }
+
+ private:
+  bool near(const std::optional<cv::Point2d>& p) const {
+    return p && p->x > -picture_.cols && p->x < 2 * picture_.cols && p->y > -picture_.rows &&
+           p->y < 2 * picture_.rows;
+  }
+  cv::Mat& picture_;
+  int thin_;
+  double font_;
+};
+
+/// The pixel of a direction in the body's frame.
+std::optional<cv::Point2d> pixel_of_direction(const Camera& camera, const Mount& mount,
+                                              const double (&b)[3]) {
+  const GroundProjection turn(mount);
+  // Columns of the rotation, from what it makes of the camera's axes; its inverse is its transpose.
+  double in_camera[3]{};
+  for (int axis = 0; axis < 3; ++axis) {
+    const double forward = turn.along(axis, {0, 0});
+    in_camera[0] += forward * b[axis];
+    in_camera[1] += (turn.along(axis, {-1, 0}) - forward) * b[axis];
+    in_camera[2] += (turn.along(axis, {0, -1}) - forward) * b[axis];
+  }
+  if (in_camera[0] <= 1e-6)
+    return std::nullopt;
+  const ImagePoint ray{-in_camera[1] / in_camera[0], -in_camera[2] / in_camera[0]};
+  const ImagePoint pixel = metric::distort(camera, ray);
+  // Beyond its edge a lens model folds back: such a pixel shows another ray.
+  const auto shown = metric::undistort(camera, pixel.x, pixel.y);
+  if (!shown || std::hypot(shown->x - ray.x, shown->y - ray.y) > 1e-3 * (1 + std::hypot(ray.x, ray.y)))
+    return std::nullopt;
+  return cv::Point2d(pixel.x, pixel.y);
+}
+
+std::string metres(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g m", value);
+  return text;
+}
+
+void draw_lines_ahead(Pen& pen, const Camera& camera, const Mount& mount) {
+  for (int left = -widest; left <= widest; ++left) {
+    std::vector<std::optional<cv::Point2d>> points;
+    // NOLINTNEXTLINE(clang-analyzer-security.FloatLoopCounter)
+    for (double ahead = mount.height / 4; ahead < 30; ahead *= 1.03)
+      points.push_back(pixel_of(camera, mount, {ahead, static_cast<double>(left)}));
+    pen.curve(points, ahead_color);
+  }
+}
+
+void draw_lines_across(Pen& pen, const Camera& camera, const Mount& mount) {
+  double last_row = 1e9;
+  for (const double ahead : metres_ahead) {
+    const auto middle = pixel_of(camera, mount, {ahead, 0});
+    // No line below the picture, and none that would touch the one before it.
+    if (!middle || middle->y > camera.height || last_row - middle->y < pen.line_height())
+      continue;
+    last_row = middle->y;
+    std::vector<std::optional<cv::Point2d>> points;
+    for (int i = -200; i <= 200; ++i)
+      points.push_back(pixel_of(camera, mount, {ahead, widest * i / 200.0}));
+    pen.curve(points, across_color);
+    pen.text(metres(ahead), *middle + cv::Point2d(6, -4), across_color);
+  }
+}
+
+void draw_horizon(Pen& pen, const Camera& camera, const Mount& mount) {
+  std::vector<std::optional<cv::Point2d>> points;
+  // NOLINTNEXTLINE(clang-analyzer-security.FloatLoopCounter)
+  for (double bearing = -1.4; bearing <= 1.4; bearing += 0.02)
+    points.push_back(
+        pixel_of_direction(camera, mount, {std::cos(bearing + mount.yaw), std::sin(bearing + mount.yaw), 0}));
+  pen.curve(points, horizon_color);
+  // At the left edge, where no metres are written.
+  for (const auto& point : points)
+    if (point && point->x < camera.width / 4.0 && point->x > -camera.width) {
+      pen.text("horizon", *point + cv::Point2d(6, -6), horizon_color);
+      break;
+    }
+}
+
+void draw_point(Pen& pen, const Camera& camera, const Mount& mount, const MeasuredPoint& point) {
+  const auto ray = metric::undistort(camera, point.u, point.v);
+  const GroundProjection ground(mount);
+  if (ray) {
+    const double bearing = std::atan2(ground.along(1, *ray), ground.along(0, *ray));
+    const auto should = pixel_of(
+        camera, mount,
+        {mount.x + point.distance * std::cos(bearing), mount.y + point.distance * std::sin(bearing)});
+    pen.curve({cv::Point2d(point.u, point.v), should}, point_color);
+  }
+  pen.cross({point.u, point.v}, point_color);
+  pen.text(metres(point.distance), {point.u + 10, point.v + 16}, point_color);
+}
+
+} // namespace
+
+std::optional<cv::Point2d> pixel_of(const Camera& camera, const Mount& mount, const GroundPoint& point) {
+  return pixel_of_direction(camera, mount, {point.x - mount.x, point.y - mount.y, -mount.height});
+}
+
+void draw_grid(cv::Mat& picture, const Camera& camera, const Mount& mount,
+               std::span<const MeasuredPoint> points) {
+  Pen pen(picture);
+  draw_lines_ahead(pen, camera, mount);
+  draw_lines_across(pen, camera, mount);
+  draw_horizon(pen, camera, mount);
+  for (const MeasuredPoint& point : points)
+    draw_point(pen, camera, mount, point);
+}
+
+} // namespace terrainseg::calibrate

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// terrainseg-calibrate: a camera's lens and mount, and whether they are right.
+#include <algorithm>
+#include <clocale>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <iostream>
+#include <numbers>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <vector>
+
+#include "exchange/counted.hpp"
+#include "metric/camera_info.hpp"
+#include "tools/calibrate/files.hpp"
+#include "tools/calibrate/grid_picture.hpp"
+#include "tools/calibrate/horizon_check.hpp"
+#include "tools/calibrate/options.hpp"
+#include "tools/command_line.hpp"
+
+namespace {
+
+using namespace terrainseg;
+using namespace terrainseg::calibrate;
+using Words = std::vector<std::string>;
+
+constexpr int exit_usage = 2;
+constexpr double most_degrees = 1; ///< by which horizons may differ
+
+double degrees(double radians) {
+  return radians * 180 / std::numbers::pi;
+}
+
+cv::Mat read_picture(const std::string& path) {
+  cv::Mat picture = cv::imread(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  if (picture.empty())
+    throw std::runtime_error(path + ": no picture that can be decoded; take one from a video with ffmpeg -i "
+                                    "VIDEO -frames:v 1 frame.png");
+  return picture;
+}
+
+void write_picture(const std::string& path, const cv::Mat& picture) {
+  std::vector<std::uint8_t> bytes;
+  const std::size_t dot = path.rfind('.');
+  try {
+    if (dot == path.npos || !cv::imencode(path.substr(dot), picture, bytes))
+      bytes.clear();
+  } catch (const cv::Exception&) {
+    bytes.clear();
+  }
+  if (bytes.empty())
+    throw std::runtime_error(path + ": cannot be encoded; name it .png or .jpg");
+  write_file(path, {bytes.begin(), bytes.end()});
+  std::printf("%s: metres over the frame; look whether its lines lie where the metres are\n", path.c_str());
+}
+
+int run_camera(const Words& words) {
+  const CameraOptions o = parse_camera(words);
+  const Calibration c = calibrate_from_folder(o.folder, o.board, o.fisheye);
+  for (const View& view : c.views)
+    std::printf("%s: %.3f px\n", view.name.c_str(), view.error);
+  for (const std::string& name : c.without_board)
+    std::printf("%s: no whole board found\n", name.c_str());
+  std::printf("%s, residual %.3f px, corners cover %.0f %% of the picture\n",
+              counted(c.views.size(), "view").c_str(), c.error, 100 * c.coverage);
+  std::printf("fx %.2f, fy %.2f, cx %.2f, cy %.2f for pictures of %dx%d\n", c.camera.fx, c.camera.fy,
+              c.camera.cx, c.camera.cy, c.camera.width, c.camera.height);
+  if (c.error > 1)
+    std::printf(
+        "warning: more than 1 px: remove the views with the largest residuals (blurred, board bent)\n");
+  if (c.coverage < 0.6)
+    std::printf("warning: little of the picture is covered: add views with the board near its corners\n");
+  write_file(o.out, metric::camera_info_file(c.camera, "camera"));
+  std::printf("%s: written\n", o.out.c_str());
+  return EXIT_SUCCESS;
+}
+
+void print_fit(const MountFit& fit, const std::vector<MeasuredPoint>& points) {
+  std::printf("  column     row   measured  by mount  residual\n");
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    std::printf("%8.1f %7.1f %8.3f m ", points[i].u, points[i].v, points[i].distance);
+    if (fit.residuals[i].measured)
+      std::printf("%7.3f m", *fit.residuals[i].measured);
+    else
+      std::printf("  horizon");
+    std::printf(" %+6.2f rows\n", fit.residuals[i].rows);
+  }
+  const auto found = [](double error) { return error > 0 ? "found" : "given"; };
+  std::printf("height %.3f m (+- %.3f, %s), pitch %.2f degrees (+- %.2f), roll %.2f degrees (+- %.2f, %s)\n",
+              fit.mount.height, fit.height_error, found(fit.height_error), degrees(fit.mount.pitch),
+              degrees(fit.pitch_error), degrees(fit.mount.roll), degrees(fit.roll_error),
+              fit.roll_found ? "found" : "not found: as given, or 0");
+  if (fit.other_height)
+    std::printf(
+        "note: a height of %.2f m would fit as well; if that is the right one, state --height, or add a "
+        "point at a third distance\n",
+        *fit.other_height);
+  if (fit.root_mean_square > 5)
+    std::printf(
+        "warning: the points miss the mount by %.1f rows: is the ground flat, are the metres right?\n",
+        fit.root_mean_square);
+}
+
+int run_mount(const Words& words) {
+  const MountOptions o = parse_mount(words);
+  metric::Camera camera = read_camera(o.camera_info);
+  cv::Mat frame;
+  if (!o.frame.empty()) {
+    frame = read_picture(o.frame);
+    camera = fitted(camera, frame.cols, frame.rows);
+  }
+  const MountFit fit = fit_mount(camera, o.points, o.known);
+  print_fit(fit, o.points);
+  write_file(o.out, metric::mount_file(fit.mount));
+  std::printf("%s: written\n", o.out.c_str());
+  if (!o.picture.empty()) {
+    draw_grid(frame, camera, fit.mount, o.points);
+    write_picture(o.picture, frame);
+  }
+  return EXIT_SUCCESS;
+}
+
+/// True when the recording agrees.
+bool check_recording(const CheckOptions& o, const metric::Camera& camera, const metric::Mount& mount) {
+  std::ifstream file(o.lines);
+  if (!file)
+    throw std::runtime_error(o.lines + ": cannot be opened");
+  HorizonCheck check;
+  Horizons horizons;
+  try {
+    horizons = read_horizons(file);
+    check = check_horizon(horizons, camera, mount);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(o.lines + ": " + error.what());
+  }
+  std::printf(
+      "horizon of the recording: row %.1f (median of %zu confident of %zu frames, middle half %.1f..%.1f)\n",
+      check.row, horizons.rows.size(), horizons.frames, check.lower_quartile, check.upper_quartile);
+  std::printf("horizon of the mount:     row %.1f\n", check.expected);
+  const bool agrees = std::abs(check.degrees) <= most_degrees;
+  std::printf("the recording's lies %.2f degrees %s: %s\n", std::abs(check.degrees),
+              check.degrees > 0 ? "lower" : "higher", agrees ? "they agree" : "they do not agree");
+  if (!agrees)
+    std::printf("On open flat ground that is an error of the mount's pitch: it may have been moved; repeat "
+                "terrainseg-calibrate mount.\nBetween walls or trees the recording's horizon is none: record "
+                "where the ground reaches far.\n");
+  return agrees;
+}
+
+int run_check(const Words& words) {
+  const CheckOptions o = parse_check(words);
+  const metric::Camera camera = read_camera(o.camera_info);
+  const metric::Mount mount = read_mount_argument(o.mount);
+  const bool agrees = o.lines.empty() || check_recording(o, camera, mount);
+  if (!o.picture.empty()) {
+    cv::Mat frame = read_picture(o.frame);
+    draw_grid(frame, fitted(camera, frame.cols, frame.rows), mount, {});
+    write_picture(o.picture, frame);
+  }
+  return agrees ? EXIT_SUCCESS : EXIT_FAILURE;
+}
+
+int run(const Words& words) {
+  const std::string& command = words[0];
+  const Words rest(words.begin() + 1, words.end());
+  if (command == "camera")
+    return run_camera(rest);
+  if (command == "mount")
+    return run_mount(rest);
+  if (command == "check")
+    return run_check(rest);
+  if (command == "--help" || command == "-h") {
+    std::cout << help();
+    return EXIT_SUCCESS;
+  }
+  throw tools::UsageError("'" + command + "' is no command: camera, mount or check");
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  std::setlocale(LC_CTYPE, ""); // for GLib's help; numbers keep their points
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+  const Words words(argv + 1, argv + argc);
+  try {
+    if (words.empty()) {
+      std::cerr << help();
+      return exit_usage;
+    }
+    return run(words);
+  } catch (const tools::UsageError& error) {
+    std::cerr << "terrainseg-calibrate: " << error.what() << "; --help shows how\n";
+    return exit_usage;
+  } catch (const std::exception& error) {
+    std::cerr << "terrainseg-calibrate: " << error.what() << '\n';
+    return EXIT_FAILURE;
+  }
+}

@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "tools/calibrate/mount_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+namespace terrainseg::calibrate {
+namespace {
+
+using metric::Camera, metric::GroundProjection, metric::ImagePoint, metric::Mount;
+
+constexpr double degree = std::numbers::pi / 180;
+constexpr double steepest = 80 * degree;
+constexpr int most_rounds = 100;
+constexpr int starts = 24; ///< heights that the search starts from
+constexpr double worst_fit = 1 * degree;
+constexpr double worst_height = 0.2;         ///< share of the height
+constexpr double worst_pitch = 5 * degree;   ///< one standard deviation, for one row of error
+constexpr double useful_roll = 1.5 * degree; ///< ... beyond which roll is left alone
+
+enum Parameter : int { log_height, pitch, roll };
+using Values = std::array<double, 3>;
+
+std::string name_of(std::size_t index, const MeasuredPoint& point) {
+  char text[96];
+  std::snprintf(text, sizeof text, "point %zu (column %g, row %g, %g m)", index + 1, point.u, point.v,
+                point.distance);
+  return text;
+}
+
+/// Angle of a ray below the horizontal.
+double descent(const Mount& mount, const ImagePoint& ray) {
+  const GroundProjection ground(mount);
+  return std::atan2(-ground.along(2, ray), std::hypot(ground.along(0, ray), ground.along(1, ray)));
+}
+
+/// The search for the mount that some points are seen from.
+class Search {
+ public:
+  Search(const Camera& camera, std::span<const MeasuredPoint> points, const Known& known,
+         std::vector<int> free)
+      : points_(points), free_(std::move(free)), start_roll_(known.roll.value_or(0)) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const MeasuredPoint& p = points[i];
+      if (p.u < -0.5 || p.v < -0.5 || p.u > camera.width - 0.5 || p.v > camera.height - 0.5)
+        throw std::runtime_error(name_of(i, p) + " lies outside the picture of " +
+                                 std::to_string(camera.width) + "x" + std::to_string(camera.height) +
+                                 ": read pixels in a picture of that size, or name the picture with --frame");
+      const auto ray = metric::undistort(camera, p.u, p.v);
+      if (!ray)
+        throw std::runtime_error(name_of(i, p) +
+                                 " lies where the lens model has no ray: take one nearer to the middle");
+      rays_.push_back(*ray);
+    }
+  }
+
+  struct Found {
+    Values at{};
+    double cost = std::numeric_limits<double>::infinity(); ///< sum of squared radians
+  };
+
+  Found from(double height) const {
+    Found now;
+    now.at = {std::log(height), 0, start_roll_};
+    double mean = 0;
+    for (std::size_t i = 0; i < rays_.size(); ++i)
+      mean += std::atan2(height, points_[i].distance) - descent(mount_at(now.at), rays_[i]);
+    now.at[pitch] = std::clamp(mean / static_cast<double>(rays_.size()), -steepest, steepest);
+    now.cost = cost(now.at);
+    double damping = 1e-3;
+    for (int round = 0; round < most_rounds && damping < 1e12; ++round) {
+      Found next = now;
+      const cv::Mat jacobian = slopes(now.at);
+      cv::Mat normal = jacobian.t() * jacobian;
+      for (int i = 0; i < normal.rows; ++i)
+        normal.at<double>(i, i) *= 1 + damping;
+      cv::Mat step;
+      if (!cv::solve(normal, jacobian.t() * errors(now.at), step, cv::DECOMP_SVD))
+        break;
+      for (std::size_t i = 0; i < free_.size(); ++i)
+        next.at[free_[i]] -= step.at<double>(static_cast<int>(i));
+      next.cost = sound(next.at) ? cost(next.at) : std::numeric_limits<double>::infinity();
+      if (next.cost < now.cost) {
+        const bool settled = cv::norm(step) < 1e-13;
+        now = next;
+        damping /= 10;
+        if (settled)
+          break;
+      } else {
+        damping *= 10;
+      }
+    }
+    return now;
+  }
+
+  /// One standard deviation of each free parameter for errors of `sigma` radians; infinite where the points
+  /// do not tell.
+  Values deviations(const Values& at, double sigma) const {
+    Values out{};
+    const cv::Mat jacobian = slopes(at);
+    cv::Mat inverse;
+    const double condition = cv::invert(jacobian.t() * jacobian, inverse, cv::DECOMP_SVD);
+    for (std::size_t i = 0; i < free_.size(); ++i)
+      out[free_[i]] = condition < 1e-12 ? std::numeric_limits<double>::infinity()
+                                        : sigma * std::sqrt(std::max(inverse.at<double>(i, i), 0.0));
+    return out;
+  }
+
+  double root_mean_square(const Found& found) const {
+    return std::sqrt(found.cost / static_cast<double>(rays_.size()));
+  }
+  /// With what the points left over taken for the error of reading, at least `least`.
+  double reading_error(const Found& found, double least) const {
+    const double over = static_cast<double>(rays_.size()) - static_cast<double>(free_.size());
+    return over > 0 ? std::max(least, std::sqrt(found.cost / over)) : least;
+  }
+  static Mount mount_at(const Values& at) {
+    Mount mount;
+    mount.height = std::exp(at[log_height]);
+    mount.pitch = at[pitch];
+    mount.roll = at[roll];
+    return mount;
+  }
+  const std::vector<ImagePoint>& rays() const { return rays_; }
+
+ private:
+  static bool sound(const Values& at) {
+    return std::abs(at[log_height]) < 8 && std::abs(at[pitch]) <= steepest && std::abs(at[roll]) <= steepest;
+  }
+  cv::Mat errors(const Values& at) const {
+    const Mount mount = mount_at(at);
+    cv::Mat out(static_cast<int>(rays_.size()), 1, CV_64F);
+    for (int i = 0; i < out.rows; ++i)
+      out.at<double>(i) = descent(mount, rays_[i]) - std::atan2(mount.height, points_[i].distance);
+    return out;
+  }
+  double cost(const Values& at) const { return cv::norm(errors(at), cv::NORM_L2SQR); }
+  cv::Mat slopes(const Values& at) const {
+    constexpr double step = 1e-6;
+    cv::Mat out(static_cast<int>(rays_.size()), static_cast<int>(free_.size()), CV_64F);
+    for (std::size_t i = 0; i < free_.size(); ++i) {
+      Values before = at, after = at;
+      before[free_[i]] -= step;
+      after[free_[i]] += step;
+      out.col(static_cast<int>(i)) = (errors(after) - errors(before)) / (2 * step);
+    }
+    return out;
+  }
+
+  std::span<const MeasuredPoint> points_;
+  std::vector<int> free_;
+  double start_roll_;
+  std::vector<ImagePoint> rays_;
+};
+
+/// Every place where the search ends that is about as good as the best, by height.
+std::vector<Search::Found> candidates(const Search& search, std::span<const MeasuredPoint> points,
+                                      const Known& known, double one_row) {
+  std::vector<Search::Found> found;
+  if (known.height) {
+    found.push_back(search.from(*known.height));
+    return found;
+  }
+  const auto [near, far] =
+      std::minmax_element(points.begin(), points.end(), [](const MeasuredPoint& a, const MeasuredPoint& b) {
+        return a.distance < b.distance;
+      });
+  const double low = std::log(near->distance / 50), high = std::log(far->distance * 10);
+  for (int i = 0; i < starts; ++i)
+    found.push_back(search.from(std::exp(low + (high - low) * i / (starts - 1))));
+  double best = std::numeric_limits<double>::infinity();
+  for (const Search::Found& f : found)
+    best = std::min(best, search.root_mean_square(f));
+  std::erase_if(found,
+                [&](const Search::Found& f) { return search.root_mean_square(f) > best + one_row / 2; });
+  std::sort(found.begin(), found.end(), [](const Search::Found& a, const Search::Found& b) {
+    return a.at[log_height] < b.at[log_height];
+  });
+  return found;
+}
+
+void check_points(std::span<const MeasuredPoint> points, const Known& known) {
+  if (known.height && !(*known.height > 0 && *known.height <= 1000))
+    throw std::runtime_error("the height must be above 0 and at most 1000 m");
+  if (points.size() < (known.height ? 1u : 2u))
+    throw std::runtime_error(known.height
+                                 ? "a point is needed beside the height: --point COLUMN,ROW,METRES"
+                                 : "two points are needed, one near and one at least twice as far: --point "
+                                   "COLUMN,ROW,METRES (one suffices with --height)");
+}
+
+/// The point that the others agree least with.
+std::string suspect(const MountFit& fit, std::span<const MeasuredPoint> points) {
+  std::size_t worst = 0;
+  for (std::size_t i = 1; i < points.size(); ++i)
+    if (std::abs(fit.residuals[i].rows) > std::abs(fit.residuals[worst].rows))
+      worst = i;
+  char off[64];
+  std::snprintf(off, sizeof off, " is off by %.0f rows", std::abs(fit.residuals[worst].rows));
+  return name_of(worst, points[worst]) + off;
+}
+
+/// What the points leave over when they are seen from a mount.
+std::vector<Residual> residuals_of(Mount at_lens, const Search& search, std::span<const MeasuredPoint> points,
+                                   double one_row) {
+  at_lens.x = at_lens.y = 0;
+  const GroundProjection ground(at_lens);
+  std::vector<Residual> residuals;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const ImagePoint& ray = search.rays()[i];
+    Residual r;
+    r.rows = (descent(at_lens, ray) - std::atan2(at_lens.height, points[i].distance)) / one_row;
+    if (const auto point = ground(ray))
+      r.measured = std::hypot(point->x, point->y);
+    residuals.push_back(r);
+  }
+  return residuals;
+}
+
+Mount mount_of(const Values& at, const Known& known) {
+  Mount mount = Search::mount_at(at);
+  mount.height = known.height.value_or(mount.height);
+  mount.yaw = known.yaw;
+  mount.x = known.x;
+  mount.y = known.y;
+  return mount;
+}
+
+/// Throws when the points tell no mount.
+void check_fit(const MountFit& fit, double spread, std::span<const MeasuredPoint> points) {
+  const bool vague =
+      !(fit.height_error < worst_height * fit.mount.height) || !(fit.pitch_error < worst_pitch);
+  if (spread > worst_fit)
+    throw std::runtime_error("the points fit no mount: " + suspect(fit, points) +
+                             "; check columns, rows and metres, and that the calibration is this camera's");
+  if (vague)
+    throw std::runtime_error(
+        "the points do not tell height and pitch apart: take one near the lower edge and one at "
+        "least twice as far, or measure the height of the lens and state --height");
+  if (std::string flaw = metric::flaw_of(fit.mount); !flaw.empty())
+    throw std::runtime_error("the points give a mount that cannot be: " + flaw);
+}
+
+/// The mount with those parameters free; nothing when roll is one of them and the points do not tell it.
+std::optional<MountFit> fit_with(const std::vector<int>& free, const Camera& camera,
+                                 std::span<const MeasuredPoint> points, const Known& known) {
+  const double one_row = 1 / camera.fy;
+  const Search search(camera, points, known, free);
+  const auto found = candidates(search, points, known, one_row);
+  const Search::Found& best = found.front();
+  const Values deviation = search.deviations(best.at, search.reading_error(best, one_row));
+  MountFit fit;
+  fit.roll_found = std::find(free.begin(), free.end(), roll) != free.end();
+  if (fit.roll_found && !(deviation[roll] < useful_roll))
+    return std::nullopt;
+  fit.mount = mount_of(best.at, known);
+  fit.height_error = deviation[log_height] * fit.mount.height;
+  fit.pitch_error = deviation[pitch];
+  fit.roll_error = deviation[roll];
+  fit.root_mean_square = search.root_mean_square(best) / one_row;
+  fit.residuals = residuals_of(fit.mount, search, points, one_row);
+  check_fit(fit, search.root_mean_square(best), points);
+  if (const double other = std::exp(found.back().at[log_height]);
+      !known.height && other > fit.mount.height * 1.05)
+    fit.other_height = other;
+  fit.mount.pitch_error = std::max(fit.mount.pitch_error, fit.pitch_error);
+  return fit;
+}
+
+} // namespace
+
+MountFit fit_mount(const metric::Camera& camera, std::span<const MeasuredPoint> points, const Known& known) {
+  check_points(points, known);
+  std::vector<int> free{pitch};
+  if (!known.height)
+    free.insert(free.begin(), log_height);
+  // Roll takes part where there are points enough, and stays where they tell it. Where the height is sought
+  // too, one point more than unknowns: the two heights that fit would each find a roll.
+  const std::size_t for_roll = free.size() + (known.height ? 1 : 2);
+  if (!known.roll && points.size() >= for_roll) {
+    std::vector<int> with_roll = free;
+    with_roll.push_back(roll);
+    if (auto fit = fit_with(with_roll, camera, points, known))
+      return *std::move(fit);
+  }
+  return *fit_with(free, camera, points, known); // without roll there always is one
+}
+
+} // namespace terrainseg::calibrate

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The words of terrainseg-calibrate's command line.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/calibrate/chessboard.hpp"
+#include "tools/calibrate/mount_fit.hpp"
+
+namespace terrainseg::calibrate {
+
+/// `terrainseg-calibrate camera FOLDER`.
+struct CameraOptions {
+  std::string folder, out;
+  Board board;
+  bool fisheye = false;
+};
+
+/// `terrainseg-calibrate mount`.
+struct MountOptions {
+  std::string camera_info, out, frame, picture; ///< empty = none
+  std::vector<MeasuredPoint> points;
+  Known known;
+};
+
+/// `terrainseg-calibrate check [LINES]`.
+struct CheckOptions {
+  std::string lines, camera_info, mount, frame, picture; ///< empty = none
+};
+
+std::string help();
+/// Each throws tools::UsageError, or std::runtime_error for a file that is named and cannot be read.
+CameraOptions parse_camera(const std::vector<std::string>& words);
+MountOptions parse_mount(const std::vector<std::string>& words);
+CheckOptions parse_check(const std::vector<std::string>& words);
+
+} // namespace terrainseg::calibrate

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "tools/calibrate/points.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <stdexcept>
+
+namespace terrainseg::calibrate {
+namespace {
+
+std::string_view trimmed(std::string_view text) {
+  constexpr std::string_view blank = " \t\r";
+  const std::size_t first = text.find_first_not_of(blank);
+  return first == text.npos ? std::string_view()
+                            : text.substr(first, text.find_last_not_of(blank) - first + 1);
+}
+
+/// Takes what stands before the next `mark` off the front of `text`.
+std::string_view next(std::string_view& text, char mark) {
+  const std::size_t end = text.find(mark);
+  const std::string_view part = text.substr(0, end);
+  text.remove_prefix(end == text.npos ? text.size() : end + 1);
+  return part;
+}
+
+} // namespace
+
+double parse_number(std::string_view text, std::string_view what) {
+  text = trimmed(text);
+  double value = 0;
+  const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (status != std::errc{} || end != text.data() + text.size() || !std::isfinite(value))
+    throw std::runtime_error(std::string(what) + ": '" + std::string(text) + "' is not a number");
+  return value;
+}
+
+MeasuredPoint parse_point(std::string_view text) {
+  const std::string what = "point '" + std::string(trimmed(text)) + "'";
+  double values[3];
+  std::string_view rest = text;
+  for (double& value : values) {
+    if (rest.empty())
+      throw std::runtime_error(what + ": three numbers are needed, column,row,metres such as 640,400,2.5");
+    value = parse_number(next(rest, ','), what);
+  }
+  if (!trimmed(rest).empty())
+    throw std::runtime_error(what + ": more than three numbers; column,row,metres are needed (a decimal "
+                                    "point is a point, not a comma)");
+  if (values[2] <= 0)
+    throw std::runtime_error(what + ": the distance must be above 0 m");
+  return {values[0], values[1], values[2]};
+}
+
+std::vector<MeasuredPoint> parse_points(std::string_view text) {
+  std::vector<MeasuredPoint> points;
+  for (int number = 1; !text.empty(); ++number) {
+    std::string_view line = next(text, '\n');
+    line = trimmed(next(line, '#'));
+    if (line.empty())
+      continue;
+    try {
+      points.push_back(parse_point(line));
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error("line " + std::to_string(number) + ": " + error.what());
+    }
+  }
+  return points;
+}
+
+} // namespace terrainseg::calibrate
