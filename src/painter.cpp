@@ -4,18 +4,12 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "kernels/blend.hpp"
+#include "painter/canvas.hpp"
 
 namespace terrainseg {
 namespace {
 
-// Everything drawn is a blend: a coverage of 0..256 per pixel and one colour. Frames are walked in tiles, so
-// that the coverage stays in the first cache and nothing is allocated.
-constexpr int tile_width = 2048;
-constexpr int opaque = 256;
-
-using Ink = std::array<std::uint8_t, 3>;
-using kernels::Coverage;
+using namespace drawing;
 
 constexpr Ink black_rgb = {0, 0, 0};
 constexpr Ink white_rgb = {255, 255, 255};
@@ -36,139 +30,6 @@ constexpr std::int64_t divide_rounded(std::int64_t numerator, std::int64_t denom
 constexpr std::uint8_t to_byte(std::int64_t value) {
   return static_cast<std::uint8_t>(std::clamp<std::int64_t>(value, 0, 255));
 }
-
-Rectangle intersection(const Rectangle& a, const Rectangle& b) {
-  const int left = std::max(a.x, b.x), top = std::max(a.y, b.y);
-  const auto end = [](int start, int extent) { return static_cast<std::int64_t>(start) + extent; };
-  const auto right = std::min(end(a.x, a.width), end(b.x, b.width));
-  const auto bottom = std::min(end(a.y, a.height), end(b.y, b.height));
-  return {left, top, static_cast<int>(std::max<std::int64_t>(right - left, 0)),
-          static_cast<int>(std::max<std::int64_t>(bottom - top, 0))};
-}
-
-class Canvas {
- public:
-  explicit Canvas(const MutableFrame& frame) : frame_(frame), layout_(layout_of(frame.format)) {}
-
-  int width() const { return frame_.width; }
-  int height() const { return frame_.height; }
-  Rectangle bounds() const { return {0, 0, frame_.width, frame_.height}; }
-  Ink ink(const Ink& rgb) const { return color_in(frame_.format, frame_.colorimetry, rgb); }
-
-  /// Blends `ink` over an area; `cover(y, x, count, out)` writes the coverage of `count` pixels of row y from
-  /// x on, all inside the area.
-  template <class Cover> void blend(const Rectangle& area, const Ink& ink, Cover&& cover) const {
-    const Rectangle r = intersection(area, bounds());
-    if (r.empty())
-      return;
-    const int x_shift = layout_.components[1].x_shift, y_shift = layout_.components[1].y_shift;
-    const int block_width = 1 << x_shift, block_height = 1 << y_shift;
-    const int left = r.x & -block_width, right = r.x + r.width, bottom = r.y + r.height;
-    // A tile takes in the neighbours that share chroma samples with the area, at coverage 0.
-    const int end = std::min((right + block_width - 1) & -block_width, frame_.width);
-    std::array<std::array<Coverage, tile_width>, 2> rows;
-    for (int y = r.y & -block_height; y < bottom; y += block_height) {
-      const int row_count = std::min(block_height, frame_.height - y);
-      for (int x = left; x < end; x += tile_width) {
-        const int count = std::min(tile_width, end - x);
-        const int first = std::max(r.x - x, 0), last = std::min(right - x, count);
-        for (int i = 0; i < row_count; ++i) {
-          Coverage* row = rows[i].data();
-          if (y + i < r.y || y + i >= bottom) {
-            std::fill_n(row, count, Coverage{0});
-            continue;
-          }
-          std::fill_n(row, first, Coverage{0});
-          cover(y + i, x + first, last - first, row + first);
-          std::fill(row + last, row + count, Coverage{0});
-        }
-        blend_tile(x, y, count, row_count, rows, ink);
-      }
-    }
-  }
-
-  void fill(const Rectangle& area, const Ink& ink, int strength) const {
-    blend(area, ink, [strength](int, int, int count, Coverage* out) {
-      std::fill_n(out, count, static_cast<Coverage>(strength));
-    });
-  }
-
-  /// A frame of `thickness` pixels just inside a rectangle.
-  void outline(const Rectangle& r, int thickness, const Ink& ink, int strength) const {
-    if (r.empty())
-      return;
-    // One blend for all four sides: a chroma sample at a corner is then blended once.
-    blend(r, ink, [&](int y, int x, int count, Coverage* out) {
-      const bool edge_row = y < r.y + thickness || y >= r.y + r.height - thickness;
-      std::fill_n(out, count, static_cast<Coverage>(edge_row ? strength : 0));
-      for (const int side : {r.x, r.x + r.width - thickness}) {
-        const int first = std::clamp(side - x, 0, count), end = std::clamp(side + thickness - x, 0, count);
-        std::fill(out + first, out + end, static_cast<Coverage>(strength));
-      }
-    });
-  }
-
- private:
-  void blend_tile(int x, int y, int count, int row_count,
-                  const std::array<std::array<Coverage, tile_width>, 2>& rows, const Ink& ink) const {
-    const auto& [first, second, third] = layout_.components;
-    const auto samples = [&](const ComponentLayout& c, int row) {
-      return frame_.planes[c.plane].row(row >> c.y_shift) +
-             static_cast<std::ptrdiff_t>(x >> c.x_shift) * c.step;
-    };
-    bool covered = false;
-    for (int i = 0; i < row_count; ++i) {
-      const Coverage* row = rows[i].data();
-      if (!kernels::covers(row, count))
-        continue;
-      covered = true;
-      if (layout_.rgb)
-        blend_rgb(samples(first, y + i), row, count, ink);
-      else if (layout_.planes == 1)
-        blend_packed_422(samples(first, y + i), row, count, ink);
-      else
-        for (const ComponentLayout& c : layout_.components)
-          if (c.x_shift == 0)
-            kernels::blend_plane(samples(c, y + i), row, count, ink[&c - layout_.components.data()]);
-    }
-    if (!covered || layout_.planes == 1 || second.x_shift == 0)
-      return;
-    std::array<Coverage, tile_width> pooled;
-    kernels::pool_coverage(rows[0].data(), row_count == 2 ? rows[1].data() : nullptr, count, pooled.data());
-    const int chroma_count = subsampled(count, second.x_shift);
-    if (layout_.planes == 2) {
-      const bool u_first = second.offset < third.offset;
-      kernels::blend_pairs(samples(second, y), pooled.data(), chroma_count,
-                           {ink[u_first ? 1 : 2], ink[u_first ? 2 : 1]});
-    } else {
-      kernels::blend_plane(samples(second, y), pooled.data(), chroma_count, ink[1]);
-      kernels::blend_plane(samples(third, y), pooled.data(), chroma_count, ink[2]);
-    }
-  }
-
-  void blend_rgb(std::uint8_t* pixels, const Coverage* coverage, int count, const Ink& ink) const {
-    std::array<std::uint8_t, 4> order{};
-    int untouched = 6;
-    for (int c = 0; c < 3; ++c) {
-      order[layout_.components[c].offset] = ink[c];
-      untouched -= layout_.components[c].offset;
-    }
-    if (layout_.components[0].step == 3)
-      kernels::blend_triples(pixels, coverage, count, {order[0], order[1], order[2]});
-    else
-      kernels::blend_quads(pixels, coverage, count, order, untouched);
-  }
-
-  void blend_packed_422(std::uint8_t* pixels, const Coverage* coverage, int count, const Ink& ink) const {
-    const auto& [luma, u, v] = layout_.components;
-    const bool u_first = u.offset < v.offset;
-    kernels::blend_422(pixels, coverage, count, {ink[0], ink[u_first ? 1 : 2], ink[u_first ? 2 : 1]},
-                       luma.offset < u.offset);
-  }
-
-  MutableFrame frame_;
-  const FormatLayout& layout_;
-};
 
 /// What is drawn: the estimate brought to the size of the frame.
 class StretchedMask {
@@ -274,7 +135,7 @@ void paint_mask(const Canvas& canvas, const StretchedMask& mask, bool have_mask)
   const Rectangle known = have_mask ? intersection(mask.region(), canvas.bounds()) : Rectangle{};
   // v + (v >> 7) as coverage of white over black gives back v itself.
   canvas.blend(canvas.bounds(), white, [&](int y, int x, int count, Coverage* out) {
-    std::fill_n(out, count, Coverage{mask_doubtful});
+    std::fill_n(out, count, static_cast<Coverage>(mask_doubtful + (mask_doubtful >> 7)));
     if (y < known.y || y >= known.y + known.height)
       return;
     const int begin = std::max(x, known.x), end = std::min(x + count, known.x + known.width);
@@ -343,14 +204,6 @@ Rectangle scaled(const Rectangle& r, int from_width, int from_height, int to_wid
           scaled(end(r.y, std::clamp(r.height, 0, 1 << 24)), from_height, to_height) - top};
 }
 
-bool drawable(const MutableFrame& frame) {
-  if (frame.width <= 0 || frame.height <= 0)
-    return false;
-  const int planes = layout_of(frame.format).planes;
-  return std::all_of(frame.planes.begin(), frame.planes.begin() + planes,
-                     [](const MutablePlane& plane) { return plane.data != nullptr; });
-}
-
 } // namespace
 
 std::array<std::uint8_t, 3> color_in(PixelFormat format, const Colorimetry& colorimetry,
@@ -391,8 +244,7 @@ void paint(const MutableFrame& frame, const Estimate& estimate, const PaintStyle
   if (style.style == OverlayStyle::mask)
     return paint_mask(canvas, mask, have_mask);
 
-  const int opacity = static_cast<int>(style.color >> 24);
-  const int strength = std::clamp(style.alpha, 0, opaque) * (opacity + (opacity >> 7)) >> 8;
+  const int strength = strength_of(style);
   if (strength == 0)
     return;
   const Ink color =

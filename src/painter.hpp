@@ -15,6 +15,7 @@ enum class OverlayStyle : std::uint8_t {
   contour, ///< the edge of the traversable area is drawn; where it is doubtful, half as strongly
   mask,    ///< the frame is replaced by the mask as a grey picture, 128 where the mask does not reach
   models,  ///< tint, and the learned colours as bars as long as their share of the mass (paper, figure 8)
+  map,     ///< tint, and where there are metres the free space from above in a corner (painter/metric_marks)
 };
 
 struct PaintStyle {

@@ -1,264 +1,203 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The order of the stages: the paper's, and the default pipeline beside it.
+// Chooses the pipeline, admits frames, and keeps what lasts: settings, the learned terrain, counters, the
+// estimate. The order of the stages is in paper/pipeline.cpp and freespace/pipeline.cpp.
 #include "terrainseg/segmenter.hpp"
 
-#include <algorithm>
-
-#include "reach.hpp"
-#include "segmenter_state.hpp"
-#include "terrain_model.hpp"
+#include "base/frame_check.hpp"
+#include "coarse/window.hpp"
+#include "freespace/pipeline.hpp"
+#include "learning/terrain_model.hpp"
+#include "paper/pipeline.hpp"
 
 namespace terrainseg {
 namespace {
 
-/// Fewest cells that a Gaussian is made of (the paper's window has 8 at 1/32: too few).
-constexpr int samples_per_model = 16;
+std::unique_ptr<Pipeline> make_pipeline(PipelineKind kind) {
+  if (kind == PipelineKind::paper)
+    return std::make_unique<PaperPipeline>();
+  return std::make_unique<FreeSpacePipeline>();
+}
+
+/// Which pipeline a terrain was learned by: only one of them counts colours against it.
+PipelineKind teacher_of(const Terrain& terrain) {
+  return terrain.negative_colors.empty() ? PipelineKind::paper : PipelineKind::free_space;
+}
+
+void count(const Settings& settings, std::uint32_t flags, Counters& counters) {
+  ++(!settings.learning     ? counters.skipped_frozen
+     : !settings.near_clear ? counters.skipped_near
+     : flags & flag_starved ? counters.skipped_starved
+                            : counters.learned);
+}
 
 } // namespace
 
-// The paper's figure 2.
+struct Segmenter::State {
+  explicit State(const Settings& initial) : settings(initial), pipeline(make_pipeline(initial.pipeline())) {
+    resize_mixture(terrain.models, settings.learned_models);
+  }
+  Status admit(const Frame& frame, const MaskTarget& target) const;
+  void adapt(const Frame& frame);
+  void forget();
+
+  Settings settings;
+  std::unique_ptr<Pipeline> pipeline;
+  Terrain terrain;
+  Counters counters;
+  std::array<std::int64_t, stage_count> times{};
+  EstimateWriter out;
+
+  // What follows from the settings for frames of one size.
+  bool stale = true; ///< settings changed: adapt() starts anew
+  int width = 0, height = 0, level = 0;
+  Rectangle window;
+  std::optional<ColorSpace> space; ///< of the last frame
+  std::optional<Workers> workers;
+  int threads = -1; ///< that `workers` was asked for
+};
+
+ColorSpace learning_space(const Settings& settings, const ColorSpace& frames) {
+  if (settings.pipeline() == PipelineKind::free_space)
+    return normalised_space;
+  ColorSpace space = frames;
+  if (space.rgb)
+    space.colorimetry.matrix = ColorMatrix::bt601; // means nothing there: must not tell two spaces apart
+  return space;
+}
+
 Status Segmenter::process(const Frame& frame, const Supervision& supervision, const MaskTarget& target) {
   State& s = *state_;
   if (Status status = s.admit(frame, target); !status.ok())
     return status;
   s.adapt(frame);
-  s.start_estimate(frame, target);
-  if (s.settings.free_space) {
-    s.find_free_space(frame, supervision);
-    s.describe_models();
-    return {};
-  }
-  const TrainingArea area{s.window, supervision, s.settings.ignore_regions, frame.width, frame.height};
-  const int training_level =
-      select_training_level(area, s.level, samples_per_model * s.settings.training_models, s.window_cells);
-  s.plan.finest_color = s.plan.finest_luma = std::min(s.plan.finest_color, training_level);
+  s.out.start(frame, target, s.settings, s.window, s.counters.frames++);
   StageClock clock(s.times);
-
-  // A: the octave pyramid.
-  s.pyramid.build(frame, s.plan, &*s.workers);
-  const Grid grid = s.grid_at(s.level), training_grid = s.grid_at(training_level);
-  clock.lap(Stage::pyramid);
-
-  // B: the window and its pre-filter.
-  const bool blank = is_blank(grid);
-  const Moments window = moments_of(training_grid, s.window_cells);
-  prefilter(training_grid, s.window_cells, window, {s.settings.window_sigma_q8}, s.kept);
-  if (!s.window_cells.empty())
-    s.estimate.window = training_bounds(area, training_level, s.window_cells);
-  s.estimate.flags = s.gate(blank || s.window_cells.size() < samples_per_model);
-  clock.lap(Stage::prefilter);
-
-  // C: clustering in the perception sub-space.
-  TrainingModels training;
-  if (s.estimate.flags & flag_learned)
-    training = s.cluster_window(training_grid);
-  clock.lap(Stage::clustering);
-
-  // D: the horizon.
-  Horizon horizon;
-  if (const auto ground = s.ground_color(window);
-      ground && !blank && s.settings.horizon != HorizonMode::off) {
-    const Rectangle rows = cells_of_window(s.estimate.window, s.level, grid.width, grid.height);
-    horizon = find_horizon(grid, *ground, rows.y, rows.y + rows.height);
-  }
-  clock.lap(Stage::horizon);
-
-  // The learned mixture takes in the training models.
-  if (s.estimate.flags & flag_learned)
-    s.update(training);
-  clock.lap(Stage::update);
-
-  // E: scoring, coarse and back-projected.
-  if (blank || heaviest(s.terrain.models) < 0)
-    s.label_unknown();
-  else
-    s.label_by_score(frame, grid, horizon, clock);
-  s.describe_models();
+  s.pipeline->process({frame, supervision, s.settings, s.window, s.level, *s.workers}, s.terrain, s.out,
+                      clock);
+  Estimate& estimate = s.out.estimate();
+  estimate.model_generation = s.terrain.generation;
+  for (const TerrainModel& model : s.terrain.models)
+    if (model.mass > 0)
+      s.out.add_model(s.pipeline->in_this_light(model), s.terrain.space);
+  count(s.settings, estimate.flags, s.counters);
   return {};
 }
 
-// The default pipeline: the same stages, and those beyond the paper.
-void Segmenter::State::find_free_space(const Frame& frame, const Supervision& supervision) {
-  StageClock clock(times);
-  pyramid.build(frame, coarse_plan(frame.format, level), &*workers);
-  clock.lap(Stage::pyramid);
+Status Segmenter::State::admit(const Frame& frame, const MaskTarget& target) const {
+  if (std::string flaw = flaw_of(frame); !flaw.empty())
+    return {Status::Code::bad_frame, std::move(flaw)};
+  if (!place_window(settings, frame.width, frame.height))
+    return {Status::Code::window_outside_frame, window_does_not_fit(settings, frame.width, frame.height)};
+  if (std::string flaw = flaw_of(target, frame, settings.mask_level); !flaw.empty())
+    return {Status::Code::bad_target, std::move(flaw)};
+  return {};
+}
 
-  const TrainingArea area{window, supervision, settings.ignore_regions, frame.width, frame.height};
-  select_cells(area, level, window_cells);
-  if (!window_cells.empty())
-    estimate.window = training_bounds(area, level, window_cells);
-  if (is_blank(grid_at(level))) {
-    estimate.flags = gate(true);
-    label_unknown();
-    clock.lap(Stage::mask);
+/// Follows the frame's size and colour space. What was learned survives a change of size, not one of colours.
+void Segmenter::State::adapt(const Frame& frame) {
+  const ColorSpace now = learning_space(settings, {layout_of(frame.format).rgb, frame.colorimetry});
+  if (terrain.space != now) {
+    if (heaviest(terrain.models) >= 0)
+      forget();
+    terrain.space = now;
+  }
+  space = now;
+  const bool resized = frame.width != width || frame.height != height;
+  if (!stale && !resized)
     return;
+  stale = false;
+  const int new_level = grid_level(settings.pyramid_levels, frame.width, frame.height);
+  if (resized || new_level != level)
+    pipeline->forget_frames();
+  width = frame.width;
+  height = frame.height;
+  level = new_level;
+  window = *place_window(settings, width, height);
+  pipeline->adapt(settings, level);
+  resize_mixture(terrain.models, settings.learned_models);
+  if (threads != settings.n_threads) {
+    threads = settings.n_threads;
+    workers.emplace(threads);
   }
-  path.look(frame, pyramid, level, settings, !settings.learning, terrain);
-  const Grid colors = path.colors();
-  const Rectangle rows = cells_of_window(estimate.window, level, colors.width, colors.height);
-  PrefilterRule rule{settings.window_sigma_q8};
-  rule.variance_floor = 41 << 8; // even ground of one colour keeps its noise
-  rule.scarce = PrefilterRule::Scarce::all_below_one_quarter;
-  const Moments moments = moments_of(colors, window_cells);
-  prefilter(colors, window_cells, moments, rule, kept);
-  const bool may_learn = settings.learning && settings.near_clear;
-  const bool foreign = may_learn && supervision.empty() && path.window_is_foreign(rows, settings, terrain);
-  estimate.flags = gate(kept.cells.empty() || foreign || colors.width * colors.height < samples_per_model);
-  clock.lap(Stage::prefilter);
+}
 
-  if (estimate.flags & flag_learned) {
-    // The mixture is evaluated at bin centres, but learned from unshifted colours: as accurate, and the
-    // models' colours are those of the ground.
-    constexpr std::uint32_t least_variance = 180 << 8;
-    const ClusterRule bins{
-        settings.training_models, {0, 0, 0}, {least_variance, least_variance, least_variance}, settings.seed};
-    clusters.samples.reserve(window_cells.size()); // what the pre-filter keeps differs from frame to frame
-    clusters.cluster_of.reserve(window_cells.size());
-    const TrainingModels training = cluster(colors, kept.cells, bins, clusters);
-    clock.lap(Stage::clustering);
-    update(training);
-    path.learn(window_cells, kept.cells, training, settings, terrain);
-    clock.lap(Stage::update);
-  } else {
-    path.rely_on_memory();
-  }
-  if (heaviest(terrain.models) < 0) {
-    label_unknown();
+void Segmenter::State::forget() {
+  const std::uint32_t generation = terrain.generation + 1;
+  terrain = {};
+  terrain.generation = generation;
+  if (space)
+    terrain.space = *space;
+  resize_mixture(terrain.models, settings.learned_models);
+  pipeline->forget_frames();
+  pipeline->forget_terrain();
+}
+
+Segmenter::Segmenter(const Settings& settings) : state_(std::make_unique<State>(settings)) {}
+Segmenter::~Segmenter() = default;
+Segmenter::Segmenter(Segmenter&&) noexcept = default;
+Segmenter& Segmenter::operator=(Segmenter&&) noexcept = default;
+
+void Segmenter::configure(const Settings& settings) {
+  State& s = *state_;
+  if (settings == s.settings)
     return;
+  // The two pipelines learn in different colours.
+  if (settings.pipeline() != s.settings.pipeline()) {
+    if (heaviest(s.terrain.models) >= 0)
+      s.forget();
+    s.space.reset(); // unknown again until the next frame
+    s.pipeline = make_pipeline(settings.pipeline());
   }
-  if (!settings.near_clear || foreign)
-    kept.cells.clear();
-  int horizon_limit = 0;
-  if (settings.horizon == HorizonMode::paper) {
-    const Horizon horizon =
-        find_horizon(colors, {moments.mean, moments.variance}, rows.y, rows.y + rows.height);
-    horizon_limit = std::max(horizon.row, 0);
-    estimate.horizon_row = horizon.row < 0 ? -1 : horizon.row << level;
-    estimate.horizon_confidence = horizon.confidence;
-  }
-  clock.lap(Stage::horizon);
-  path.score(kept.cells, frame.pts, settings, terrain);
-  clock.lap(Stage::scoring);
-  path.find_boundary(settings, horizon_limit, terrain);
-  label_free_space(frame, clock);
-  if (foreign || !settings.near_clear)
-    estimate.confidence /= 2; // from memory only: what is in front has not been looked at
+  s.settings = settings;
+  s.stale = true;
 }
 
-void Segmenter::State::label_free_space(const Frame& frame, StageClock& clock) {
-  const FreeSpaceCurves& curves = path.refine(pyramid, frame, settings);
-  reachable_rows(curves.safe, settings.mask_level, estimate.window, frame.height, boundary);
-  if (settings.horizon == HorizonMode::automatic) {
-    const DefaultPath::HorizonRow horizon = path.horizon(frame.height, settings.mask_level);
-    estimate.horizon_row = horizon.row;
-    estimate.horizon_confidence = horizon.confidence;
-  }
-  estimate.confidence = path.confidence();
-  clock.lap(Stage::boundary);
-  const GrayView& view = estimate.mask;
-  const std::uint64_t traversable = free_space.write(curves, settings.mask_level, settings.ignore_regions,
-                                                     mask_plane, view.height, *workers);
-  estimate.traversable_permille =
-      static_cast<int>(traversable * 1000 / (static_cast<std::uint64_t>(view.width) * view.height));
-  if (free_permille_ahead(boundary, settings.mask_level, estimate.window, 1 << level) <
-      settings.blocked_below)
-    estimate.flags |= flag_blocked;
-  clock.lap(Stage::mask);
+const Settings& Segmenter::settings() const {
+  return state_->settings;
 }
 
-/// Whether this frame's window is learned, and if not, why.
-std::uint32_t Segmenter::State::gate(bool starved) {
-  if (!settings.learning) {
-    ++counters.skipped_frozen;
-    return flag_frozen;
-  }
-  if (!settings.near_clear) {
-    ++counters.skipped_near;
-    return flag_frozen;
-  }
-  if (starved) {
-    ++counters.skipped_starved;
-    return flag_starved;
-  }
-  ++counters.learned;
-  return flag_learned;
+const Estimate& Segmenter::estimate() const {
+  return state_->out.estimate();
 }
 
-/// "The dominant color model, which corresponds to the ROI": the window where it is trusted, else the
-/// heaviest learned model.
-std::optional<GroundColor> Segmenter::State::ground_color(const Moments& window_moments) const {
-  GroundColor ground;
-  if (estimate.flags & flag_learned) {
-    ground = {window_moments.mean, window_moments.variance};
-    for (std::uint32_t& variance : ground.variance)
-      variance = std::max(variance, variance_floor(0));
-    return ground;
-  }
-  const int model = heaviest(terrain.models);
-  if (model < 0)
-    return std::nullopt;
-  return GroundColor{terrain.models[model].mean, terrain.models[model].variance};
+void Segmenter::reset() {
+  state_->forget();
 }
 
-TrainingModels Segmenter::State::cluster_window(const Grid& grid) {
-  const int b = settings.bit_shift;
-  const std::uint32_t floor = variance_floor(b);
-  clusters.samples.reserve(window_cells.size());
-  clusters.cluster_of.reserve(window_cells.size());
-  return cluster(grid, kept.cells,
-                 {settings.training_models, {b, b, b}, {floor, floor, floor}, settings.seed}, clusters);
+void Segmenter::reset_temporal() {
+  state_->pipeline->forget_frames();
 }
 
-void Segmenter::State::update(const TrainingModels& training) {
-  LearningRule rule;
-  rule.match_threshold_q8 = static_cast<std::uint32_t>(settings.match_threshold_q8);
-  rule.mass_cap = static_cast<std::uint64_t>(settings.mass_cap) * window_cells.size() << 8;
-  rule.forget_shift = settings.forget_shift;
-  learn(terrain.models, training.span(), rule);
-  ++terrain.generation;
-  table_is_old = true;
+Terrain Segmenter::terrain() const {
+  return state_->terrain;
 }
 
-/// The paper's scoring: each pixel by its own colour.
-void Segmenter::State::label_by_score(const Frame& frame, const Grid& grid, const Horizon& horizon,
-                                      StageClock& clock) {
-  if (table_is_old)
-    table.build(terrain.models, settings.threshold_q8, settings.bit_shift);
-  table_is_old = false;
-  table.score(grid, scores);
-  const Rectangle covered = cells_of_window(estimate.window, level, grid.width, grid.height);
-  estimate.confidence = mean_closeness(scores, grid.width, covered);
-  clock.lap(Stage::scoring);
+Status Segmenter::adopt(const Terrain& terrain) {
+  State& s = *state_;
+  if (s.space && *s.space != terrain.space)
+    return {Status::Code::foreign_terrain,
+            "the terrain was learned in another colour space than that of the frames: learn it anew"};
+  const PipelineKind teacher = teacher_of(terrain);
+  if (heaviest(terrain.models) >= 0 && teacher != s.settings.pipeline())
+    return {Status::Code::foreign_terrain,
+            "the terrain was learned with free-space = " +
+                std::string(teacher == PipelineKind::free_space ? "true" : "false") +
+                ", which learns other colours: set it alike, or learn the terrain anew"};
+  if (!well_formed(terrain))
+    return {Status::Code::foreign_terrain,
+            "the terrain has another shape than this version learns: learn it anew"};
+  s.terrain = terrain;
+  resize_mixture(s.terrain.models, s.settings.learned_models);
+  s.pipeline->forget_terrain();
+  return {};
+}
 
-  const GrayView& view = estimate.mask;
-  const int horizon_row = horizon.row < 0 ? 0 : horizon.row << level,
-            first_row = subsampled(horizon_row, settings.mask_level);
-  std::uint64_t traversable =
-      settings.mask_level == 0 ? table.label(frame, first_row, mask_plane, *workers)
-                               : table.label(grid_at(settings.mask_level), first_row, mask_plane, *workers);
-  traversable -=
-      mark_ignored(settings.ignore_regions, settings.mask_level, mask_plane, view.width, view.height);
-  clock.lap(Stage::mask);
+const Counters& Segmenter::counters() const {
+  return state_->counters;
+}
 
-  for (std::uint8_t& cell : scores)
-    cell = cell <= kernels::score_limit;
-  std::fill_n(scores.begin(), static_cast<std::ptrdiff_t>(std::max(horizon.row, 0)) * grid.width, 0);
-  for (const Rectangle& pixels : settings.ignore_regions) {
-    const Rectangle cells = cells_in(pixels, level, grid.width, grid.height);
-    for (int y = cells.y; y < cells.y + cells.height; ++y)
-      std::fill_n(scores.begin() + static_cast<std::ptrdiff_t>(y) * grid.width + cells.x, cells.width, 0);
-  }
-  reach(scores, grid.width, covered, top);
-  refine_reach(grid, top, view, settings.mask_level, height, boundary);
-  const int free = free_permille_ahead(boundary, settings.mask_level, estimate.window, 1 << level);
-  clock.lap(Stage::boundary);
-
-  estimate.horizon_row = horizon.row < 0 ? -1 : horizon_row;
-  estimate.horizon_confidence = horizon.confidence;
-  estimate.traversable_permille =
-      static_cast<int>(traversable * 1000 / (static_cast<std::uint64_t>(view.width) * view.height));
-  if (free < settings.blocked_below)
-    estimate.flags |= flag_blocked;
+const std::array<std::int64_t, stage_count>& Segmenter::stage_times() const {
+  return state_->times;
 }
 
 } // namespace terrainseg

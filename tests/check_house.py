@@ -1,12 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Holds the arrows of the house: who may include whom.
+"""Holds the floors of the house: who may include whom.
 
-kernels know nobody; stages know the public face, kernels and the stages before them (no cycles); exchange and painter
-know the estimate; gst knows the core's public face, painter, exchange and scene; nothing in the core knows GStreamer,
-OpenCV, Eigen, and nothing in the core speaks floating point.
+Each room sees the rooms that MAY gives it: the floors of the core in one direction (base, coarse, learning, then paper or
+freespace, then the segmenter), cues never curve, the two pipelines never each other; kernels nobody; what leaves the core
+(exchange, painter, gst, tools) its public face. Nothing in the core knows GStreamer, OpenCV or Eigen, speaks floating point
+or includes in a circle, and no chain of includes is longer than LONGEST_CHAIN files.
 
-usage: check_house.py [--self-check]
+usage: check_house.py [--self-check | --chain]
+
+--chain: prints the longest chain of includes.
+
+--self-check: every include that is not allowed, and each of the other rules, makes the check fail.
 """
 import pathlib
 import re
@@ -18,36 +23,58 @@ FOREIGN = re.compile(r'^(gst/|glib|gio/|opencv2|Eigen|nlohmann|json-glib)')
 FLOATING = re.compile(r'\b(float|double)\b')
 COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.S)
 
+# The folder of each room; files of `src` itself are told by their name.
+ROOMS = {
+    'include/terrainseg': 'public', 'include/gst': 'meta',
+    'src/kernels': 'kernels', 'src/base': 'base', 'src/coarse': 'coarse', 'src/learning': 'learning',
+    'src/motion': 'motion', 'src/paper': 'paper',
+    'src/freespace/cues': 'cues', 'src/freespace/curve': 'curve', 'src/freespace': 'freespace',
+    'src/segmenter': 'segmenter', 'src/metric': 'metric', 'src/painter': 'painter', 'src/exchange': 'exchange',
+    'src/recording': 'recording', 'src/scene': 'scene', 'src/reference': 'reference', 'src/tools': 'tools',
+    'gst/recording': 'recorder', 'gst/support': 'support', 'gst/elements': 'elements', 'gst': 'plugin',
+}
+
+# What each room may include of the project's own headers, besides itself.
+MAY = {
+    'public': set(),
+    'meta': set(),
+    'kernels': set(),
+    'base': {'public', 'kernels'},
+    'coarse': {'public', 'kernels', 'base'},
+    'learning': {'public', 'kernels', 'base', 'coarse'},
+    'motion': {'public', 'kernels', 'base', 'coarse'},
+    'paper': {'public', 'kernels', 'base', 'coarse', 'learning'},
+    'cues': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion'},
+    'curve': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'cues'},
+    'freespace': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'cues', 'curve'},
+    'segmenter': {'public', 'base', 'coarse', 'learning', 'paper', 'freespace'},
+    'metric': {'public'},
+    'painter': {'public', 'kernels'},
+    'exchange': {'public'},
+    'recording': {'public', 'exchange', 'metric'},
+    'scene': {'public'},
+    'reference': {'public'},
+    'tools': {'public', 'painter', 'exchange', 'metric', 'scene', 'reference', 'meta'},
+    'support': {'public', 'painter', 'exchange', 'metric', 'scene', 'meta'},
+    'elements': {'public', 'painter', 'exchange', 'metric', 'scene', 'reference', 'meta', 'support'},
+    'recorder': {'public', 'exchange', 'metric', 'recording', 'meta', 'support'},
+    'plugin': {'support', 'elements', 'meta'},
+}
+REFERENCE_ELEMENT = 'terrainreference'  # the only element that may include the reference
+CORE = {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'paper', 'cues', 'curve', 'freespace', 'segmenter'}
+INTEGER_ROOMS = CORE | {'painter'}
+LONGEST_CHAIN = 11  # files, from a source down to a header that includes none of ours
+NO_FOREIGN = INTEGER_ROOMS | {'metric', 'exchange', 'recording', 'scene'}
+
 
 def room(path):
-    """The room of a file below the top: 'core', 'kernels', 'exchange', ..."""
-    parts = path.parts
-    if parts[0] == 'include':
-        return 'public' if parts[1] == 'terrainseg' else 'meta'
-    if parts[0] == 'gst':
-        return 'gst'
-    if parts[0] == 'src':
-        if len(parts) == 2:
-            return 'painter' if parts[1].startswith('painter') else 'core'
-        return parts[1]
-    return parts[0]
-
-
-# What each room may include of the project's own headers.
-MAY = {
-    'public': {'public'},
-    'kernels': {'kernels'},
-    'core': {'public', 'kernels', 'core'},
-    'painter': {'public', 'painter', 'kernels'},
-    'exchange': {'public', 'exchange'},
-    'scene': {'public', 'scene'},
-    'reference': {'public', 'reference'},
-    'tools': {'public', 'core', 'painter', 'exchange', 'scene', 'reference', 'tools', 'meta'},
-    'meta': {'meta'},
-    'gst': {'public', 'painter', 'exchange', 'scene', 'reference', 'meta', 'gst'},
-}
-INTEGER_ROOMS = {'public', 'core', 'kernels', 'painter'}
-NO_FOREIGN = INTEGER_ROOMS | {'exchange', 'scene'}
+    """The room of a file below the top, or None."""
+    folder = path.with_suffix('')
+    while folder != pathlib.Path('.'):
+        if str(folder) in ROOMS:
+            return ROOMS[str(folder)]
+        folder = folder.parent
+    return None
 
 
 def sources():
@@ -64,16 +91,21 @@ def resolve(name, path):
     return None
 
 
-def check_text(path, text):
+def check_text(path, text, resolve=resolve):
     here, wrong = room(path), []
+    if here is None:
+        return [f'{path}: in no room (ROOMS and MAY in tests/check_house.py)']
     for name in INCLUDE.findall(text):
         target = resolve(name, path)
         if target is None:
             if here in NO_FOREIGN and FOREIGN.match(name):
                 wrong.append(f'{path}: room {here} reaches for <{name}>')
             continue
-        if room(target) not in MAY.get(here, {room(target)}):
-            wrong.append(f'{path}: room {here} may not include {target} (room {room(target)})')
+        there = room(target)
+        if there != here and there not in MAY[here]:
+            wrong.append(f'{path}: room {here} may not include {target} (room {there})')
+        elif here == 'elements' and there == 'reference' and path.stem != REFERENCE_ELEMENT:
+            wrong.append(f'{path}: only {REFERENCE_ELEMENT} may include {target}')
     if here in INTEGER_ROOMS:
         hit = FLOATING.search(COMMENT.sub(' ', text))
         if hit:
@@ -100,20 +132,76 @@ def cycles(graph):
     return found
 
 
+def longest_chain(graph):
+    """The longest way down a graph without circles, as a list of its nodes."""
+    below = {}
+
+    def chain(node):
+        if node not in below:
+            below[node] = [node] + max((chain(after) for after in graph.get(node, ())), key=len, default=[])
+        return below[node]
+
+    return max((chain(node) for node in sorted(graph)), key=len, default=[])
+
+
+def too_long(chain):
+    return [f'{len(chain)} files include one another: {" -> ".join(chain)}'] if len(chain) > LONGEST_CHAIN else []
+
+
+def self_check():
+    """What the rules let through although they should not, and the other way round."""
+    home = {name: pathlib.Path(folder) / 'a_file.hpp' for folder, name in ROOMS.items()}
+    home['segmenter'], home['painter'] = pathlib.Path('src/segmenter.hpp'), pathlib.Path('src/painter.hpp')
+    home['elements'] = pathlib.Path(f'gst/elements/{REFERENCE_ELEMENT}.hpp')
+    wrong = [f'{name}: {path} is in room {room(path)}' for name, path in home.items() if room(path) != name]
+    for here, path in home.items():
+        for there, target in home.items():
+            found = check_text(path, '#include "it.hpp"\n', lambda *_, target=target: target)
+            if bool(found) != (there != here and there not in MAY[here]):
+                wrong.append(f'{here} includes {there}: {found}')
+        for text, rooms in (('#include <gst/gst.h>\n', NO_FOREIGN), ('double x;\n', INTEGER_ROOMS)):
+            if bool(check_text(path, text, lambda *_: None)) != (here in rooms):
+                wrong.append(f'{here}: {text.strip()}')
+    # The floors, written apart from the table.
+    for here, there in (('base', 'coarse'), ('coarse', 'learning'), ('learning', 'paper'), ('learning', 'freespace'),
+                        ('cues', 'curve'), ('paper', 'freespace'), ('freespace', 'paper'), ('kernels', 'public'),
+                        ('exchange', 'base'), ('painter', 'base'), ('elements', 'freespace'), ('support', 'elements'),
+                        ('motion', 'learning'), ('metric', 'base'), ('segmenter', 'metric'), ('freespace', 'metric')):
+        if there in MAY[here]:
+            wrong.append(f'the table lets {here} include {there}')
+    other = pathlib.Path('gst/elements/terrainoverlay.cpp')
+    if not check_text(other, '#include "it.hpp"\n', lambda *_: home['reference']):
+        wrong.append('any element includes the reference')
+    if not check_text(pathlib.Path('src/cellar/a_file.hpp'), ''):
+        wrong.append('a folder without a room')
+    if not cycles({'a': {'b'}, 'b': {'a'}}) or cycles({'a': {'b'}, 'b': set()}):
+        wrong.append('circles are not told from lines')
+    if longest_chain({'a': {'b', 'c'}, 'b': {'d'}, 'c': {'d'}, 'd': {'e'}}) not in (list('abde'), list('acde')):
+        wrong.append('the longest chain of includes is not found')
+    if not too_long([str(n) for n in range(LONGEST_CHAIN + 1)]) or too_long([str(n) for n in range(LONGEST_CHAIN)]):
+        wrong.append('chains of any length pass')
+    return wrong
+
+
 def main():
     if '--self-check' in sys.argv:
-        bad = check_text(pathlib.Path('src/window.cpp'), '#include <gst/gst.h>\n#include "painter.hpp"\ndouble x;\n')
-        loop = cycles({'a': {'b'}, 'b': {'a'}})
-        sys.exit(0 if len(bad) == 3 and loop else f'the check cannot fail: {bad} {loop}')
-    wrong, graph = [], {}
+        wrong = self_check()
+        sys.exit('\n'.join(f'house: the check fails to fail: {line}' for line in wrong) if wrong else 0)
+    wrong, graph, files = [], {}, {}
     for path in sources():
         text = (TOP / path).read_text()
         wrong += check_text(path, text)
-        if room(path) in ('core', 'kernels', 'public'):
+        if room(path) in CORE:
             stage = str(path.with_suffix(''))
-            targets = {str(t.with_suffix('')) for t in (resolve(n, path) for n in INCLUDE.findall(text)) if t}
-            graph.setdefault(stage, set()).update(targets - {stage})
-    wrong += [f'the arrows run in a circle: {c}' for c in cycles(graph)]
+            files[path] = {t for t in (resolve(n, path) for n in INCLUDE.findall(text)) if t}
+            graph.setdefault(stage, set()).update({str(t.with_suffix('')) for t in files[path]} - {stage})
+    circles = cycles(graph)
+    wrong += [f'the arrows run in a circle: {c}' for c in circles]
+    chain = [str(path) for path in longest_chain(files)] if not circles else []
+    if '--chain' in sys.argv:
+        print(len(chain), 'files:', ' -> '.join(chain))
+        return
+    wrong += too_long(chain)
     for line in wrong:
         print('house:', line)
     sys.exit(1 if wrong else 0)

@@ -21,9 +21,9 @@ inline constexpr std::uint8_t mask_traversable = 255;
 enum Flag : std::uint32_t {
   flag_learned = 1,       ///< this frame's window was learned
   flag_frozen = 2,        ///< nothing was learned because learning or near-clear is off
-  flag_starved = 4,       ///< nothing was learned because too few window pixels were usable
+  flag_starved = 4,       ///< nothing was learned: too few usable window pixels, or something stands in it
   flag_unknown = 8,       ///< nothing is known: the mask is 128 everywhere
-  flag_horizon_held = 16, ///< the horizon row is the last one, not this frame's
+  flag_horizon_held = 16, ///< this frame shows no horizon: the row is the last one, less sure with each frame
   flag_blocked = 32,      ///< free space ahead of the window is below blocked_below, or nothing is known
 };
 
@@ -38,11 +38,17 @@ struct ModelSummary {
 struct Estimate {
   std::uint64_t frame = 0; ///< counts processed frames from 0
   int frame_width = 0, frame_height = 0;
-  int horizon_row = -1; ///< row of the frame, 0 at the top; -1 = none
-  std::uint8_t horizon_confidence = 0;
-  GrayView mask;         ///< 0 not traversable, 128 doubtful or unknown, 255 traversable
-  Rectangle mask_region; ///< where the mask lies in the frame, in frame pixels
-  std::uint8_t confidence = 0;
+  int horizon_row = -1;                ///< row of the frame, 0 at the top; -1 = none
+  std::uint8_t horizon_confidence = 0; ///< 0 (none) to 255
+  std::int32_t vanishing_row = -1;    ///< of the ground's vanishing line, Q16 rows of the frame; -1 = unknown
+  std::int32_t speed_over_height = 0; ///< forward speed in camera heights, Q16 1/s; 0 = still or unknown
+  GrayView mask;                      ///< 0 not traversable, 128 doubtful or unknown, 255 traversable
+  Rectangle mask_region;              ///< where the mask lies in the frame, in frame pixels
+  std::uint8_t confidence = 0;        ///< 0 (none) to 255: how far the whole mask can be trusted
+  /// How sure the mask's label is of each cell of the grid, spread over the mask's region: 255 * (2 p - 1), p
+  /// = the share of right labels to expect. 0 everywhere while nothing is known. Empty where free_space is
+  /// off.
+  GrayView confidence_map;
   /// Per mask column: highest row (of the frame) of the free space that is reachable from the window without
   /// a break; frame height = none.
   std::span<const std::uint16_t> boundary;
@@ -53,5 +59,40 @@ struct Estimate {
   std::array<ModelSummary, max_models> models{};
   int model_count = 0;
 };
+
+/// Longest side of a frame or of a mask, in pixels.
+inline constexpr int longest_picture_side = 32767;
+
+/// What an estimate that came from outside (metadata of a program, KLV from a link) holds that none can hold;
+/// nullptr when it is sound. The mask's pixels are not looked at: only its size.
+inline const char* flaw_of(const Estimate& e) {
+  const auto is_side = [](int length) { return length >= 1 && length <= longest_picture_side; };
+  const auto is_inside = [&](const Rectangle& r) {
+    return r.x >= 0 && r.y >= 0 && r.width >= 0 && r.height >= 0 && r.width <= e.frame_width &&
+           r.height <= e.frame_height && r.x <= e.frame_width - r.width && r.y <= e.frame_height - r.height;
+  };
+  if (!is_side(e.frame_width) || !is_side(e.frame_height))
+    return "the frame's width and height must be 1..32767";
+  if (e.horizon_row < -1 || e.horizon_row >= e.frame_height)
+    return "the horizon lies outside the frame";
+  if (!is_inside(e.mask_region) || !is_inside(e.window))
+    return "the mask or the window lies outside the frame";
+  const bool has_mask = e.mask.width != 0 || e.mask.height != 0;
+  if (has_mask && (!is_side(e.mask.width) || !is_side(e.mask.height)))
+    return "the mask's width and height must be 1..32767";
+  const bool has_map = e.confidence_map.width != 0 || e.confidence_map.height != 0;
+  if (has_map && (!is_side(e.confidence_map.width) || !is_side(e.confidence_map.height)))
+    return "the confidence map's width and height must be 1..32767";
+  if (e.boundary.size() > longest_picture_side ||
+      (has_mask && !e.boundary.empty() && e.boundary.size() != static_cast<std::size_t>(e.mask.width)))
+    return "the boundary does not have one row for every mask column";
+  for (const std::uint16_t row : e.boundary)
+    if (row > e.frame_height)
+      return "the boundary holds rows outside the frame";
+  if (e.model_count < 0 || e.model_count > max_models || e.traversable_permille < 0 ||
+      e.traversable_permille > 1000)
+    return "the models or the traversable share cannot be as many";
+  return nullptr;
+}
 
 } // namespace terrainseg

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "terrainseg/export.hpp"
 
@@ -29,9 +30,19 @@ enum class PixelFormat : std::uint8_t {
   RGBA,
   BGRA,
   ARGB,
-  ABGR
+  ABGR,
+  NV16,
+  NV61,
+  NV24,
+  YVYU,
+  VYUY,
+  GRAY8,
+  GRAY16_LE,
+  P010_10LE,
+  I420_10LE,
+  I422_10LE
 };
-inline constexpr int pixel_format_count = 18;
+inline constexpr int pixel_format_count = 28;
 
 enum class ColorRange : std::uint8_t { limited, full };
 enum class ColorMatrix : std::uint8_t { bt601, bt709, bt2020 };
@@ -43,7 +54,8 @@ struct Colorimetry {
   bool operator==(const Colorimetry&) const = default;
 };
 
-/// Where one of the three components (Y, U, V or R, G, B) of a pixel lies.
+/// Where one of the components (Y, U, V or R, G, B) of a pixel lies. Samples of more than 8 bits are two
+/// bytes, the lower first.
 struct ComponentLayout {
   std::uint8_t plane;   ///< index into Frame::planes
   std::uint8_t offset;  ///< bytes from the start of a row to the first sample
@@ -56,6 +68,14 @@ struct FormatLayout {
   std::array<ComponentLayout, 3> components; ///< Y, U, V or R, G, B, in this order for every format
   std::uint8_t planes;                       ///< number of planes, 1..3
   bool rgb;                                  ///< true: components are R, G, B
+  std::uint8_t component_count = 3;          ///< 3, or 1: grey, read as if its chroma were 128 everywhere
+  std::uint8_t depth = 8;                    ///< bits of a sample: 8, 10 or 16; the upper 8 are read
+  std::uint8_t shift = 0;                    ///< unused bits below a sample
+  /// The components that are in memory.
+  constexpr std::span<const ComponentLayout> parts() const { return {components.data(), component_count}; }
+  constexpr int sample_bytes() const { return depth > 8 ? 2 : 1; }
+  /// How far to the right the upper 8 bits of a sample's word lie: 0 where a sample is a byte.
+  constexpr int upper_shift() const { return depth - 8 + shift; }
 };
 
 /// The layout of a format: a table look-up, never fails.
@@ -70,7 +90,7 @@ constexpr int subsampled(int size, int shift) {
 /// read, and in packed 4:2:2 whole pairs of pixels, also where the width is odd.
 constexpr int row_bytes(const FormatLayout& layout, int plane, int width) {
   int bytes = 0;
-  for (const ComponentLayout& part : layout.components)
+  for (const ComponentLayout& part : layout.parts())
     if (const int needed = subsampled(width, part.x_shift) * part.step; part.plane == plane && needed > bytes)
       bytes = needed;
   return bytes;
@@ -79,7 +99,7 @@ constexpr int row_bytes(const FormatLayout& layout, int plane, int width) {
 /// Rows of a plane of a frame of `height` rows. `plane` in 0..layout.planes - 1.
 constexpr int plane_rows(const FormatLayout& layout, int plane, int height) {
   int rows = 0;
-  for (const ComponentLayout& part : layout.components)
+  for (const ComponentLayout& part : layout.parts())
     if (part.plane == plane)
       rows = subsampled(height, part.y_shift);
   return rows;

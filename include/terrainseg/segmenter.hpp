@@ -37,15 +37,28 @@ class [[nodiscard]] Status {
   std::string message_;
 };
 
-/// Where the mask goes: mask_width() x mask_height() bytes that the caller owns. Without one the segmenter
-/// keeps its own.
+/// Where the mask goes: bytes that the caller owns, mask_extent() of the frame's width x height of them.
+/// Without one the segmenter keeps its own.
 struct MaskTarget {
   MutablePlane plane;
   int width = 0, height = 0;
 };
 
-enum class Stage : std::uint8_t { pyramid, prefilter, clustering, update, horizon, scoring, boundary, mask };
-inline constexpr int stage_count = 8;
+/// What stage_times() tells apart, in the order of the default pipeline.
+enum class Stage : std::uint8_t {
+  pyramid,    ///< the octave pyramid, and in the paper's pipeline the level that trains
+  features,   ///< colour, texture and exposure of the cells, their bins, which of them are joined; nothing in
+              ///< the paper's pipeline
+  prefilter,  ///< the window: its cells, their pre-filter, whether they are foreign
+  clustering, ///< training models
+  update,     ///< of what is learned: the mixture, the histograms
+  horizon,    ///< the paper's
+  scoring,    ///< of the cells: likelihood ratios, penalties, averaging over frames
+  boundary,   ///< and what follows from it: re-estimation, ground behind, doubtful ground, refinement, odd
+              ///< spots, what motion tells, reach, the horizon's row
+  mask        ///< written, how much of it is traversable, and how sure it is of each cell
+};
+inline constexpr int stage_count = 9;
 TERRAINSEG_API const char* name_of(Stage stage);
 
 /// Counts since the start; why a frame was not learned from.
@@ -54,7 +67,7 @@ struct Counters {
   std::uint64_t learned = 0;
   std::uint64_t skipped_frozen = 0;  ///< learning = false
   std::uint64_t skipped_near = 0;    ///< near_clear = false
-  std::uint64_t skipped_starved = 0; ///< too few usable window pixels
+  std::uint64_t skipped_starved = 0; ///< too few usable window pixels, or something stands in the window
 };
 
 /// The colour space that a Segmenter of these settings learns in from frames of `frames`: the default
@@ -69,8 +82,8 @@ class TERRAINSEG_API Segmenter {
   Segmenter(Segmenter&&) noexcept;
   Segmenter& operator=(Segmenter&&) noexcept;
 
-  /// Takes other validated settings from the next frame on. What was learned stays unless it no longer fits
-  /// (fewer learned models, another bit shift of the histograms).
+  /// Takes other validated settings from the next frame on. What was learned stays; fewer learned models drop
+  /// the lightest, the other pipeline, which learns in other colours, starts anew.
   void configure(const Settings& settings);
   const Settings& settings() const;
 

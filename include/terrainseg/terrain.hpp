@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "terrainseg/settings.hpp"
@@ -17,13 +18,26 @@ struct ColorSpace {
   bool operator==(const ColorSpace&) const = default;
 };
 
-/// One learned Gaussian with diagonal covariance (paper, section 3.4).
-struct TerrainModel {
+/// Colours as a Gaussian with diagonal covariance: moments of samples, a training model, a learned one
+/// (paper, section 3.4).
+struct Gaussian {
   std::array<std::uint16_t, 3> mean{};     ///< Q8, 8-bit units
   std::array<std::uint32_t, 3> variance{}; ///< Q8, squared 8-bit units
   std::uint64_t mass = 0;                  ///< samples in Q8; 0 = a null model
-  bool operator==(const TerrainModel&) const = default;
+  bool operator==(const Gaussian&) const = default;
 };
+/// What is learned are such Gaussians.
+using TerrainModel = Gaussian;
+
+/// Ranges that learning keeps to, and that a terrain from elsewhere has to keep to.
+inline constexpr std::uint16_t most_mean = 255 << 8;
+inline constexpr std::uint32_t most_variance = 256u * 256 << 8;
+/// 2^18 frames of the largest window: sums of all models and of a frame's training stay far below 2^64.
+inline constexpr std::uint64_t most_mass = std::uint64_t{1} << 58;
+inline constexpr std::uint32_t most_exposure_mean = 255 << 8;
+inline constexpr std::uint32_t most_horizon = 255;
+/// Of all bins of a histogram together: it is halved above 2^30, after the frame that took it there.
+inline constexpr std::uint64_t most_histogram = (std::uint64_t{1} << 30) + (std::uint64_t{1} << 27);
 
 inline constexpr int color_bins = 2048;
 inline constexpr int texture_bins = 24;
@@ -40,5 +54,9 @@ struct Terrain {
   std::uint32_t generation = 0;
   bool operator==(const Terrain&) const = default;
 };
+
+/// Which field of a terrain from elsewhere (a file, a program) has a size or a value that learning and
+/// scoring cannot work with, and its range; empty when it is sound.
+TERRAINSEG_API std::string flaw_of(const Terrain& terrain);
 
 } // namespace terrainseg

@@ -179,6 +179,76 @@ void pairs(std::uint8_t* samples, const Coverage* coverage, int count,
       samples[2 * i + c] = mixed(samples[2 * i + c], coverage[i], ink[static_cast<std::size_t>(c)]);
 }
 
+HWY_INLINE void mix_word(std::uint8_t* at, unsigned coverage, int shift, unsigned ink) {
+  const unsigned sample = (at[0] | unsigned{at[1]} << 8) >> shift, weight = coverage;
+  const unsigned value = ((sample * (256 - weight) + ink * weight + 128) >> 8) << shift;
+  at[0] = static_cast<std::uint8_t>(value);
+  at[1] = static_cast<std::uint8_t>(value >> 8);
+}
+
+#if HWY_TARGET != HWY_SCALAR
+
+// Both halves of 32-bit lanes, each with a coverage and an ink of its own. A product with 256 fits 32 bits.
+template <class D32, class V = hn::Vec<D32>>
+HWY_INLINE V mix_words(D32 d32, V samples, V low_coverage, V high_coverage, int shift, V low_ink,
+                       V high_ink) {
+  const auto mix_one = [&](V sample, V a, V ink) HWY_ATTR {
+    const auto value = hn::ShiftRightSame(sample, shift);
+    const auto sum = hn::Add(hn::Mul(value, hn::Sub(hn::Set(d32, 256), a)), hn::Mul(ink, a));
+    return hn::ShiftLeftSame(hn::ShiftRight<8>(hn::Add(sum, hn::Set(d32, 128))), shift);
+  };
+  const V low = mix_one(hn::And(samples, hn::Set(d32, 0xffff)), low_coverage, low_ink);
+  const V high = mix_one(hn::ShiftRight<16>(samples), high_coverage, high_ink);
+  return hn::Or(low, hn::ShiftLeft<16>(high));
+}
+
+#endif
+
+void words(std::uint8_t* samples, const Coverage* coverage, int count, int shift, std::uint16_t ink) {
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint32_t, 16> d32;
+  const hn::Repartition<std::uint16_t, decltype(d32)> d16;
+  const hn::Repartition<std::uint8_t, decltype(d32)> d8;
+  const auto colour = hn::Set(d32, ink);
+  if (in_place(
+          static_cast<int>(hn::Lanes(d16)), count,
+          [&](int i) HWY_ATTR {
+            ask_ahead(samples + 2 * i);
+            const auto both = hn::BitCast(d32, hn::LoadU(d8, samples + 2 * i));
+            const auto a = hn::BitCast(d32, hn::LoadU(d16, coverage + i));
+            return hn::BitCast(d8, mix_words(d32, both, hn::And(a, hn::Set(d32, 0xffff)),
+                                             hn::ShiftRight<16>(a), shift, colour, colour));
+          },
+          [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + 2 * i); }))
+    return;
+#endif
+  for (int i = 0; i < count; ++i)
+    mix_word(samples + 2 * i, coverage[i], shift, ink);
+}
+
+void word_pairs(std::uint8_t* samples, const Coverage* coverage, int count, int shift,
+                const std::array<std::uint16_t, 2>& ink) {
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint32_t, 16> d32;
+  const hn::Rebind<std::uint16_t, decltype(d32)> dc;
+  const hn::Repartition<std::uint8_t, decltype(d32)> d8;
+  const auto first = hn::Set(d32, ink[0]), second = hn::Set(d32, ink[1]);
+  if (in_place(
+          static_cast<int>(hn::Lanes(d32)), count,
+          [&](int i) HWY_ATTR {
+            ask_ahead(samples + 4 * i);
+            const auto both = hn::BitCast(d32, hn::LoadU(d8, samples + 4 * i));
+            const auto a = hn::PromoteTo(d32, hn::LoadU(dc, coverage + i));
+            return hn::BitCast(d8, mix_words(d32, both, a, a, shift, first, second));
+          },
+          [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + 4 * i); }))
+    return;
+#endif
+  for (int i = 0; i < count; ++i)
+    for (int c = 0; c < 2; ++c)
+      mix_word(samples + 4 * i + 2 * c, coverage[i], shift, ink[static_cast<std::size_t>(c)]);
+}
+
 void triples(std::uint8_t* samples, const Coverage* coverage, int count,
              const std::array<std::uint8_t, 3>& ink) {
   int i = 0;
@@ -286,6 +356,8 @@ HWY_EXPORT(any);
 HWY_EXPORT(pool);
 HWY_EXPORT(plane);
 HWY_EXPORT(pairs);
+HWY_EXPORT(words);
+HWY_EXPORT(word_pairs);
 HWY_EXPORT(triples);
 HWY_EXPORT(quads);
 HWY_EXPORT(packed_422);
@@ -309,6 +381,15 @@ void blend_plane(std::uint8_t* samples, const Coverage* coverage, int count, std
 void blend_pairs(std::uint8_t* samples, const Coverage* coverage, int count,
                  const std::array<std::uint8_t, 2>& ink) {
   HWY_DYNAMIC_DISPATCH(pairs)(samples, coverage, count, ink);
+}
+
+void blend_words(std::uint8_t* samples, const Coverage* coverage, int count, int shift, std::uint16_t ink) {
+  HWY_DYNAMIC_DISPATCH(words)(samples, coverage, count, shift, ink);
+}
+
+void blend_word_pairs(std::uint8_t* samples, const Coverage* coverage, int count, int shift,
+                      const std::array<std::uint16_t, 2>& ink) {
+  HWY_DYNAMIC_DISPATCH(word_pairs)(samples, coverage, count, shift, ink);
 }
 
 void blend_triples(std::uint8_t* samples, const Coverage* coverage, int count,

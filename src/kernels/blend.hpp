@@ -27,6 +27,13 @@ void blend_plane(std::uint8_t* samples, const Coverage* coverage, int count, std
 void blend_pairs(std::uint8_t* samples, const Coverage* coverage, int count,
                  const std::array<std::uint8_t, 2>& ink);
 
+/// Samples of two bytes, the lower first, that hold their value above `shift` unused bits (0..8), which come
+/// out as 0: one a pixel, and two a pixel (interleaved chroma). `ink` is a value as the samples hold it,
+/// above those bits.
+void blend_words(std::uint8_t* samples, const Coverage* coverage, int count, int shift, std::uint16_t ink);
+void blend_word_pairs(std::uint8_t* samples, const Coverage* coverage, int count, int shift,
+                      const std::array<std::uint16_t, 2>& ink);
+
 /// Three bytes a pixel.
 void blend_triples(std::uint8_t* samples, const Coverage* coverage, int count,
                    const std::array<std::uint8_t, 3>& ink);

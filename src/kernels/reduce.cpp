@@ -414,6 +414,32 @@ void split(const std::uint8_t* row, int width, bool luma_first, [[maybe_unused]]
   }
 }
 
+void narrow_row(const std::uint8_t* row, int shift, int count, [[maybe_unused]] std::ptrdiff_t ahead,
+                std::uint8_t* out) {
+  const auto samples = static_cast<std::size_t>(count);
+  std::size_t i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint8_t, 64> d8;
+  const hn::Repartition<std::uint16_t, decltype(d8)> d16;
+  const std::size_t n = hn::Lanes(d8);
+  const auto upper = [&](std::size_t at) HWY_ATTR {
+    const auto word = hn::BitCast(d16, hn::LoadU(d8, row + 2 * at));
+    return hn::BitCast(d8, hn::ShiftRightSame(word, shift));
+  };
+  if (samples >= n)
+    for (;;) {
+      if (ahead != 0)
+        ask_ahead(row + 2 * i + ahead, 2 * n);
+      hn::StoreU(hn::ConcatEven(d8, upper(i + n / 2), upper(i)), d8, out + i);
+      if (i + n >= samples)
+        return;
+      i = std::min(i + n, samples - n);
+    }
+#endif
+  for (; i < samples; ++i)
+    out[i] = static_cast<std::uint8_t>((row[2 * i] | row[2 * i + 1] << 8) >> shift);
+}
+
 void pick_bytes(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out) {
   if (step == 2)
     for (int i = 0; i < count; ++i)
@@ -465,6 +491,7 @@ namespace terrainseg::kernels {
 HWY_EXPORT(reduce);
 HWY_EXPORT(reduce_vertically);
 HWY_EXPORT(split);
+HWY_EXPORT(narrow_row);
 HWY_EXPORT(pick_bytes);
 HWY_EXPORT(spread_row);
 
@@ -481,6 +508,10 @@ void reduce_pair_vertically(const std::uint8_t* odd, const std::uint8_t* even, i
 void split_422(const std::uint8_t* row, int width, bool luma_first, std::ptrdiff_t ahead, std::uint8_t* luma,
                std::uint8_t* chroma) {
   HWY_DYNAMIC_DISPATCH(split)(row, width, luma_first, ahead, luma, chroma);
+}
+
+void narrow(const std::uint8_t* row, int shift, int count, std::ptrdiff_t ahead, std::uint8_t* out) {
+  HWY_DYNAMIC_DISPATCH(narrow_row)(row, shift, count, ahead, out);
 }
 
 void pick(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out) {

@@ -39,10 +39,14 @@ void reduce_pair_vertically(const std::uint8_t* odd, const std::uint8_t* even, i
                             const Waiting& waiting, std::uint8_t* out);
 
 /// Splits a row of packed 4:2:2 of `width` pixels into luma and interleaved chroma (2 * ceil(width / 2)
-/// bytes, in the order of the row), `ahead` as above. `luma_first`: YUY2 rather than UYVY. The row holds 4 *
-/// ceil(width / 2) bytes.
+/// bytes, in the order of the row), `ahead` as above. `luma_first`: YUY2 and YVYU rather than UYVY and VYUY.
+/// The row holds 4 * ceil(width / 2) bytes.
 void split_422(const std::uint8_t* row, int width, bool luma_first, std::ptrdiff_t ahead, std::uint8_t* luma,
                std::uint8_t* chroma);
+
+/// The upper 8 bits of `count` samples of two bytes, the lower first: (sample >> shift) & 255, `ahead` as
+/// above. shift is 0..8.
+void narrow(const std::uint8_t* row, int shift, int count, std::ptrdiff_t ahead, std::uint8_t* out);
 
 /// Every `step`-th byte of a row, from `offset` on: `count` samples. step is 2 or 4.
 void pick(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out);

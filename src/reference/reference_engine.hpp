@@ -24,7 +24,7 @@ struct ReferenceSettings {
   int training_models = 3;    ///< k, 1..255
   int learned_models = 5;     ///< n, above k
   double match_threshold = 1; ///< equation (13), squared distance
-  double mass_cap = 64;       ///< frames of this frame's training pixels
+  int mass_cap = 64;          ///< frames of this frame's training pixels
   double mass_share = 0.3;    ///< only models above this share of the heaviest one score
   double threshold = 3;       ///< standard deviations
   double variance_floor =

@@ -83,12 +83,22 @@ void Developer::develop(const Canvas& canvas, const Lighting& light, std::uint32
     return static_cast<std::uint8_t>(std::clamp(
         ((w[0] * rgb[0] + w[1] * rgb[1] + w[2] * rgb[2] + 32768) >> 16) + conversion.offsets[c], 0, 255));
   };
+  // The upper 8 bits of a sample; 0 below them.
+  const auto put = [&](std::uint8_t* at, std::uint8_t value) {
+    if (layout.sample_bytes() == 1) {
+      *at = value;
+      return;
+    }
+    const unsigned word = unsigned{value} << layout.upper_shift();
+    at[0] = static_cast<std::uint8_t>(word);
+    at[1] = static_cast<std::uint8_t>(word >> 8);
+  };
   for (int y = 0; y < height; y += block_height) {
     const int row_count = std::min(block_height, height - y);
     for (int i = 0; i < row_count; ++i) {
       std::uint8_t* rgb = rows_.data() + static_cast<std::size_t>(i) * width * 3;
       expose_row(canvas, y + i, light, key, rgb);
-      for (int c = 0; c < 3; ++c) {
+      for (int c = 0; c < layout.component_count; ++c) {
         const ComponentLayout& l = layout.components[c];
         if (l.x_shift)
           continue;
@@ -99,7 +109,7 @@ void Developer::develop(const Canvas& canvas, const Lighting& light, std::uint32
                 narrow ? static_cast<std::uint8_t>(16 + (rgb[3 * x + c] * 219 + 127) / 255) : rgb[3 * x + c];
         } else {
           for (int x = 0; x < width; ++x)
-            out[x * l.step] = component(c, rgb + 3 * x);
+            put(out + x * l.step, component(c, rgb + 3 * x));
         }
       }
       // Bytes that stand for nothing or for opacity.
@@ -127,7 +137,7 @@ void Developer::develop(const Canvas& canvas, const Lighting& light, std::uint32
           const std::uint8_t* bottom = row_count == 2 ? top + static_cast<std::size_t>(width) * 3 : top;
           sum += w[k] * (top[6 * x] + top[3 * next] + bottom[6 * x] + bottom[3 * next]);
         }
-        out[x * l.step] = static_cast<std::uint8_t>(std::clamp(((sum + (1 << 17)) >> 18) + 128, 0, 255));
+        put(out + x * l.step, static_cast<std::uint8_t>(std::clamp(((sum + (1 << 17)) >> 18) + 128, 0, 255)));
       }
     }
   }

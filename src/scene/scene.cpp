@@ -2,6 +2,7 @@
 #include "scene/scene.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "scene/backdrop.hpp"
 #include "scene/develop.hpp"
@@ -47,6 +48,17 @@ int Renderer::render(std::uint64_t number, const MutableFrame& frame, const Muta
   return moment.camera.horizon_row(height);
 }
 
+View Renderer::view_of(std::uint64_t number) const {
+  const State& s = *state_;
+  const Camera camera = moment_of(s.settings, s.path, number, s.canvas.width, s.canvas.height).camera;
+  return {camera.position.y,
+          camera.focal,
+          std::asin(-static_cast<double>(camera.forward.y)),
+          std::atan2(-static_cast<double>(camera.right.y), -static_cast<double>(camera.down.y)),
+          camera.center_x,
+          camera.center_y};
+}
+
 void Renderer::render(std::uint64_t number, Picture& picture) {
   picture.horizon_row_ = render(number, picture.mutable_frame(), {picture.labels_.data(), picture.width_});
   picture.frame_number_ = number;
@@ -56,10 +68,9 @@ Picture::Picture(PixelFormat format, int width, int height, Colorimetry colorime
     : format_(format), width_(width), height_(height), colorimetry_(colorimetry),
       labels_(static_cast<std::size_t>(width) * height) {
   const FormatLayout& layout = layout_of(format);
-  for (const ComponentLayout& c : layout.components) {
-    const int row = subsampled(width, c.x_shift) * c.step;
-    strides_[c.plane] = std::max<std::ptrdiff_t>(strides_[c.plane], row);
-    planes_[c.plane].resize(static_cast<std::size_t>(strides_[c.plane]) * subsampled(height, c.y_shift));
+  for (int p = 0; p < layout.planes; ++p) {
+    strides_[p] = row_bytes(layout, p, width);
+    planes_[p].resize(static_cast<std::size_t>(strides_[p]) * plane_rows(layout, p, height));
   }
 }
 

@@ -84,6 +84,15 @@ class Picture {
   int horizon_row_ = -1;
 };
 
+/// How the camera stood over the ground (the plane of height 0) at a frame: a pinhole with square pixels
+/// whose centres have integer coordinates.
+struct View {
+  double height = 0;                 ///< metres
+  double focal = 0;                  ///< pixels
+  double pitch = 0, roll = 0;        ///< radians: positive = looks down, right side down (REP 103)
+  double center_x = 0, center_y = 0; ///< principal point, pixels
+};
+
 class Renderer {
  public:
   /// Width and height in pixels, 1..32767. Keeps about 30 bytes a pixel.
@@ -99,6 +108,9 @@ class Renderer {
 
   /// The same into a picture of the renderer's size; its frame carries the presentation time.
   void render(std::uint64_t number, Picture& picture);
+
+  /// The camera of a frame.
+  View view_of(std::uint64_t number) const;
 
  private:
   struct State;

@@ -22,9 +22,10 @@
 namespace terrainseg {
 namespace {
 
-constexpr const char* names[pixel_format_count] = {"I420", "YV12", "NV12", "NV21", "Y42B", "Y444",
-                                                   "YUY2", "UYVY", "RGB",  "BGR",  "RGBx", "BGRx",
-                                                   "xRGB", "xBGR", "RGBA", "BGRA", "ARGB", "ABGR"};
+constexpr const char* names[pixel_format_count] = {
+    "I420", "YV12", "NV12", "NV21",  "Y42B",      "Y444",      "YUY2",      "UYVY",     "RGB",  "BGR",
+    "RGBx", "BGRx", "xRGB", "xBGR",  "RGBA",      "BGRA",      "ARGB",      "ABGR",     "NV16", "NV61",
+    "NV24", "YVYU", "VYUY", "GRAY8", "GRAY16_LE", "P010_10LE", "I420_10LE", "I422_10LE"};
 
 constexpr std::pair<const char*, scene::Kind> places[] = {{"road", scene::Kind::road},
                                                           {"trail", scene::Kind::trail},
@@ -121,6 +122,20 @@ TEST(MaskHashes, DependOnThePicture) {
   EXPECT_NE(now.at("paper I420"), now.at("paper RGB"));
   EXPECT_EQ(now.at("paper I420"), now.at("paper NV21"));
   EXPECT_EQ(now.at("default RGB"), now.at("default ABGR"));
+}
+
+// Frames of more bits that hold the same upper 8, and other layouts of the same samples.
+TEST(MaskHashes, OfOnePictureInSeveralFormatsAgree) {
+  const Hashes now = computed();
+  for (const std::string preset : {"default ", "paper "}) {
+    for (const char* format : {"NV12", "P010_10LE", "I420_10LE"})
+      EXPECT_EQ(now.at(preset + format), now.at(preset + "I420")) << preset << format;
+    for (const char* format : {"NV16", "NV61", "YVYU", "VYUY", "I422_10LE"})
+      EXPECT_EQ(now.at(preset + format), now.at(preset + "Y42B")) << preset << format;
+    EXPECT_EQ(now.at(preset + "NV24"), now.at(preset + "Y444"));
+    EXPECT_EQ(now.at(preset + "GRAY16_LE"), now.at(preset + "GRAY8"));
+    EXPECT_NE(now.at(preset + "GRAY8"), now.at(preset + "Y444"));
+  }
 }
 
 } // namespace

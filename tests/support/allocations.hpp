@@ -11,9 +11,14 @@
 namespace terrainseg::test {
 
 inline std::atomic<long> allocations = 0;
+/// While set every allocation of this thread fails.
+inline thread_local bool no_memory = false;
+/// The allocation of this number fails, in whatever thread; 0 = none.
+inline std::atomic<long> failing_allocation = 0;
 
 inline void* counted(std::size_t size, std::size_t alignment) {
-  ++allocations;
+  if (++allocations == failing_allocation || no_memory)
+    throw std::bad_alloc();
   if (void* memory = alignment > alignof(std::max_align_t)
                          ? std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment)
                          : std::malloc(size ? size : 1))

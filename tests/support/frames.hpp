@@ -15,8 +15,8 @@ namespace terrainseg::test {
 using Components = std::array<std::uint8_t, 3>;
 using Painter = std::function<Components(int x, int y)>;
 
-/// A frame that owns its planes. Subsampled components are those of the pixel at the upper left. Padding
-/// holds 0xa5.
+/// A frame that owns its planes. Subsampled components are those of the pixel at the upper left. Bits below
+/// the upper 8 of a sample are noise. Padding holds 0xa5.
 class OwnedFrame {
  public:
   OwnedFrame(PixelFormat format, int width, int height, const Painter& paint, int padding = 0) {
@@ -29,12 +29,13 @@ class OwnedFrame {
       planes_[p].assign(static_cast<std::size_t>(stride) * plane_rows(layout, p, height), 0xa5);
       frame_.planes[p] = {planes_[p].data(), stride};
     }
-    for (int c = 0; c < 3; ++c) {
+    for (int c = 0; c < layout.component_count; ++c) {
       const ComponentLayout& part = layout.components[c];
       for (int y = 0; y < subsampled(height, part.y_shift); ++y)
         for (int x = 0; x < subsampled(width, part.x_shift); ++x)
-          planes_[part.plane][y * frame_.planes[part.plane].stride + part.offset + x * part.step] =
-              paint(x << part.x_shift, y << part.y_shift)[c];
+          put(layout,
+              &planes_[part.plane][y * frame_.planes[part.plane].stride + part.offset + x * part.step],
+              paint(x << part.x_shift, y << part.y_shift)[c]);
     }
   }
   OwnedFrame(const OwnedFrame&) = delete;
@@ -44,7 +45,20 @@ class OwnedFrame {
   Frame& frame() { return frame_; }
 
  private:
+  void put(const FormatLayout& layout, std::uint8_t* at, std::uint8_t value) {
+    if (layout.depth == 8) {
+      *at = value;
+      return;
+    }
+    noise_ = noise_ * 1664525U + 1013904223U;
+    const unsigned below = noise_ >> (40 - layout.depth);
+    const unsigned word = (value << (layout.depth - 8) | below) << layout.shift;
+    at[0] = static_cast<std::uint8_t>(word);
+    at[1] = static_cast<std::uint8_t>(word >> 8);
+  }
+
   Frame frame_;
+  std::uint32_t noise_ = 1;
   std::array<std::vector<std::uint8_t>, 3> planes_;
 };
 

@@ -29,6 +29,7 @@ TEST(Allocation, NoneOnceRunning) {
       for (int threads : {1, 2})
         for (std::size_t first : {0, 12, 24}) {
           Settings settings = Settings::of(preset);
+          settings.motion = preset == Preset::standard ? Motion::automatic : Motion::off;
           settings.mask_level = mask_level;
           settings.n_threads = threads;
           settings.ignore_regions = {{0, 0, 40, 20}};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "boundary.hpp"
+#include "freespace/curve/boundary.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,15 +7,15 @@
 
 #include <gtest/gtest.h>
 
-#include "support/coarse_grids.hpp"
+#include "support/grids.hpp"
 
 namespace terrainseg {
 namespace {
 
-using Curve = std::vector<std::uint16_t>;
+using Curve = GridCurve;
 
-CoarseGrid random_grid(int width, int height, std::mt19937& dice) {
-  CoarseGrid g = test::gray_grid(width, height);
+test::OwnedGrid random_grid(int width, int height, std::mt19937& dice) {
+  test::OwnedGrid g = test::gray_grid(width, height);
   for (auto* plane : {&g.y, &g.u, &g.v})
     for (auto& sample : *plane)
       sample = static_cast<std::uint8_t>(dice() % 3 ? 128 + dice() % 8 : dice() % 256);
@@ -26,9 +26,9 @@ CoarseGrid random_grid(int width, int height, std::mt19937& dice) {
 
 // What a curve is worth by the definition, written apart from the search: floor and table apart, in floating
 // point.
-double worth(const CoarseGrid& g, const std::vector<std::int16_t>& score,
-             const std::vector<std::int16_t>& prior, int gain, const Curve& before, bool behind,
-             const Curve& curve) {
+double worth(const test::OwnedGrid& g, const CellScores& score, const RowPriors& prior, int gain,
+             const Curve& before, bool behind, const Curve& curve,
+             const std::vector<std::uint8_t>& edgeless = {}) {
   const auto step = [&](int i, int j, int k, int l) {
     const auto a = g.at(i, j), b = g.at(k, l);
     return std::min(std::floor((std::abs(g.y[a] - g.y[b]) + 2.0 * std::abs(g.u[a] - g.u[b]) +
@@ -48,6 +48,8 @@ double worth(const CoarseGrid& g, const std::vector<std::int16_t>& score,
       sum +=
           std::clamp(10.0 * std::floor((g.y[g.at(r, j)] - g.y[g.at(r - 1, j)]) * gain / 256.0), 0.0, 200.0);
     }
+    if (r < g.height && !edgeless.empty() && edgeless[g.at(r, j)])
+      sum -= 300;
     double stretch = 0; // the best one above the curve with a row between them
     for (int first = 0; behind && first < r - 1; ++first) {
       double turned = -360;
@@ -66,10 +68,12 @@ double worth(const CoarseGrid& g, const std::vector<std::int16_t>& score,
   return sum;
 }
 
-void find(const CoarseGrid& g, const std::vector<std::int16_t>& score, const std::vector<std::int16_t>& prior,
-          int gain, const Curve& before, bool behind, Curve& found) {
+void find(const test::OwnedGrid& g, const CellScores& score, const RowPriors& prior, int gain,
+          const Curve& before, bool behind, Curve& found, const std::vector<std::uint8_t>& edgeless = {}) {
   BoundarySearch search;
   search.look(g, test::color_steps_of(g, gain), gain, before);
+  if (!edgeless.empty())
+    search.price_edgeless(g, edgeless);
   search.find(g, score, prior, behind, found);
 }
 
@@ -77,8 +81,9 @@ TEST(Boundary, NoCurveIsBetter) {
   std::mt19937 dice(7);
   for (int round = 0; round < 60; ++round) {
     const int width = 1 + static_cast<int>(dice() % 4), height = 1 + static_cast<int>(dice() % 8);
-    const CoarseGrid g = random_grid(width, height, dice);
-    std::vector<std::int16_t> score, prior;
+    const test::OwnedGrid g = random_grid(width, height, dice);
+    CellScores score;
+    RowPriors prior;
     for (int i = 0; i < width * height; ++i) // a few nats now and then, so that a stretch behind pays
       score.push_back(
           static_cast<std::int16_t>((static_cast<int>(dice() % 1537) - 768) * (dice() % 2 ? 1 : 3)));
@@ -90,11 +95,15 @@ TEST(Boundary, NoCurveIsBetter) {
     if (round % 2)
       for (int j = 0; j < width; ++j)
         before.push_back(static_cast<std::uint16_t>(dice() % (height + 1)));
-    find(g, score, prior, gain, before, behind, found);
+    std::vector<std::uint8_t> edgeless;
+    if (round % 4 > 1)
+      for (std::size_t i = 0; i < g.size(); ++i)
+        edgeless.push_back(dice() % 2);
+    find(g, score, prior, gain, before, behind, found, edgeless);
     ASSERT_EQ(found.size(), static_cast<std::size_t>(width));
     double most = -1e18;
     for (;;) { // all (height + 1)^width curves
-      const double w = worth(g, score, prior, gain, before, behind, curve);
+      const double w = worth(g, score, prior, gain, before, behind, curve, edgeless);
       if (w > most) {
         most = w;
         best = curve;
@@ -107,29 +116,30 @@ TEST(Boundary, NoCurveIsBetter) {
       ++curve[j];
     }
     // The tables round: a tie may fall either way.
-    EXPECT_NEAR(worth(g, score, prior, gain, before, behind, found), most, 1.0 + 2.0 * width)
+    EXPECT_NEAR(worth(g, score, prior, gain, before, behind, found, edgeless), most, 1.0 + 2.0 * width)
         << width << 'x' << height;
   }
 }
 
 TEST(Boundary, AllAndNothing) {
-  const CoarseGrid g = test::gray_grid(20, 12);
-  const std::vector<std::int16_t> prior(12, 0);
+  const test::OwnedGrid g = test::gray_grid(20, 12);
+  const RowPriors prior(12, 0);
   Curve curve;
-  find(g, std::vector<std::int16_t>(240, 300), prior, 256, {}, false, curve);
+  find(g, CellScores(240, 300), prior, 256, {}, false, curve);
   EXPECT_EQ(curve, Curve(20, 0));
-  find(g, std::vector<std::int16_t>(240, -300), prior, 256, {}, false, curve);
+  find(g, CellScores(240, -300), prior, 256, {}, false, curve);
   EXPECT_EQ(curve, Curve(20, 12));
 }
 
 TEST(Boundary, FollowsAnUprightEdgeMoreReadilyThanNone) {
   // A narrow obstacle with weak scores: found where the picture shows its sides, smoothed away where it does
   // not.
-  std::vector<std::int16_t> score(20 * 20, 0), prior(20, 0);
+  CellScores score(20 * 20, 0);
+  RowPriors prior(20, 0);
   for (int i = 0; i < 20; ++i)
     for (int j = 0; j < 20; ++j)
       score[static_cast<std::size_t>(i * 20 + j)] = i < 8 ? -400 : j >= 8 && j < 11 && i < 14 ? -250 : 400;
-  CoarseGrid seen = test::gray_grid(20, 20);
+  test::OwnedGrid seen = test::gray_grid(20, 20);
   for (int i = 8; i < 14; ++i)
     for (int j = 8; j < 11; ++j)
       seen.u[seen.at(i, j)] = 220;
@@ -143,8 +153,9 @@ TEST(Boundary, FollowsAnUprightEdgeMoreReadilyThanNone) {
 
 TEST(Boundary, CutsOutAnObstacleOnOpenGround) {
   // A dark wall as high as the ground that is seen behind it: one curve alone prefers to run over both.
-  std::vector<std::int16_t> score(20 * 20, 0), prior(20, 0);
-  CoarseGrid g = test::gray_grid(20, 20);
+  CellScores score(20 * 20, 0);
+  RowPriors prior(20, 0);
+  test::OwnedGrid g = test::gray_grid(20, 20);
   for (int i = 0; i < 20; ++i)
     for (int j = 0; j < 20; ++j) {
       const bool ground = i >= 2 && (j < 4 || i < 10 || i >= 15);

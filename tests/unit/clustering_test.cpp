@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // k-means against one step of Lloyd's algorithm in doubles, and the properties that equations (6) to (8)
 // imply.
-#include "clustering.hpp"
+#include "learning/clustering.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,24 +10,20 @@
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
 
+#include "support/grids.hpp"
+
 namespace terrainseg {
 namespace {
 
 /// A grid of one row that holds a list of colours.
 struct Samples {
-  std::array<std::vector<std::uint8_t>, 3> data;
   std::vector<Cell> cells;
-  Grid grid;
-  explicit Samples(const std::vector<Color>& colors) {
+  test::OwnedGrid grid;
+  explicit Samples(const std::vector<Color>& colors) : grid(static_cast<int>(colors.size()), 1) {
     for (std::size_t i = 0; i < colors.size(); ++i) {
-      for (int c = 0; c < 3; ++c)
-        data[c].push_back(colors[i][c]);
       cells.push_back({static_cast<std::int16_t>(i), 0});
+      grid.set(cells[i], colors[i]);
     }
-    for (int c = 0; c < 3; ++c)
-      grid.planes[c] = {data[c].data(), static_cast<std::ptrdiff_t>(colors.size())};
-    grid.width = static_cast<int>(colors.size());
-    grid.height = 1;
   }
 };
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "color_steps.hpp"
+#include "freespace/cues/color_steps.hpp"
 
 #include <cmath>
 #include <random>
 
 #include <gtest/gtest.h>
 
-#include "support/coarse_grids.hpp"
+#include "support/grids.hpp"
 
 namespace terrainseg {
 namespace {
@@ -14,7 +14,7 @@ namespace {
 TEST(ColorSteps, LeadFromEveryCellToItsNeighbours) {
   std::mt19937 dice(5);
   for (int round = 0; round < 60; ++round) {
-    CoarseGrid g = test::gray_grid(1 + static_cast<int>(dice() % 40), 1 + static_cast<int>(dice() % 9));
+    test::OwnedGrid g = test::gray_grid(1 + static_cast<int>(dice() % 40), 1 + static_cast<int>(dice() % 9));
     for (auto* plane : {&g.y, &g.u, &g.v})
       for (auto& sample : *plane)
         sample = static_cast<std::uint8_t>(dice() % 256);

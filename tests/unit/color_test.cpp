@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "color.hpp"
+#include "base/color.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "confidence.hpp"
+#include "freespace/curve/confidence.hpp"
 
 #include <gtest/gtest.h>
 
-#include "support/coarse_grids.hpp"
+#include "support/grids.hpp"
 
 namespace terrainseg {
 namespace {
 
 class Confidence : public testing::Test {
  protected:
-  std::uint8_t of(int below, int above, const std::vector<std::uint16_t>& boundary) {
-    std::vector<std::int16_t> score;
+  std::uint8_t of(int below, int above, const GridCurve& boundary) {
+    CellScores score;
     for (int i = 0; i < 30; ++i)
       for (int j = 0; j < 40; ++j)
         score.push_back(static_cast<std::int16_t>(16 * (i >= boundary[j] ? below : above)));
     return mask_confidence(grid_, score, boundary, {});
   }
-  CoarseGrid grid_ = test::gray_grid(40, 30);
-  const std::vector<std::uint16_t> level_ = std::vector<std::uint16_t>(40, 12);
+  test::OwnedGrid grid_ = test::gray_grid(40, 30);
+  const GridCurve level_ = GridCurve(40, 12);
 };
 
 TEST_F(Confidence, GrowsWithTheSeparation) {
@@ -33,7 +33,7 @@ TEST_F(Confidence, GrowsWithTheSeparation) {
 }
 
 TEST_F(Confidence, FallsWithTheJumpsOfTheCurve) {
-  std::vector<std::uint16_t> jagged = level_;
+  GridCurve jagged = level_;
   for (std::size_t j = 0; j < jagged.size(); j += 2)
     jagged[j] = 16;
   EXPECT_LT(of(40, -20, jagged), of(40, -20, level_) / 2);
@@ -41,7 +41,7 @@ TEST_F(Confidence, FallsWithTheJumpsOfTheCurve) {
 
 TEST_F(Confidence, TheRowsNextToTheBoundaryCountMost) {
   // Half a picture's worth of sure scores far away, or the same next to the curve.
-  std::vector<std::int16_t> far_off, near_by;
+  CellScores far_off, near_by;
   for (int i = 0; i < 30; ++i)
     for (int j = 0; j < 40; ++j) {
       const int sign = i >= 12 ? 1 : -1;
@@ -53,9 +53,9 @@ TEST_F(Confidence, TheRowsNextToTheBoundaryCountMost) {
 }
 
 TEST_F(Confidence, GroundBehindCountsAsGround) {
-  const std::vector<std::uint16_t> base(40, 20);
-  GroundBehind behind{std::vector<std::uint16_t>(40, 6), std::vector<std::uint16_t>(40, 14), true};
-  std::vector<std::int16_t> score;
+  const GridCurve base(40, 20);
+  GroundBehind behind{GridCurve(40, 6), GridCurve(40, 14), true};
+  CellScores score;
   for (int i = 0; i < 30; ++i)
     for (int j = 0; j < 40; ++j)
       score.push_back(i >= 20 || (i >= 6 && i < 14) ? 300 : -300);
@@ -63,8 +63,8 @@ TEST_F(Confidence, GroundBehindCountsAsGround) {
 }
 
 TEST_F(Confidence, ACurveThatPartsNothingIsNone) {
-  EXPECT_EQ(of(48, -48, std::vector<std::uint16_t>(40, 0)), 0);
-  EXPECT_EQ(of(48, -48, std::vector<std::uint16_t>(40, 30)), 0);
+  EXPECT_EQ(of(48, -48, GridCurve(40, 0)), 0);
+  EXPECT_EQ(of(48, -48, GridCurve(40, 30)), 0);
 }
 
 TEST_F(Confidence, TheHorizonsFallsWithItsSpread) {

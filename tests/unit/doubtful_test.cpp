@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "doubtful.hpp"
+#include "freespace/curve/doubtful.hpp"
 
 #include <gtest/gtest.h>
 
-#include "support/coarse_grids.hpp"
+#include "support/grids.hpp"
 
 namespace terrainseg {
 namespace {
@@ -14,18 +14,17 @@ class Doubtful : public testing::Test {
     for (int j = first; j <= last; ++j)
       score_[grid_.at(row, j)] = static_cast<std::int16_t>(16 * score);
   }
-  std::vector<std::uint16_t> walk(int limit, int boundary) {
-    std::vector<std::uint16_t> safe;
-    walk_doubtful(grid_, score_, limit, std::vector<std::uint16_t>(9, static_cast<std::uint16_t>(boundary)),
-                  safe);
+  GridCurve walk(int limit, int boundary) {
+    GridCurve safe;
+    walk_doubtful(grid_, score_, limit, GridCurve(9, static_cast<std::uint16_t>(boundary)), safe);
     return safe;
   }
-  CoarseGrid grid_ = test::gray_grid(9, 12);
-  std::vector<std::int16_t> score_ = std::vector<std::int16_t>(108, 480);
+  test::OwnedGrid grid_ = test::gray_grid(9, 12);
+  CellScores score_ = CellScores(108, 480);
 };
 
 TEST_F(Doubtful, GoodGroundIsSafeFromTheBoundaryOn) {
-  EXPECT_EQ(walk(-24, 5), std::vector<std::uint16_t>(9, 5));
+  EXPECT_EQ(walk(-24, 5), GridCurve(9, 5));
 }
 
 TEST_F(Doubtful, WalksDownWhileTheGroundIsBad) {
@@ -40,15 +39,15 @@ TEST_F(Doubtful, WalksDownWhileTheGroundIsBad) {
 TEST_F(Doubtful, WhatIsNotNextToTheBoundaryIsNotItsBusiness) {
   for (int i = 9; i < 11; ++i)
     set(i, 0, 8, -48);
-  EXPECT_EQ(walk(-24, 5), std::vector<std::uint16_t>(9, 5));
+  EXPECT_EQ(walk(-24, 5), GridCurve(9, 5));
 }
 
 TEST_F(Doubtful, OffAndEverything) {
   score_.assign(108, -768);
-  EXPECT_EQ(walk(-96, 5), std::vector<std::uint16_t>(9, 5));
-  EXPECT_EQ(walk(-24, 5), std::vector<std::uint16_t>(9, 12));
-  EXPECT_EQ(walk(-24, 12), std::vector<std::uint16_t>(9, 12));
-  EXPECT_EQ(walk(-24, 0), std::vector<std::uint16_t>(9, 12));
+  EXPECT_EQ(walk(-96, 5), GridCurve(9, 5));
+  EXPECT_EQ(walk(-24, 5), GridCurve(9, 12));
+  EXPECT_EQ(walk(-24, 12), GridCurve(9, 12));
+  EXPECT_EQ(walk(-24, 0), GridCurve(9, 12));
 }
 
 TEST_F(Doubtful, ALowerLimitDoubtsLess) {

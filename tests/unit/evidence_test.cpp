@@ -1,163 +1,178 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "evidence.hpp"
-
-#include <algorithm>
-#include <cmath>
-#include <utility>
+#include "freespace/curve/evidence.hpp"
 
 #include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "support/frames.hpp"
+#include "support/grids.hpp"
+#include "terrainseg/segmenter.hpp"
 
 namespace terrainseg {
 namespace {
 
-constexpr int bin(int y, int u, int v) {
-  return (y >> 5) << 8 | (u >> 4) << 4 | v >> 4;
-}
-
-CellIndices cells_of(const std::vector<std::array<int, 4>>& yuvt) {
-  CellIndices c;
-  for (const auto& cell : yuvt) {
-    c.color.push_back(static_cast<std::uint16_t>(bin(cell[0], cell[1], cell[2])));
-    c.texture.push_back(static_cast<std::uint8_t>(cell[3]));
+TEST(ConfidenceOf, IsTwiceTheShareOfRightLabelsLessOne) {
+  EXPECT_EQ(confidence_of(0), 0);
+  EXPECT_EQ(confidence_of(-500), 0);
+  EXPECT_EQ(confidence_of(32000), confidence_of(6 * 32 - 1));
+  int last = 0;
+  for (int e = 1; e < 6 * 32; ++e) {
+    const double right = 1 / (1 + std::exp(-e / 32.0));
+    EXPECT_NEAR(confidence_of(e), 255 * (2 * right - 1), 3) << e;
+    EXPECT_GE(confidence_of(e), last) << e;
+    last = confidence_of(e);
   }
-  return c;
 }
 
-Terrain gray_road() {
-  Terrain t;
-  TerrainModel m;
-  m.mean = {112 << 8, 128 << 8, 128 << 8};
-  m.variance = {300 << 8, 180 << 8, 180 << 8};
-  m.mass = 100 << 8;
-  t.models = {m};
-  return t;
-}
-
-TEST(Evidence, CountsWhatItIsTold) {
-  const CellIndices cells =
-      cells_of({{100, 128, 128, 5}, {30, 90, 90, 9}, {30, 90, 90, 9}, {200, 150, 150, 1}});
-  Terrain t;
-  learn_histograms(cells, {Lesson::terrain, Lesson::against, Lesson::against_little, Lesson::nothing}, 0, t);
-  EXPECT_EQ(t.negative_colors[bin(100, 128, 128)], 0u);
-  EXPECT_EQ(t.negative_colors[bin(200, 150, 150)], 0u);
-  const std::uint32_t one = t.terrain_texture[5];
-  EXPECT_GT(one, 0u);
-  EXPECT_EQ(t.negative_texture[9],
-            one / 2 + one / 8); // two cells share a frame's weight; one counts a quarter
-  EXPECT_EQ(t.negative_texture[1], 0u);
-}
-
-TEST(Evidence, EveryFrameWeighsTheSameAndFades) {
-  Terrain few, many;
-  learn_histograms(cells_of({{9, 9, 9, 3}}), {Lesson::against}, 5, few);
-  learn_histograms(cells_of(std::vector<std::array<int, 4>>(1000, {9, 9, 9, 3})),
-                   std::vector<Lesson>(1000, Lesson::against), 5, many);
-  EXPECT_NEAR(few.negative_texture[3], many.negative_texture[3], few.negative_texture[3] / 500.0);
-  const std::uint32_t before = few.negative_texture[3];
-  for (int i = 0; i < 300; ++i)
-    learn_histograms(cells_of({{200, 9, 9, 8}}), {Lesson::against}, 5, few);
-  EXPECT_LT(few.negative_texture[3], before / 1000);
-  EXPECT_NEAR(few.negative_texture[8], 32.0 * before, before); // 1 / (1/32)
-}
-
-TEST(Evidence, NeverRunsOver) {
-  Terrain t;
-  for (int i = 0; i < 5000; ++i)
-    learn_histograms(cells_of({{9, 9, 9, 3}}), {Lesson::against}, 0, t);
-  EXPECT_GT(t.negative_texture[3], 1u << 28);
-  EXPECT_LT(t.negative_texture[3], (1u << 30) + (1u << 21));
-}
-
-// The colour table against the formula in floating point.
-TEST(Evidence, IsTheWeightedLogLikelihoodRatio) {
-  Terrain t = gray_road();
-  std::vector<std::array<int, 4>> rest;
-  std::vector<Lesson> lessons;
-  for (int i = 0; i < 400; ++i) {
-    rest.push_back({40 + i % 100, 100 + i % 50, 110 + i % 40, 4});
-    lessons.push_back(Lesson::against);
+/// 40 x 30 cells of 8 x 8 pixels, ground from row 12 on, nothing known of its looks.
+class EvidenceOf : public testing::Test {
+ protected:
+  EvidenceOf() {
+    grid_.level = 3;
+    evidence_.start(grid_, CellScores(grid_.size()), boundary_, {});
   }
-  learn_histograms(cells_of(rest), lessons, 5, t);
-  std::vector<double> blurred(2048, 0);
-  double total = 0;
-  const auto count = [&](int l, int u, int v) {
-    return double(
-        t.negative_colors[std::clamp(l, 0, 7) << 8 | std::clamp(u, 0, 15) << 4 | std::clamp(v, 0, 15)]);
+  int at(int row, int column) const { return evidence_.sums()[grid_.at(row, column)]; }
+  /// Told of a mask that is ground from row `first` of the frame on, 2^level smaller than the frame.
+  std::vector<std::uint8_t> told(int first, int mask_level, std::uint8_t frame_confidence = 150) {
+    const int width = 320 >> mask_level, height = 240 >> mask_level;
+    std::vector<std::uint8_t> mask, out(grid_.size(), 77);
+    for (int y = 0; y < height; ++y)
+      mask.insert(mask.end(), static_cast<std::size_t>(width),
+                  y << mask_level >= first ? mask_traversable : mask_not_traversable);
+    evidence_.tell(grid_, {{mask.data(), width}, width, height}, mask_level, frame_confidence,
+                   {out.data(), 40});
+    return out;
+  }
+  test::OwnedGrid grid_ = test::gray_grid(40, 30);
+  const GridCurve boundary_ = GridCurve(40, 12);
+  Evidence evidence_;
+};
+
+TEST_F(EvidenceOf, PlacesGrowsWithTheDistanceFromTheCurve) {
+  for (int rows = 0; rows < 12; ++rows)
+    EXPECT_EQ(at(12 + rows, 7), -at(11 - rows, 7)) << "as sure on both sides, " << rows;
+  for (int row = 1; row < 30; ++row)
+    EXPECT_GE(at(row, 7), at(row - 1, 7)) << row;
+  EXPECT_GT(at(12, 7), 0);
+  EXPECT_GT(at(16, 7), 2 * at(13, 7));
+}
+
+TEST_F(EvidenceOf, LooksAddsToThatOfPlaces) {
+  CellScores score(grid_.size());
+  score[grid_.at(20, 5)] = 16 * 32; // 1 nat
+  score[grid_.at(20, 6)] = -16 * 32;
+  const int without = at(20, 5);
+  evidence_.start(grid_, score, boundary_, {});
+  EXPECT_NEAR(at(20, 5) - without, 32 / 3.0, 2);
+  EXPECT_NEAR(at(20, 6) - without, -32 / 3.0, 2);
+  EXPECT_EQ(at(20, 7), without);
+}
+
+TEST_F(EvidenceOf, GroundBehindIsForTheGround) {
+  const GroundBehind behind{GridCurve(40, 4), GridCurve(40, 9), true};
+  evidence_.start(grid_, CellScores(grid_.size()), boundary_, behind);
+  for (int row = 4; row < 9; ++row)
+    EXPECT_GT(at(row, 3), 0) << row;
+  EXPECT_LT(at(3, 3), 0);
+  EXPECT_LT(at(9, 3), 0);
+  EXPECT_EQ(at(4, 3), at(8, 3)) << "as far from either end";
+}
+
+TEST_F(EvidenceOf, WhatIsOddSpeaksAgainstTheCellItIsIn) {
+  const int before = at(20, 30);
+  std::vector<std::uint8_t> odd(80 * 60); // of cells half as large
+  const auto set = [&](int row, int column, std::uint8_t value) {
+    odd[static_cast<std::size_t>(row * 80 + column)] = value;
   };
-  const double w[3] = {1, 2, 1};
-  for (int i = 0; i < 2048; ++i) {
-    for (int a = -1; a < 2; ++a)
-      for (int b = -1; b < 2; ++b)
-        for (int c = -1; c < 2; ++c)
-          blurred[i] +=
-              w[a + 1] * w[b + 1] * w[c + 1] / 64 * count((i >> 8) + a, (i >> 4 & 15) + b, (i & 15) + c);
-    total += blurred[i];
-  }
-  // The prior for ground among the rest, octaves in Q8: less the more of the picture was taught as terrain.
-  for (const auto& [taught, prior] : {std::pair{0, 950}, {32, 950}, {48, 625}, {64, 300}, {256, 300}}) {
-    EvidenceTables tables;
-    Evidence().build(t, {}, taught, Settings(), tables);
-    for (int i = 0; i < 2048; ++i) {
-      const double d[3] = {(i >> 8) * 32 + 16 - 112.0, (i >> 4 & 15) * 16 + 8 - 128.0,
-                           (i & 15) * 16 + 8 - 128.0};
-      double log2p = 13 + prior / 256.0; // colours of a bin
-      for (int c = 0; c < 3; ++c) {
-        const double variance = c == 0 ? 300 : 180;
-        log2p -= 0.5 * std::log2(2 * M_PI * variance) + d[c] * d[c] / variance / 2 * M_LOG2E;
-      }
-      const double against = std::log2((blurred[i] + total / 10000) / total);
-      const double nats = (std::max(log2p, -3968 / 256.0) - against) * M_LN2;
-      EXPECT_NEAR(tables.color[i], std::clamp(0.384 * 32 * nats, -26.0, 26.0), 1.6)
-          << i << " taught " << taught;
-    }
+  set(40, 60, 56);
+  set(40, 59, 88); // centred at x = 236, which cell 30 (centred at 240, from 236 on) has
+  set(39, 61, 24); // no more than ground often is
+  evidence_.subtract_oddness({odd, 80, 60, 2, 0});
+  EXPECT_EQ(at(20, 30), before - (88 - 24) / 2) << "the oddest one counts";
+  EXPECT_EQ(at(20, 31), before);
+  EXPECT_EQ(at(20, 29), before);
+}
+
+TEST_F(EvidenceOf, WhatStandsSpeaksAgainstIt) {
+  const int before = at(25, 10);
+  std::vector<std::int16_t> standing(80 * 60);
+  standing[50 * 80 + 20] = 32; // covers x 80..83, y 200..203
+  standing[50 * 80 + 30] = -60;
+  evidence_.subtract_standing({standing, 80, 60, 2, 2});
+  EXPECT_EQ(at(25, 10), before - 64) << "two nats";
+  EXPECT_EQ(at(25, 15), before) << "what lies is no evidence for the ground here";
+}
+
+TEST_F(EvidenceOf, TheMasksLabelIsWhatItIsFor) {
+  for (const int mask_level : {0, 2}) {
+    const auto right = told(12 * 8, mask_level), wrong = told(20 * 8, mask_level);
+    EXPECT_GT(right[grid_.at(25, 9)], 200);
+    EXPECT_GT(right[grid_.at(2, 9)], 200);
+    EXPECT_LT(right[grid_.at(12, 9)], 130) << "next to the curve";
+    EXPECT_EQ(right[grid_.at(12, 9)], right[grid_.at(11, 9)]);
+    EXPECT_EQ(wrong[grid_.at(19, 9)], 0) << "a hole that nothing speaks for";
+    EXPECT_EQ(wrong[grid_.at(20, 9)], right[grid_.at(20, 9)]);
   }
 }
 
-TEST(Evidence, TheNearestModelSpeaks) {
-  Terrain one = gray_road(), two = gray_road();
-  two.models.push_back(two.models[0]);
-  two.models[1].mean = {60 << 8, 160 << 8, 90 << 8};
-  EvidenceTables a, b;
-  Evidence().build(one, {}, 0, Settings(), a);
-  Evidence().build(two, {}, 0, Settings(), b);
-  EXPECT_LT(a.color[bin(60, 160, 90)], 0);
-  EXPECT_GT(b.color[bin(60, 160, 90)], 0);
-  EXPECT_GT(b.color[bin(112, 128, 128)], 0);
+TEST_F(EvidenceOf, AHoleIsTheSurerTheMoreSpeaksForIt) {
+  std::vector<std::int16_t> standing(80 * 60, 100);
+  evidence_.subtract_standing({standing, 80, 60, 2, 2});
+  EXPECT_GT(told(20 * 8, 0)[grid_.at(15, 9)], 150);
 }
 
-TEST(Evidence, WhatIsInTheWindowNowIsTerrain) {
-  Terrain memory = gray_road();
-  memory.models[0].mass = std::uint64_t{1} << 40; // hours of it
-  TerrainModel now = memory.models[0];
-  now.mean = {60 << 8, 160 << 8, 90 << 8};
-  now.mass = 70 << 8;
-  EvidenceTables before, after;
-  Evidence().build(memory, {}, 0, Settings(), before);
-  Evidence().build(memory, {&now, 1}, 0, Settings(), after);
-  EXPECT_LT(before.color[bin(60, 160, 90)], -20);
-  EXPECT_GT(after.color[bin(60, 160, 90)], 20);
-  EXPECT_EQ(after.color[bin(112, 128, 128)], before.color[bin(112, 128, 128)]);
+TEST_F(EvidenceOf, ThePicturesConfidenceIsPartOfIt) {
+  EXPECT_LT(told(96, 0, 0)[grid_.at(22, 9)], told(96, 0, 80)[grid_.at(22, 9)]);
+  EXPECT_LT(told(96, 0, 80)[grid_.at(22, 9)], told(96, 0, 255)[grid_.at(22, 9)]);
 }
 
-TEST(Evidence, TextureIsForWhatTheWindowShows) {
-  Terrain t = gray_road();
-  std::vector<std::array<int, 4>> cells;
-  std::vector<Lesson> lessons;
-  for (int i = 0; i < 100; ++i) {
-    cells.push_back({100, 128, 128, i % 2 ? 4 : 17});
-    lessons.push_back(i % 2 ? Lesson::terrain : Lesson::against);
+TEST_F(EvidenceOf, NothingIsKnownOfWhatIsIgnored) {
+  grid_.ignored[grid_.at(25, 9)] = 1;
+  const auto map = told(96, 0);
+  EXPECT_EQ(map[grid_.at(25, 9)], 0);
+  EXPECT_GT(map[grid_.at(25, 10)], 0);
+}
+
+/// Through the whole core: ground of one noisy colour under a sky of another, 320 x 240, ground from row 96
+/// down.
+test::OwnedFrame plain() {
+  return {PixelFormat::I420, 320, 240, [](int x, int y) -> test::Components {
+            const int noise = test::noise_at(x, y, 0, 3);
+            return y < 96 ? test::Components{static_cast<std::uint8_t>(210 + noise), 140, 116}
+                          : test::Components{static_cast<std::uint8_t>(100 + noise), 120, 134};
+          }};
+}
+
+TEST(ConfidenceMap, IsLowAtTheBoundaryAndHighFarFromIt) {
+  Segmenter segmenter(Settings{});
+  const auto frame = plain();
+  for (int i = 0; i < 4; ++i)
+    ASSERT_TRUE(segmenter.process(frame.frame()).ok());
+  const GrayView& map = segmenter.estimate().confidence_map;
+  ASSERT_EQ(map.width, 80);
+  ASSERT_EQ(map.height, 60);
+  for (int j = 0; j < 80; ++j) {
+    const int edge = std::min({map.plane.row(22)[j], map.plane.row(23)[j], map.plane.row(24)[j]});
+    EXPECT_LT(edge, 190) << j;
+    EXPECT_GT(map.plane.row(50)[j], 220) << j;
+    EXPECT_GT(map.plane.row(5)[j], 220) << j;
   }
-  learn_histograms(cells_of(cells), lessons, 5, t);
-  EvidenceTables tables;
-  Evidence().build(t, {}, 0, Settings(), tables);
-  EXPECT_GT(tables.texture[4], 60);
-  EXPECT_LT(tables.texture[17], -60);
-  EXPECT_NEAR(tables.texture[4], -tables.texture[17], 2);
-  Settings without;
-  without.texture = false;
-  Evidence().build(t, {}, 0, without, tables);
-  for (const int v : tables.texture)
-    EXPECT_EQ(v, 0);
+}
+
+TEST(ConfidenceMap, IsZeroWhileNothingIsKnownAndAbsentInThePapersPipeline) {
+  Settings settings;
+  settings.learning = false;
+  Segmenter unknowing(settings);
+  const auto frame = plain();
+  ASSERT_TRUE(unknowing.process(frame.frame()).ok());
+  const GrayView& map = unknowing.estimate().confidence_map;
+  ASSERT_EQ(map.width, 80);
+  for (int i = 0; i < map.height; ++i)
+    EXPECT_TRUE(std::all_of(map.plane.row(i), map.plane.row(i) + 80, [](int v) { return v == 0; }));
+  Segmenter paper(Settings::of(Preset::paper));
+  ASSERT_TRUE(paper.process(frame.frame()).ok());
+  EXPECT_TRUE(paper.estimate().confidence_map.empty());
 }
 
 } // namespace

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "exposure.hpp"
+#include "freespace/cues/exposure.hpp"
 
 #include <algorithm>
 
 #include <gtest/gtest.h>
 
-#include "support/coarse_grids.hpp"
+#include "support/grids.hpp"
 
 namespace terrainseg {
 namespace {
 
-CoarseGrid gray(int luma, int upper = 255) {
-  CoarseGrid g = test::gray_grid(10, 8, luma);
+test::OwnedGrid gray(int luma, int upper = 255) {
+  test::OwnedGrid g = test::gray_grid(10, 8, luma);
   std::fill_n(g.y.begin(), 40, static_cast<std::uint8_t>(upper));
   return g;
 }
 
 TEST(Exposure, TheLowerHalfCounts) {
   EXPECT_EQ(mean_luma(gray(77, 250)), 77u << 8);
-  CoarseGrid part = gray(50);
+  test::OwnedGrid part = gray(50);
   for (int i = 60; i < 80; ++i) {
     part.y[i] = 255;
     part.ignored[i] = 1;
@@ -66,6 +66,20 @@ TEST(Exposure, OffIsNoGainAndDarkIsBounded) {
     ASSERT_EQ(t.luma[y], y);
   fill_exposure(1, t);
   EXPECT_EQ(t.gain, (110 << 16) / 2048);
+}
+
+// The square of a dark picture's gain on chroma has 32 bits: no int holds it.
+TEST(Exposure, AModelKeepsItsShapeInTheDark) {
+  ExposureTables t;
+  fill_exposure(1, t);
+  TerrainModel learned;
+  learned.mean = {0, 140 << 8, 100 << 8};
+  learned.variance = {1u << 20, 1u << 24, 1u << 26};
+  const TerrainModel dark = in_this_light(learned, t);
+  const std::uint64_t square = std::uint64_t{t.chroma_gain[0]} * t.chroma_gain[0];
+  ASSERT_GT(square, std::uint64_t{1} << 31);
+  EXPECT_EQ(dark.variance[1], (std::uint64_t{1} << 40) / square);
+  EXPECT_EQ(dark.variance[2], (std::uint64_t{1} << 42) / square);
 }
 
 } // namespace

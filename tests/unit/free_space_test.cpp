@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "free_space.hpp"
+#include "freespace/curve/free_space.hpp"
 
 #include <random>
 
 #include <gtest/gtest.h>
 
-#include "workers.hpp"
+#include "base/workers.hpp"
 
 namespace terrainseg {
 namespace {
@@ -55,7 +55,7 @@ TEST_P(FreeSpaceMask, HoldsEveryPixelByTheCurves) {
 
 INSTANTIATE_TEST_SUITE_P(WithAndWithoutGroundBehind, FreeSpaceMask, testing::Bool());
 
-std::vector<std::uint16_t> reached(const std::vector<std::uint16_t>& safe) {
+std::vector<std::uint16_t> reached(const FrameCurve& safe) {
   std::vector<std::uint16_t> out(safe.size());
   reachable_rows(safe, 0, {4, 80, 3, 10}, 100, out);
   return out;
@@ -72,7 +72,7 @@ TEST(FreeSpace, ReachableUntilTheFirstBreak) {
 TEST(FreeSpace, AWindowThatIsBlockedLetsOnlyItsOpenColumnsThrough) {
   EXPECT_EQ(reached({10, 10, 10, 10, 95, 60, 95, 10, 10, 10}),
             (std::vector<std::uint16_t>{100, 100, 100, 100, 100, 60, 100, 100, 100, 100}));
-  EXPECT_EQ(reached(std::vector<std::uint16_t>(10, 100)), std::vector<std::uint16_t>(10, 100));
+  EXPECT_EQ(reached(FrameCurve(10, 100)), std::vector<std::uint16_t>(10, 100));
 }
 
 } // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "geodesic.hpp"
+#include "freespace/cues/geodesic.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,28 +7,28 @@
 
 #include <gtest/gtest.h>
 
-#include "support/coarse_grids.hpp"
+#include "support/grids.hpp"
 
 namespace terrainseg {
 namespace {
 
 using test::gray_grid;
 
-std::vector<Cell> bottom_row(const CoarseGrid& g, int first, int end) {
+std::vector<Cell> bottom_row(const test::OwnedGrid& g, int first, int end) {
   std::vector<Cell> cells;
   for (int j = first; j < end; ++j)
     cells.push_back({static_cast<std::int16_t>(j), static_cast<std::int16_t>(g.height - 1)});
   return cells;
 }
 
-std::vector<std::int8_t> raised(const CoarseGrid& g, const std::vector<Cell>& seeds, int gain = 256) {
-  std::vector<std::int8_t> penalty(g.size(), 0);
+CellPenalties raised(const test::OwnedGrid& g, const std::vector<Cell>& seeds, int gain = 256) {
+  CellPenalties penalty(g.size(), 0);
   GeodesicPenalty().raise(g, test::color_steps_of(g, gain), seeds, penalty);
   return penalty;
 }
 
 // The definition by relaxation until nothing changes: any order of any ways gives the same distances.
-std::vector<std::int8_t> by_definition(const CoarseGrid& g, const std::vector<Cell>& seeds, int gain) {
+CellPenalties by_definition(const test::OwnedGrid& g, const std::vector<Cell>& seeds, int gain) {
   const auto step = [&](std::size_t a, std::size_t b) {
     return ((std::abs(g.y[a] - g.y[b]) + 2 * std::abs(g.u[a] - g.u[b]) + 2 * std::abs(g.v[a] - g.v[b])) *
             gain) /
@@ -49,7 +49,7 @@ std::vector<std::int8_t> by_definition(const CoarseGrid& g, const std::vector<Ce
   };
   constexpr int unreached = 1 << 20;
   std::vector<int> row, below(static_cast<std::size_t>(g.width), unreached);
-  std::vector<std::int8_t> penalty(g.size(), 0);
+  CellPenalties penalty(g.size(), 0);
   for (int i = lowest; i >= 0; --i) {
     row.assign(static_cast<std::size_t>(g.width), unreached);
     for (const Cell& s : seeds)
@@ -85,7 +85,7 @@ std::vector<std::int8_t> by_definition(const CoarseGrid& g, const std::vector<Ce
 TEST(Geodesic, IsTheCheapestWay) {
   std::mt19937 dice(11);
   for (int round = 0; round < 40; ++round) {
-    CoarseGrid g = gray_grid(2 + static_cast<int>(dice() % 30), 1 + static_cast<int>(dice() % 20));
+    test::OwnedGrid g = gray_grid(2 + static_cast<int>(dice() % 30), 1 + static_cast<int>(dice() % 20));
     const unsigned range = 1 + dice() % 60;
     for (auto* plane : {&g.y, &g.u, &g.v})
       for (auto& sample : *plane)
@@ -102,7 +102,7 @@ TEST(Geodesic, IsTheCheapestWay) {
 }
 
 TEST(Geodesic, AnEnclosedThingIsFarAndTheGroundAroundItIsNot) {
-  CoarseGrid g = gray_grid(30, 20);
+  test::OwnedGrid g = gray_grid(30, 20);
   for (int i = 4; i < 12; ++i) // a box of the ground's colour inside a dark outline: a car's smooth flank
     for (int j = 10; j < 20; ++j)
       g.y[g.at(i, j)] = i == 4 || i == 11 || j == 10 || j == 19 ? 40 : 100;
@@ -113,7 +113,7 @@ TEST(Geodesic, AnEnclosedThingIsFarAndTheGroundAroundItIsNot) {
 }
 
 TEST(Geodesic, AGentleSlopeAndTheGroundsOwnGrainCostNothing) {
-  CoarseGrid g = gray_grid(30, 30);
+  test::OwnedGrid g = gray_grid(30, 30);
   for (int i = 0; i < 30; ++i)
     for (int j = 0; j < 30; ++j)
       g.y[g.at(i, j)] = static_cast<std::uint8_t>(60 + 4 * (29 - i) + 4 * ((i + j) % 2));
@@ -122,7 +122,7 @@ TEST(Geodesic, AGentleSlopeAndTheGroundsOwnGrainCostNothing) {
 }
 
 TEST(Geodesic, ALineAcrossTheRoadIsForgiven) {
-  CoarseGrid g = gray_grid(30, 40);
+  test::OwnedGrid g = gray_grid(30, 40);
   for (int j = 0; j < 30; ++j)
     g.y[g.at(33, j)] = 140;
   const auto penalty = raised(g, bottom_row(g, 10, 20));
@@ -131,15 +131,15 @@ TEST(Geodesic, ALineAcrossTheRoadIsForgiven) {
 }
 
 TEST(Geodesic, LeavesAloneWhatLiesBelowTheWindowAndWhatIsWorseAlready) {
-  CoarseGrid g = gray_grid(20, 20);
+  test::OwnedGrid g = gray_grid(20, 20);
   for (int j = 0; j < 20; ++j)
     g.y[g.at(18, j)] = 250; // a bonnet
-  std::vector<std::int8_t> penalty(g.size(), 7);
-  GeodesicPenalty().raise(g, test::color_steps_of(g), {{10, 15}}, penalty);
+  CellPenalties penalty(g.size(), 7);
+  GeodesicPenalty().raise(g, test::color_steps_of(g), std::vector<Cell>{{10, 15}}, penalty);
   for (const int p : penalty)
     EXPECT_EQ(p, 7);
   GeodesicPenalty().raise(g, test::color_steps_of(g), {}, penalty); // nothing is trusted
-  EXPECT_EQ(penalty, std::vector<std::int8_t>(g.size(), 7));
+  EXPECT_EQ(penalty, CellPenalties(g.size(), 7));
 }
 
 } // namespace

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "ground_behind.hpp"
+#include "freespace/curve/ground_behind.hpp"
 
 #include <algorithm>
 
 #include <gtest/gtest.h>
 
-#include "support/coarse_grids.hpp"
+#include "support/grids.hpp"
 
 namespace terrainseg {
 namespace {
@@ -14,9 +14,9 @@ constexpr int width = 24, height = 20;
 
 // Ground below row 3, a post in columns 8..12 that stands on row 14 and reaches up to row `top`.
 struct Place {
-  CoarseGrid grid = test::gray_grid(width, height);
-  std::vector<std::int16_t> score = std::vector<std::int16_t>(width * height, 400);
-  std::vector<std::uint16_t> boundary = std::vector<std::uint16_t>(width, 3);
+  test::OwnedGrid grid = test::gray_grid(width, height);
+  CellScores score = CellScores(width * height, 400);
+  GridCurve boundary = GridCurve(width, 3);
 
   explicit Place(int top) {
     for (int i = 0; i < height; ++i)
@@ -59,7 +59,7 @@ TEST(GroundBehind, IsFoundOverAPostAndNowhereElse) {
 TEST(GroundBehind, WhatHidesAllOfItShowsNone) {
   const GroundBehind behind = Place(3).find();
   EXPECT_FALSE(behind.any);
-  EXPECT_EQ(behind.end, std::vector<std::uint16_t>(width, 0));
+  EXPECT_EQ(behind.end, GridCurve(width, 0));
 }
 
 TEST(GroundBehind, AnotherColourThanBesideItIsNoGround) {

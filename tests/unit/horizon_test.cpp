@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Stage D against equations (10) and (11) in doubles.
-#include "horizon.hpp"
+#include "coarse/horizon.hpp"
 
 #include <cmath>
 #include <optional>
@@ -9,32 +9,27 @@
 
 #include <gtest/gtest.h>
 
+#include "support/grids.hpp"
+
 namespace terrainseg {
 namespace {
 
-constexpr GroundColor ground{{100 << 8, 120 << 8, 130 << 8}, {25 << 8, 16 << 8, 16 << 8}};
+constexpr Gaussian ground{{100 << 8, 120 << 8, 130 << 8}, {25 << 8, 16 << 8, 16 << 8}};
 constexpr Color terrain{100, 120, 130}, sky{220, 120, 130};
 
-struct Picture {
-  std::array<std::vector<std::uint8_t>, 3> data;
-  Grid grid;
-  /// `share[row]` of `width` cells look like ground.
-  Picture(int width, const std::vector<int>& share) {
-    grid.width = width;
-    grid.height = static_cast<int>(share.size());
-    for (int count : share)
-      for (int x = 0; x < width; ++x)
-        for (int c = 0; c < 3; ++c)
-          data[c].push_back((x < count ? terrain : sky)[c]);
-    for (int c = 0; c < 3; ++c)
-      grid.planes[c] = {data[c].data(), width};
-  }
-};
+/// `share[row]` of `width` cells look like ground.
+test::OwnedGrid picture(int width, const std::vector<int>& share) {
+  test::OwnedGrid grid(width, static_cast<int>(share.size()), sky);
+  for (std::size_t row = 0; row < share.size(); ++row)
+    for (int x = 0; x < share[row]; ++x)
+      grid.set({static_cast<std::int16_t>(x), static_cast<std::int16_t>(row)}, terrain);
+  return grid;
+}
 
 TEST(LooksLikeGround, IsTwoSigmaPerComponent) {
   std::mt19937 random(1);
   for (int i = 0; i < 20000; ++i) {
-    GroundColor g;
+    Gaussian g;
     Color color{};
     bool expected = true;
     for (int c = 0; c < 3; ++c) {
@@ -55,34 +50,34 @@ TEST(LooksLikeGround, TheLimitBelongsToIt) {
 }
 
 TEST(FindHorizon, IsThePoorestRow) {
-  const Picture picture(20, {10, 8, 1, 14, 18, 20, 20, 20});
-  EXPECT_EQ(find_horizon(picture.grid, ground, 6, 8).row, 2);
+  const test::OwnedGrid seen = picture(20, {10, 8, 1, 14, 18, 20, 20, 20});
+  EXPECT_EQ(find_horizon(seen, ground, 6, 8).row, 2);
 }
 
 TEST(FindHorizon, ATieGoesToTheLowest) {
-  const Picture picture(20, {0, 0, 0, 14, 18, 20, 20, 20});
-  const Horizon horizon = find_horizon(picture.grid, ground, 6, 8);
+  const test::OwnedGrid seen = picture(20, {0, 0, 0, 14, 18, 20, 20, 20});
+  const Horizon horizon = find_horizon(seen, ground, 6, 8);
   EXPECT_EQ(horizon.row, 2);
   EXPECT_EQ(horizon.confidence, 255);
 }
 
 TEST(FindHorizon, IsNullWithoutAClearlyPoorerRow) {
-  EXPECT_EQ(find_horizon(Picture(20, {20, 20, 20, 20}).grid, ground, 3, 4).row, -1);
-  EXPECT_EQ(find_horizon(Picture(20, {0, 0, 0, 0}).grid, ground, 3, 4).row, -1);
-  EXPECT_EQ(find_horizon(Picture(20, {12, 11, 15, 20}).grid, ground, 3, 4).row, -1);
+  EXPECT_EQ(find_horizon(picture(20, {20, 20, 20, 20}), ground, 3, 4).row, -1);
+  EXPECT_EQ(find_horizon(picture(20, {0, 0, 0, 0}), ground, 3, 4).row, -1);
+  EXPECT_EQ(find_horizon(picture(20, {12, 11, 15, 20}), ground, 3, 4).row, -1);
 }
 
 TEST(FindHorizon, IsNullWhenTheWindowIsAsPoor) {
-  EXPECT_EQ(find_horizon(Picture(20, {2, 20, 20, 2}).grid, ground, 3, 4).row, -1);
+  EXPECT_EQ(find_horizon(picture(20, {2, 20, 20, 2}), ground, 3, 4).row, -1);
 }
 
 TEST(FindHorizon, IsNullWhenTheWindowReachesTheTop) {
-  EXPECT_EQ(find_horizon(Picture(20, {2, 20, 20, 20}).grid, ground, 0, 4).row, -1);
+  EXPECT_EQ(find_horizon(picture(20, {2, 20, 20, 20}), ground, 0, 4).row, -1);
 }
 
 TEST(FindHorizon, RowsUnderALiftedWindowDoNotCount) {
   // A bonnet under the window.
-  EXPECT_EQ(find_horizon(Picture(20, {0, 1, 20, 20, 0}).grid, ground, 3, 4).row, 0);
+  EXPECT_EQ(find_horizon(picture(20, {0, 1, 20, 20, 0}), ground, 3, 4).row, 0);
 }
 
 TEST(FindHorizon, AgreesWithTheRuleInDoubles) {
@@ -107,7 +102,7 @@ TEST(FindHorizon, AgreesWithTheRuleInDoubles) {
       if (window_as_poor || share[*expected] >= others / 2 - 1e-9)
         expected.reset();
     }
-    EXPECT_EQ(find_horizon(Picture(20, share).grid, ground, top, end).row, expected.value_or(-1));
+    EXPECT_EQ(find_horizon(picture(20, share), ground, top, end).row, expected.value_or(-1));
   }
 }
 

@@ -8,9 +8,11 @@
 #include "kernel_harness.hpp"
 #include "kernels/blend.hpp"
 #include "kernels/cells.hpp"
+#include "kernels/ground_warp.hpp"
 #include "kernels/mask.hpp"
 #include "kernels/reduce.hpp"
 #include "kernels/score_parts.hpp"
+#include "kernels/sides.hpp"
 
 namespace {
 
@@ -140,6 +142,23 @@ TEST(Kernels, Split422) {
             ASSERT_EQ(luma[i], row[2 * i + (luma_first ? 0 : 1)]) << width << " at " << i;
             ASSERT_EQ(chroma[i], row[2 * i + (luma_first ? 1 : 0)]) << width << " at " << i;
           }
+        }
+  });
+}
+
+TEST(Kernels, Narrow) {
+  on_every_target([] {
+    std::mt19937 random(4);
+    for (int count = 1; count <= 300; ++count)
+      for (const bool at_end : {false, true})
+        for (const int shift : {0, 2, 4, 8}) {
+          const auto size = static_cast<std::size_t>(count);
+          const Guarded<std::uint8_t> row(2 * size, at_end), out(size, at_end);
+          fill(row, all_fills[count % 5], random);
+          narrow(row.data(), shift, count, 0, out.data());
+          for (std::size_t i = 0; i < size; ++i)
+            ASSERT_EQ(out[i], (row[2 * i] + 256 * row[2 * i + 1]) / (1 << shift) % 256)
+                << count << " at " << i << " shift " << shift;
         }
   });
 }
@@ -299,6 +318,36 @@ TEST(Kernels, BlendInterleaved) {
                                    : mixed(c.before[at], c.coverage[at / static_cast<std::size_t>(step)],
                                            ink[static_cast<std::size_t>(channel)]);
           ASSERT_EQ(c.samples[at], expected) << "step " << step << " count " << count << " at " << i;
+        }
+      }
+  });
+}
+
+TEST(Kernels, BlendWords) {
+  on_every_count([](int count, bool at_end, std::mt19937& random) {
+    for (const int step : {1, 2})
+      for (const auto& [depth, shift] : {std::pair{10, 0}, {10, 6}, {16, 0}}) {
+        const Canvas c(2 * step, count, at_end, random);
+        const unsigned most = (1U << depth) - 1;
+        const std::array<std::uint16_t, 2> ink = {static_cast<std::uint16_t>(most),
+                                                  static_cast<std::uint16_t>(random() & most)};
+        // Unused upper bits are 0, as the formats have it.
+        for (std::size_t i = 1; i < c.samples.size(); i += 2)
+          if (depth + shift < 16)
+            c.samples[i] &= 3;
+        const std::vector<std::uint8_t> before(c.samples.begin(), c.samples.end());
+        if (step == 1)
+          blend_words(c.samples.data(), c.coverage.data(), count, shift, ink[0]);
+        else
+          blend_word_pairs(c.samples.data(), c.coverage.data(), count, shift, ink);
+        for (int i = 0; i < count * step; ++i) {
+          const auto at = static_cast<std::size_t>(2 * i);
+          const std::int64_t sample = (before[at] + 256 * before[at + 1]) / (1 << shift);
+          const std::int64_t a = c.coverage[static_cast<std::size_t>(i / step)];
+          const std::int64_t expected =
+              (sample * (256 - a) + ink[static_cast<std::size_t>(i % step)] * a + 128) / 256 * (1 << shift);
+          ASSERT_EQ(c.samples[at] + 256 * c.samples[at + 1], expected)
+              << "step " << step << " depth " << depth << " count " << count << " at " << i;
         }
       }
   });
@@ -613,6 +662,345 @@ TEST(Kernels, WriteLine) {
           ASSERT_EQ(out[static_cast<std::size_t>(i)],
                     std::clamp(floor_shift(start + std::int64_t{i} * step, 1), 0, most))
               << count << " at " << i;
+      }
+  });
+}
+
+// --- motion ---
+
+std::vector<std::uint8_t> noise_picture(int width, int height, std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::vector<std::uint8_t> pixels(static_cast<std::size_t>(width) * height);
+  for (std::uint8_t& pixel : pixels)
+    pixel = static_cast<std::uint8_t>(random() % 4 == 0 ? random() % 2 * 255 : random() % 256);
+  return pixels;
+}
+
+TEST(Kernels, HighPassAndMeanOfQuarters) {
+  on_every_target([] {
+    for (const int width : {13, 31, 64, 101})
+      for (const int radius : {5, 6}) {
+        const int height = 17, gain = radius == 5 ? 2 : 1;
+        const auto in = noise_picture(width, height, 7);
+        std::vector<std::uint8_t> out(in.size());
+        std::vector<std::uint16_t> work(static_cast<std::size_t>(width + 2 * radius));
+        high_pass(in.data(), width, width, height, radius, gain, out.data(), work.data());
+        const int per_sum =
+            (65536 + (2 * radius + 1) * (2 * radius + 1) / 2) / ((2 * radius + 1) * (2 * radius + 1));
+        for (int y = 0; y < height; ++y)
+          for (int x = 0; x < width; ++x) {
+            int sum = 0;
+            for (int dy = -radius; dy <= radius; ++dy)
+              for (int dx = -radius; dx <= radius; ++dx)
+                sum += in[static_cast<std::size_t>(std::clamp(y + dy, 0, height - 1) * width +
+                                                   std::clamp(x + dx, 0, width - 1))];
+            const auto at = static_cast<std::size_t>(y * width + x);
+            ASSERT_EQ(out[at], std::clamp(128 + (in[at] - (sum * per_sum >> 16)) * gain, 1, 255))
+                << x << ' ' << y;
+          }
+        std::vector<std::uint8_t> means(static_cast<std::size_t>(width / 4));
+        mean_of_quarters(in.data(), width, width / 4, means.data());
+        for (int x = 0; x < width / 4; ++x) {
+          int sum = 8;
+          for (int k = 0; k < 16; ++k)
+            sum += in[static_cast<std::size_t>(k / 4 * width + 4 * x + k % 4)];
+          ASSERT_EQ(means[static_cast<std::size_t>(x)], sum / 16);
+        }
+      }
+  });
+}
+
+TEST(Kernels, Steepest) {
+  on_every_target([] {
+    for (const int width : {2, 3, 17, 40, 77}) {
+      const auto rows = noise_picture(width, 4, 11);
+      std::vector<std::uint8_t> ground(static_cast<std::size_t>(width));
+      for (int x = 0; x < width; ++x)
+        ground[static_cast<std::size_t>(x)] = x % 5 != 0;
+      std::vector<std::uint16_t> keys(static_cast<std::size_t>(width), 700);
+      steepest(rows.data(), rows.data() + width, rows.data() + 2 * width, ground.data(), width, 9,
+               keys.data());
+      for (int x = 0; x < width; ++x) {
+        int wanted = 700;
+        if (x > 0 && x < width - 1 && x % 5 != 0) {
+          const auto at = [&](int u, int v) { return int{rows[static_cast<std::size_t>(v * width + u)]}; };
+          const int slope = std::abs(at(x + 1, 1) - at(x - 1, 1)) + std::abs(at(x, 2) - at(x, 0));
+          wanted = std::max(wanted, std::min(slope, 255) * 16 + 9);
+        }
+        ASSERT_EQ(keys[static_cast<std::size_t>(x)], wanted) << x << " of " << width;
+      }
+    }
+  });
+}
+
+TEST(Kernels, WarpRows) {
+  on_every_target([] {
+    const int width = 61, height = 23, segments = 3, rows = 4;
+    const auto in = noise_picture(width, height, 3);
+    Guarded<std::uint8_t> source(in.size(), true);
+    std::copy(in.begin(), in.end(), &source[0]);
+    std::mt19937 random(4);
+    for (int trial = 0; trial < 200; ++trial) {
+      // Inside, across every rim, and far outside.
+      const int room = trial % 3 == 2 ? 4000 : trial % 3 == 1 ? 30 : 0;
+      std::vector<std::int32_t> nodes;
+      for (int k = 0; k < rows * (segments + 1); ++k)
+        for (const int size : {width, height}) {
+          const int span = (size + 2 * room) * 256;
+          nodes.push_back((static_cast<int>(random() % static_cast<unsigned>(span)) - room * 256) * 256);
+        }
+      std::vector<std::uint8_t> out(static_cast<std::size_t>(rows * 16 * segments));
+      warp_rows({&source[0], width, height}, nodes.data(), segments, rows, out.data(), 16 * segments);
+      for (int y = 0; y < rows; ++y)
+        for (int x = 0; x < 16 * segments; ++x) {
+          const std::int32_t* node = nodes.data() + 2 * (y * (segments + 1) + x / 16);
+          const int u = node[0] + (node[2] - node[0]) / 16 * (x % 16),
+                    v = node[1] + (node[3] - node[1]) / 16 * (x % 16);
+          int wanted = 0;
+          if (u >= 0 && v >= 0 && u >> 16 < width - 1 && v >> 16 < height - 1) {
+            const auto at = [&](int du, int dv) {
+              return int{in[static_cast<std::size_t>(((v >> 16) + dv) * width + (u >> 16) + du)]};
+            };
+            const int fu = (u >> 9) % 128, fv = (v >> 9) % 128;
+            wanted = ((at(0, 0) * (128 - fu) + at(1, 0) * fu) * (128 - fv) +
+                      (at(0, 1) * (128 - fu) + at(1, 1) * fu) * fv + 8192) /
+                     16384;
+          }
+          ASSERT_EQ(out[static_cast<std::size_t>(y * 16 * segments + x)], wanted)
+              << x << ' ' << y << ' ' << trial;
+        }
+    }
+  });
+}
+
+TEST(Kernels, CompareCells) {
+  on_every_target([] {
+    const int width = 48, height = 20, plane = 7;
+    const auto frame = noise_picture(width, height, 5);
+    auto warped = noise_picture(width, height, 6);
+    for (std::uint8_t& pixel : warped)
+      pixel = std::max<std::uint8_t>(pixel, 1);
+    for (int hole = -1; hole < 4; ++hole) {
+      if (hole >= 0)
+        warped[static_cast<std::size_t>((8 + hole) * width + 16 + 5 * hole)] = 0; // in cell `hole`
+      std::array<std::int32_t, most_offsets> offsets{};
+      for (int k = 0; k < most_offsets; ++k)
+        offsets[static_cast<std::size_t>(k)] = k % 6 == 5 ? no_offset : (k % 5 - 2) * width + k - 7;
+      offsets[0] = 0;
+      std::vector<std::uint16_t> sums(static_cast<std::size_t>(plane * most_offsets), 7);
+      std::array<std::uint8_t, 4> whole{};
+      compare_cells(&frame[8 * width + 16], width, &warped[8 * width + 16], width, offsets.data(),
+                    sums.data(), plane, whole.data());
+      for (int c = 0; c < plane; ++c) {
+        if (c < 4) {
+          EXPECT_EQ(whole[static_cast<std::size_t>(c)], c > hole) << c << ' ' << hole;
+        }
+        for (int k = 0; k < most_offsets; ++k) {
+          const std::int32_t offset = offsets[static_cast<std::size_t>(k)];
+          int wanted = c >= 4 ? 7 : offset == no_offset ? 640 : 0;
+          for (int p = 0; p < 16 && c < 4 && offset != no_offset; ++p) {
+            const int at = (8 + p / 4) * width + 16 + 4 * c + p % 4;
+            wanted += std::min(
+                std::abs(frame[static_cast<std::size_t>(at)] - warped[static_cast<std::size_t>(at + offset)]),
+                40);
+          }
+          ASSERT_EQ(sums[static_cast<std::size_t>(k * plane + c)], wanted) << k << ' ' << c;
+        }
+      }
+    }
+  });
+}
+
+TEST(Kernels, WindowCosts) {
+  on_every_target([] {
+    const HypothesisOrder order{1, 6, 6, 7, 15};
+    std::mt19937 random(8);
+    for (const int columns : {1, 3, 16, 45}) {
+      const int plane = columns + 2;
+      std::vector<std::uint16_t> rows(static_cast<std::size_t>(3 * most_offsets * plane));
+      for (std::uint16_t& sum : rows)
+        sum = static_cast<std::uint16_t>(random() % 3 == 0 ? 640 : random() % 641);
+      const auto count = static_cast<std::size_t>(columns);
+      std::vector<std::uint16_t> ground(count), control(count), even(count), standing(count), which(count),
+          work(2 * count + 2);
+      const auto row = [&](int i) { return rows.data() + i * most_offsets * plane; };
+      window_costs(row(0), row(1), row(2), columns, plane, order,
+                   {ground.data(), control.data(), even.data(), standing.data(), which.data()}, work.data());
+      for (int j = 0; j < columns; ++j) {
+        std::array<int, most_offsets> costs{};
+        for (int k = 0; k < most_offsets; ++k)
+          for (int i = 0; i < 3; ++i)
+            for (int c = j; c < j + 3; ++c)
+              costs[static_cast<std::size_t>(k)] += row(i)[k * plane + c];
+        const auto at = static_cast<std::size_t>(j);
+        const auto* const best = std::min_element(costs.begin() + 7, costs.begin() + 15);
+        ASSERT_EQ(ground[at], costs[0]);
+        ASSERT_EQ(control[at], *std::min_element(costs.begin() + 1, costs.begin() + 6));
+        ASSERT_EQ(even[at], costs[6]);
+        ASSERT_EQ(standing[at], *best);
+        ASSERT_EQ(which[at], best - costs.begin() - 7) << j << " of " << columns;
+      }
+    }
+  });
+}
+
+TEST(Kernels, MovedSums) {
+  on_every_target([] {
+    const int columns = 9, rows = 5, keep = 224;
+    std::mt19937 random(9);
+    std::vector<std::int16_t> sums(4 * columns * rows);
+    for (std::int16_t& sum : sums)
+      sum = static_cast<std::int16_t>(random());
+    for (int trial = 0; trial < 300; ++trial) {
+      std::vector<std::int32_t> nodes;
+      for (int k = 0; k < 2 * (columns / 4 + 2); ++k) // from two cells outside to two cells outside
+        nodes.push_back(static_cast<int>(random() % (13 * 1024)) - 2 * 1024);
+      std::vector<std::int16_t> out(4 * columns, 99);
+      moved_sums({sums.data(), columns, rows}, nodes.data(), columns, keep, out.data());
+      for (int j = 0; j < columns; ++j) {
+        const auto node = [&](int i) { return nodes[static_cast<std::size_t>(j / 4 * 2 + i)]; };
+        const int u = node(0) + (node(2) - node(0)) * (j % 4) / 4,
+                  v = node(1) + (node(3) - node(1)) * (j % 4) / 4;
+        const double x = std::floor(u / 16.0) / 64, y = std::floor(v / 16.0) / 64; // cells
+        const int left = static_cast<int>(std::floor(x)), top = static_cast<int>(std::floor(y));
+        for (int i = 0; i < 4; ++i) {
+          double wanted = 0;
+          if (left >= -1 && left < columns && top >= -1 && top < rows)
+            for (const int dy : {0, 1})
+              for (const int dx : {0, 1}) {
+                const int c = std::clamp(left + dx, 0, columns - 1), r = std::clamp(top + dy, 0, rows - 1);
+                wanted += (dx ? x - left : 1 - x + left) * (dy ? y - top : 1 - y + top) *
+                          sums[static_cast<std::size_t>(4 * (r * columns + c) + i)];
+              }
+          wanted = std::floor((std::floor(wanted + 0.5) * keep + 128) / 256);
+          ASSERT_EQ(out[static_cast<std::size_t>(4 * j + i)], wanted) << j << ' ' << i << ' ' << trial;
+        }
+      }
+    }
+  });
+}
+
+TEST(Kernels, AddBlocksAndDoubleEach) {
+  on_every_target([] {
+    std::mt19937 random(31);
+    for (std::size_t blocks = 1; blocks <= 70; ++blocks)
+      for (const bool at_end : {false, true}) {
+        const Guarded<std::uint8_t> cells(2 * blocks, at_end);
+        const Guarded<std::uint32_t> sums(blocks, at_end), squares(blocks, at_end);
+        const Guarded<std::int16_t> in(blocks, at_end), twice(2 * blocks, at_end);
+        fill(cells, all_fills[blocks % 5], random);
+        for (std::size_t b = 0; b < blocks; ++b) {
+          sums[b] = static_cast<std::uint32_t>(b);
+          squares[b] = ~std::uint32_t{0};
+          in[b] = static_cast<std::int16_t>(random());
+        }
+        add_blocks(cells.data(), static_cast<int>(blocks), sums.data(), squares.data());
+        double_each(in.data(), static_cast<int>(blocks), twice.data());
+        for (std::size_t b = 0; b < blocks; ++b) {
+          const int left = cells[2 * b], right = cells[2 * b + 1];
+          ASSERT_EQ(sums[b], b + static_cast<std::size_t>(left + right)) << b << " of " << blocks;
+          ASSERT_EQ(squares[b], static_cast<std::uint32_t>(left * left + right * right - 1));
+          ASSERT_EQ(twice[2 * b], in[b]);
+          ASSERT_EQ(twice[2 * b + 1], in[b]);
+        }
+      }
+  });
+}
+
+// Boxes of one kind of cells each, to the last bit; where a count is 0 nothing may come out.
+TEST(Kernels, CompareBoxes) {
+  on_every_target([] {
+    std::mt19937 random(32);
+    for (int count = 1; count <= 70; ++count) {
+      const int reach = 2 + count % 7;
+      const auto blocks = static_cast<std::size_t>(count),
+                 entries = blocks + 2 * static_cast<std::size_t>(reach) + 1;
+      const bool at_end = count % 2;
+      const Guarded<std::uint32_t> sums(entries, at_end), squares(entries, at_end), cells(blocks, at_end),
+          whole(blocks, at_end), lefts(blocks, at_end), rights(blocks, at_end), variance(blocks, at_end);
+      const Guarded<std::int16_t> left(blocks, at_end), right(blocks, at_end);
+      std::vector<std::uint32_t> counts(entries, 0);
+      sums[0] = squares[0] = 0;
+      const std::uint32_t base = random() % 200, range = 1 + random() % 55;
+      for (std::size_t p = 1; p < entries; ++p) {
+        const std::uint32_t n = random() % 5;
+        counts[p] = counts[p - 1] + n;
+        sums[p] = sums[p - 1];
+        squares[p] = squares[p - 1];
+        for (std::uint32_t k = 0; k < n; ++k) {
+          const std::uint32_t x = base + static_cast<std::uint32_t>(random()) % range;
+          sums[p] += x;
+          squares[p] += x * x;
+        }
+      }
+      const auto r = static_cast<std::size_t>(reach);
+      const auto between = [](const auto& running, std::size_t from, std::size_t to) {
+        return running[to] - running[from];
+      };
+      for (std::size_t b = 0; b < blocks; ++b) {
+        const std::uint32_t n = between(counts, b, b + 2 * r + 1), a = between(counts, b, b + r),
+                            c = between(counts, b + r + 1, b + 2 * r + 1);
+        const bool known = a > 0 && c > 0 && b % 5 != 3;
+        cells[b] = n;
+        whole[b] = known ? (1u << 24) / n : 0;
+        lefts[b] = known ? (1u << 24) / a : 0;
+        rights[b] = known ? (1u << 24) / c : 0;
+      }
+      compare_boxes(sums.data(), squares.data(),
+                    {cells.data(), whole.data(), lefts.data(), rights.data(), reach}, 1024, count,
+                    {left.data(), right.data(), variance.data()});
+      for (std::size_t b = 0; b < blocks; ++b) {
+        const std::uint64_t s = between(sums, b, b + 2 * r + 1), ss = between(squares, b, b + 2 * r + 1);
+        if (whole[b] == 0) {
+          ASSERT_EQ(left[b] | right[b], 0);
+          ASSERT_EQ(variance[b], 0u);
+          continue;
+        }
+        ASSERT_EQ(left[b], static_cast<int>((std::uint64_t{between(sums, b, b + r)} * lefts[b]) >> 20));
+        ASSERT_EQ(right[b], static_cast<int>(
+                                (std::uint64_t{between(sums, b + r + 1, b + 2 * r + 1)} * rights[b]) >> 20));
+        // The same around the mean's whole part, in 64 bits.
+        const std::uint64_t w = whole[b], n = cells[b], m = (s * w) >> 24, rest = s - n * m;
+        const std::uint64_t power = ((ss + n * m * m - 2 * m * s) * w) >> 16, mean = (rest * w) >> 16,
+                            lost = mean * mean / 256;
+        ASSERT_EQ(variance[b], 1024 + (power > lost ? power - lost : 0)) << b << " of " << count;
+      }
+    }
+  });
+}
+
+TEST(Kernels, DeviationsAndOddness) {
+  on_every_target([] {
+    std::mt19937 random(33);
+    for (int count = 1; count <= 150; ++count)
+      for (const bool at_end : {false, true}) {
+        const auto size = static_cast<std::size_t>(count);
+        const Guarded<std::uint8_t> cells(size, at_end), y(size, at_end), u(size, at_end), v(size, at_end),
+            dark(size, at_end), ground(size, at_end), out(size, at_end);
+        const Guarded<std::int16_t> left(size, at_end), right(size, at_end), inverse(size, at_end),
+            nearest(size, at_end);
+        fill(cells, all_fills[count % 5], random);
+        for (std::size_t i = 0; i < size; ++i) {
+          left[i] = static_cast<std::int16_t>(random() % 4081);
+          right[i] = static_cast<std::int16_t>(random() % 4081);
+          inverse[i] = static_cast<std::int16_t>(random() % 2049);
+          nearest[i] = static_cast<std::int16_t>(random() % 5 ? random() % 40 : 30000);
+          ground[i] = random() % 3 > 0;
+          u[i] = random() % 128;
+          v[i] = random() % (i % 2 ? 20 : 128);
+        }
+        deviations(cells.data(), left.data(), right.data(), inverse.data(), count, y.data(), dark.data());
+        oddness({y.data(), u.data(), v.data(), ground.data(), dark.data()}, nearest.data(), 20, 96, count,
+                out.data());
+        for (std::size_t i = 0; i < size; ++i) {
+          const int a = 16 * cells[i] - left[i], b = 16 * cells[i] - right[i];
+          const int beyond = a > 0 && b > 0 ? std::min(a, b) : a < 0 && b < 0 ? std::min(-a, -b) : 0;
+          ASSERT_EQ(y[i], std::min(beyond * inverse[i] / 4096, 127)) << i << " of " << count;
+          ASSERT_EQ(dark[i], a < 0 && b < 0);
+          const int luma = !dark[i] && nearest[i] > 20 ? y[i] / 4 : y[i];
+          const int sum = std::max({luma, int{u[i]}, int{v[i]}}) + luma + u[i] + v[i];
+          ASSERT_EQ(out[i], ground[i] ? std::min(sum / 2, 96) : 0) << i << " of " << count;
+        }
       }
   });
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "local_reference.hpp"
+#include "freespace/cues/local_reference.hpp"
 
 #include <gtest/gtest.h>
 
-#include "support/coarse_grids.hpp"
+#include "support/grids.hpp"
 
 namespace terrainseg {
 namespace {
@@ -13,21 +13,21 @@ using test::gray_grid;
 const std::array<int, 3> gray_100{1600, 2048, 2048};
 
 TEST(LocalReference, TheSameColourCostsNothing) {
-  const CoarseGrid g = gray_grid(20, 15, 100);
-  std::vector<std::int8_t> penalty;
+  const test::OwnedGrid g = gray_grid(20, 15, 100);
+  CellPenalties penalty;
   LocalReference().climb(g, gray_100, 256, penalty);
   for (const int p : penalty)
     EXPECT_EQ(p, 0);
 }
 
 TEST(LocalReference, FollowsAGentleSlopeAndNotABreak) {
-  CoarseGrid slope = gray_grid(20, 30, 100), step = slope;
+  test::OwnedGrid slope = gray_grid(20, 30, 100), step = slope;
   for (int i = 0; i < 30; ++i)
     for (int j = 0; j < 20; ++j) {
       slope.y[slope.at(i, j)] = static_cast<std::uint8_t>(100 + 4 * (29 - i)); // to 216 at the top
       step.y[step.at(i, j)] = static_cast<std::uint8_t>(i < 15 ? 216 : 100);
     }
-  std::vector<std::int8_t> a, b;
+  CellPenalties a, b;
   LocalReference().climb(slope, gray_100, 256, a);
   LocalReference().climb(step, gray_100, 256, b);
   for (const int p : a)
@@ -38,32 +38,32 @@ TEST(LocalReference, FollowsAGentleSlopeAndNotABreak) {
 }
 
 TEST(LocalReference, ColourBreaksCountDouble) {
-  CoarseGrid g = gray_grid(20, 10, 100);
+  test::OwnedGrid g = gray_grid(20, 10, 100);
   for (int j = 0; j < 20; ++j) {
     g.u[g.at(4, j)] = 128 + 25; // 2 * 25 = 50: (50 - 34) / 2
     g.y[g.at(3, j)] = 100 + 50;
   }
-  std::vector<std::int8_t> penalty;
+  CellPenalties penalty;
   LocalReference().climb(g, gray_100, 256, penalty);
   EXPECT_EQ(penalty[g.at(4, 10)], 8);
   EXPECT_EQ(penalty[g.at(3, 10)], 8);
 }
 
 TEST(LocalReference, TheGainScalesItAndIgnoredCellsDoNotLead) {
-  CoarseGrid g = gray_grid(20, 20, 100);
+  test::OwnedGrid g = gray_grid(20, 20, 100);
   for (int i = 0; i < 10; ++i)
     for (int j = 0; j < 20; ++j)
       g.y[g.at(i, j)] = 130;
-  std::vector<std::int8_t> dark, plain;
+  CellPenalties dark, plain;
   LocalReference().climb(g, gray_100, 512, dark);
   LocalReference().climb(g, gray_100, 256, plain);
   EXPECT_GT(dark[g.at(9, 5)], plain[g.at(9, 5)]);
   // A way of many small steps that is ignored does not lead the reference on.
-  CoarseGrid led = gray_grid(20, 20, 100);
+  test::OwnedGrid led = gray_grid(20, 20, 100);
   for (int i = 0; i < 20; ++i)
     for (int j = 0; j < 20; ++j)
       led.y[led.at(i, j)] = static_cast<std::uint8_t>(i < 5 ? 200 : 100 + 7 * (19 - i));
-  std::vector<std::int8_t> free, blocked;
+  CellPenalties free, blocked;
   LocalReference().climb(led, gray_100, 256, free);
   for (int i = 5; i < 20; ++i)
     for (int j = 0; j < 20; ++j)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The pyramid against cv::pyrDown, bit for bit, in every format and memory layout.
-#include "pyramid.hpp"
-#include "workers.hpp"
+#include "base/workers.hpp"
+#include "coarse/pyramid.hpp"
 
 #include <gtest/gtest.h>
 
@@ -40,12 +40,29 @@ struct OwnedFrame {
   }
 };
 
+// What is read of a sample: a byte, or the upper 8 bits of what the format's two bytes hold.
+std::uint8_t read(PixelFormat format, const std::uint8_t* sample) {
+  switch (format) {
+  case PixelFormat::P010_10LE:
+  case PixelFormat::GRAY16_LE:
+    return sample[1];
+  case PixelFormat::I420_10LE:
+  case PixelFormat::I422_10LE:
+    return static_cast<std::uint8_t>((sample[1] * 256 + sample[0]) / 4 % 256);
+  default:
+    return *sample;
+  }
+}
+
 cv::Mat component_of(const Frame& frame, int component) {
+  const bool gray = frame.format == PixelFormat::GRAY8 || frame.format == PixelFormat::GRAY16_LE;
+  if (gray && component > 0)
+    return {frame.height, frame.width, CV_8U, cv::Scalar(128)};
   const ComponentLayout& l = layout_of(frame.format).components[component];
   cv::Mat out(subsampled(frame.height, l.y_shift), subsampled(frame.width, l.x_shift), CV_8U);
   for (int y = 0; y < out.rows; ++y)
     for (int x = 0; x < out.cols; ++x)
-      out.at<std::uint8_t>(y, x) = frame.planes[l.plane].row(y)[l.offset + x * l.step];
+      out.at<std::uint8_t>(y, x) = read(frame.format, frame.planes[l.plane].row(y) + l.offset + x * l.step);
   return out;
 }
 
@@ -136,7 +153,8 @@ TEST(Pyramid, EveryFormatStrideAndOddSize) {
 TEST(Pyramid, LargeFrames) {
   Pyramid pyramid;
   for (const auto& [w, h] : {std::pair{3840, 2160}, {1920, 1080}, {1921, 541}, {4099, 37}})
-    for (const PixelFormat format : {PixelFormat::NV12, PixelFormat::I420, PixelFormat::RGB}) {
+    for (const PixelFormat format :
+         {PixelFormat::NV12, PixelFormat::I420, PixelFormat::RGB, PixelFormat::P010_10LE}) {
       const OwnedFrame owned(format, w, h, w, 13);
       const PyramidPlan plan{5, 5, 2};
       pyramid.build(owned.frame, plan);
@@ -169,6 +187,17 @@ TEST(Pyramid, Level0OfAPlanarComponentIsTheFrameItself) {
   for (int c = 0; c < 3; ++c) {
     EXPECT_EQ(pyramid.plane(0, c).data, owned.frame.planes[c].data);
     EXPECT_EQ(pyramid.plane(0, c).stride, owned.frame.planes[c].stride);
+  }
+}
+
+TEST(Pyramid, ChromaOfGreyIs128OnceFormatsChange) {
+  Pyramid pyramid;
+  const PyramidPlan plan{4, 1, 0};
+  for (const PixelFormat format : {PixelFormat::I420, PixelFormat::GRAY8, PixelFormat::GRAY16_LE,
+                                   PixelFormat::Y444, PixelFormat::GRAY8}) {
+    const OwnedFrame owned(format, 70, 41, 3);
+    pyramid.build(owned.frame, plan);
+    expect_same(pyramid, owned.frame, plan);
   }
 }
 

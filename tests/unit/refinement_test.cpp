@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "refinement.hpp"
+#include "freespace/curve/refinement.hpp"
 
 #include <gtest/gtest.h>
 
+#include "coarse/grid_reader.hpp"
 #include "support/frames.hpp"
 
 namespace terrainseg {
@@ -10,20 +11,19 @@ namespace {
 
 using test::Components;
 using test::OwnedFrame;
-using Rows = std::vector<std::uint16_t>;
 
 constexpr int width = 160, height = 128, level = 3;
 
-Rows refined(const test::Painter& paint, const Rows& curve, bool snap, int mask_level = 0,
-             PixelFormat format = PixelFormat::I420) {
+FrameCurve refined(const test::Painter& paint, const GridCurve& curve, bool snap, int mask_level = 0,
+                   PixelFormat format = PixelFormat::I420) {
   OwnedFrame frame(format, width, height, paint);
   frame.frame().colorimetry = {ColorRange::full, ColorMatrix::bt601};
   Pyramid pyramid;
   pyramid.build(frame.frame(), coarse_plan(format, level));
   const ColorTransform transform = color_transform_of(layout_of(format).rgb, frame.frame().colorimetry);
-  CoarseGrid grid;
-  read_grid(pyramid, level, transform, {}, grid);
-  Rows rows;
+  GridReader reader;
+  const Grid grid = reader.read(pyramid, level, transform, {});
+  FrameCurve rows;
   Refinement().refine(pyramid, grid, transform, curve, snap, mask_level, width, height, rows);
   return rows;
 }
@@ -36,7 +36,7 @@ TEST(Refinement, SnapsToTheEdgeWithinACell) {
   // Row 8 of the grid is centred at frame row 64, so that the curve stands at row 60.
   for (int row = 57; row <= 64; ++row)
     for (const PixelFormat format : {PixelFormat::I420, PixelFormat::RGB, PixelFormat::NV12}) {
-      const Rows rows = refined(edge_at(row), Rows(20, 8), true, 0, format);
+      const FrameCurve rows = refined(edge_at(row), GridCurve(20, 8), true, 0, format);
       ASSERT_EQ(rows.size(), 160u);
       for (const int r : rows)
         ASSERT_NEAR(r, row, 1) << row; // the refinement's level has half the frame's rows
@@ -44,25 +44,25 @@ TEST(Refinement, SnapsToTheEdgeWithinACell) {
 }
 
 TEST(Refinement, WithoutSnapIsTheCurveBetweenTheCells) {
-  for (const int r : refined(edge_at(64), Rows(20, 8), false))
+  for (const int r : refined(edge_at(64), GridCurve(20, 8), false))
     EXPECT_EQ(r, 60);
-  Rows slope;
+  GridCurve slope;
   for (int j = 0; j < 20; ++j)
     slope.push_back(static_cast<std::uint16_t>(4 + j / 2));
-  const Rows rows = refined(edge_at(64), slope, false);
+  const FrameCurve rows = refined(edge_at(64), slope, false);
   for (int x = 1; x < width; ++x)
     EXPECT_GE(rows[x], rows[x - 1]);
 }
 
 TEST(Refinement, AllAndNothingStayAll) {
   for (const bool snap : {false, true}) {
-    EXPECT_EQ(refined(edge_at(64), Rows(20, 0), snap), Rows(width, 0));
-    EXPECT_EQ(refined(edge_at(64), Rows(20, height / 8), snap), Rows(width, height));
+    EXPECT_EQ(refined(edge_at(64), GridCurve(20, 0), snap), FrameCurve(width, 0));
+    EXPECT_EQ(refined(edge_at(64), GridCurve(20, height / 8), snap), FrameCurve(width, height));
   }
 }
 
 TEST(Refinement, OneStrayColumnIsOutvoted) {
-  Rows curve(20, 8);
+  GridCurve curve(20, 8);
   const auto paint = [](int x, int y) {
     const int row = x >= 80 && x < 82 ? 66 : 60;
     return y < row ? Components{200, 100, 150} : Components{90, 128, 128};
@@ -72,12 +72,12 @@ TEST(Refinement, OneStrayColumnIsOutvoted) {
 }
 
 TEST(Refinement, MaskLevelsSampleTheSameCurve) {
-  Rows curve;
+  GridCurve curve;
   for (int j = 0; j < 20; ++j)
     curve.push_back(static_cast<std::uint16_t>(5 + j % 4));
-  const Rows whole = refined(edge_at(64), curve, false);
+  const FrameCurve whole = refined(edge_at(64), curve, false);
   for (const int mask_level : {1, 2, 3, 5}) {
-    const Rows rows = refined(edge_at(64), curve, false, mask_level);
+    const FrameCurve rows = refined(edge_at(64), curve, false, mask_level);
     ASSERT_EQ(rows.size(), static_cast<std::size_t>(subsampled(width, mask_level)));
     for (std::size_t x = 0; x < rows.size(); ++x)
       EXPECT_EQ(rows[x], whole[x << mask_level]);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "row_prior.hpp"
+#include "freespace/curve/row_prior.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@ namespace terrainseg {
 namespace {
 
 TEST(RowPrior, SpeaksForTheBottomAndAgainstTheTop) {
-  std::vector<std::int16_t> prior;
+  RowPriors prior;
   row_prior(40, 0, true, 0, prior);
   ASSERT_EQ(prior.size(), 40u);
   for (int i = 1; i < 40; ++i)
@@ -20,7 +20,7 @@ TEST(RowPrior, SpeaksForTheBottomAndAgainstTheTop) {
 }
 
 TEST(RowPrior, FollowsTheHorizon) {
-  std::vector<std::int16_t> high, low;
+  RowPriors high, low;
   row_prior(60, 60, true, 0, high);
   row_prior(60, 140, true, 0, low);
   for (int i = 0; i < 60; ++i)
@@ -28,7 +28,7 @@ TEST(RowPrior, FollowsTheHorizon) {
 }
 
 TEST(RowPrior, CautionIsTakenOffEverywhere) {
-  std::vector<std::int16_t> plain, careful, off;
+  RowPriors plain, careful, off;
   row_prior(30, 100, true, 0, plain);
   row_prior(30, 100, true, 12, careful);
   row_prior(30, 100, false, -7, off);
@@ -40,7 +40,7 @@ TEST(RowPrior, CautionIsTakenOffEverywhere) {
 
 TEST(RowPrior, TheSlowHorizonJumpsFirstThenFollowsByAQuarter) {
   std::vector<std::uint16_t> scratch;
-  const std::vector<std::uint16_t> at_20(60, 20), at_40(60, 40);
+  const GridCurve at_20(60, 20), at_40(60, 40);
   std::uint32_t h = follow_horizon(0, at_20, 80, scratch);
   EXPECT_EQ(h, 64u);
   h = follow_horizon(h, at_40, 80, scratch);
@@ -48,19 +48,10 @@ TEST(RowPrior, TheSlowHorizonJumpsFirstThenFollowsByAQuarter) {
   for (int i = 0; i < 50; ++i)
     h = follow_horizon(h, at_40, 80, scratch);
   EXPECT_NEAR(h, 128, 4);
-  const std::vector<std::uint16_t> top(60, 0);
+  const GridCurve top(60, 0);
   for (int i = 0; i < 90; ++i)
     h = follow_horizon(h, top, 80, scratch);
   EXPECT_GE(h, 1u); // 0 would mean that none is known
-}
-
-TEST(RowPrior, PercentileByRank) {
-  std::vector<std::uint16_t> v{9, 1, 8, 2, 7, 3, 6, 4, 5, 0};
-  EXPECT_EQ(percentile(v, 0), 0);
-  EXPECT_EQ(percentile(v, 50), 5);
-  EXPECT_EQ(percentile(v, 99), 9);
-  std::vector<std::uint16_t> none;
-  EXPECT_EQ(percentile(none, 50), 0);
 }
 
 } // namespace

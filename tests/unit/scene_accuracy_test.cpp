@@ -130,22 +130,27 @@ TEST_P(SceneAccuracy, StaysWithinItsLimits) {
 
 INSTANTIATE_TEST_SUITE_P(
     Scenes, SceneAccuracy,
-    testing::Values(
-        Case{"road_day", {Kind::road, Light::day, Motion::straight, 1}, 6.5, 1.5, 2.5},
-        Case{"road_shadow", {Kind::road, Light::day, Motion::straight, 3}, 17, 10, 1.5}, // of trees
-        Case{"road_dusk", {Kind::road, Light::dusk, Motion::straight, 1}, 7, 3, 3},
-        // The verges, traversable as they are, are another terrain than the window's.
-        Case{"road_turn", {Kind::road, Light::day, Motion::turn, 2}, 18, 3, 5.5},
-        Case{"trail_day", {Kind::trail, Light::day, Motion::straight, 1}, 12, 4.5, 3},
-        Case{"trail_bumpy", {Kind::trail, Light::day, Motion::bumpy, 2}, 3, 1.5, 1.5},
-        Case{"trail_drift", {Kind::trail, Light::drift, Motion::straight, 2}, 3, 1.5, 1.5},
-        Case{"corridor_day", {Kind::corridor, Light::day, Motion::straight, 1}, 2.5, 0.5, 7},
-        Case{"corridor_dusk", {Kind::corridor, Light::dusk, Motion::straight, 2}, 3, 4, 1.5},
-        Case{"plain_day", {Kind::plain, Light::day, Motion::straight, 1}, 3, 3.2, 1.5},
-        // Rocks of the sand's own colour, everywhere.
-        Case{"plain_rocks", {Kind::plain, Light::day, Motion::turn, 3, 100}, 6.5, 13, 1.5},
-        Case{"plain_dusk", {Kind::plain, Light::dusk, Motion::turn, 2}, 3, 5.2, 1.5},
-        Case{"plain_bumpy", {Kind::plain, Light::day, Motion::bumpy, 1}, 3.5, 2.5, 2}),
+    testing::Values(Case{"road_day",
+                         {Kind::road, Light::day, Motion::straight, 1},
+                         6.5,
+                         1.5,
+                         4.5}, // verges are ground now
+                    Case{
+                        "road_shadow", {Kind::road, Light::day, Motion::straight, 3}, 14, 9, 1.8}, // of trees
+                    Case{"road_dusk", {Kind::road, Light::dusk, Motion::straight, 1}, 6, 3, 2.5},
+                    // The verges, traversable as they are, are another terrain than the window's. Ground that
+                    // is joined to the window brings some low things with it.
+                    Case{"road_turn", {Kind::road, Light::day, Motion::turn, 2}, 16, 5.8, 4.5},
+                    Case{"trail_day", {Kind::trail, Light::day, Motion::straight, 1}, 6, 4.5, 2},
+                    Case{"trail_bumpy", {Kind::trail, Light::day, Motion::bumpy, 2}, 2.5, 1.2, 1.2},
+                    Case{"trail_drift", {Kind::trail, Light::drift, Motion::straight, 2}, 2.5, 1.2, 1.8},
+                    Case{"corridor_day", {Kind::corridor, Light::day, Motion::straight, 1}, 1.5, 0.5, 6},
+                    Case{"corridor_dusk", {Kind::corridor, Light::dusk, Motion::straight, 2}, 3, 4, 1.5},
+                    Case{"plain_day", {Kind::plain, Light::day, Motion::straight, 1}, 1.6, 2.2, 1.2},
+                    // Rocks of the sand's own colour, everywhere.
+                    Case{"plain_rocks", {Kind::plain, Light::day, Motion::turn, 3, 100}, 5, 7.5, 1.2},
+                    Case{"plain_dusk", {Kind::plain, Light::dusk, Motion::turn, 2}, 2.8, 4, 1.2},
+                    Case{"plain_bumpy", {Kind::plain, Light::day, Motion::bumpy, 1}, 1.6, 2, 1.2}),
     [](const auto& info) { return std::string(info.param.name); });
 
 // 3.9 % with the prior for ground that a window needs.
@@ -196,8 +201,9 @@ TEST(SameScene, FourSizesGiveOneAnswer) {
     const Answer reference(world, PixelFormat::I420, 640, 360);
     for (const auto& [w, h] : {std::pair{192, 108}, {1280, 720}, {3840, 2160}}) {
       const Answer a(world, PixelFormat::I420, w, h);
-      EXPECT_GE(reference.agreement(a), w < 640 ? 93.0 : 95.5) << w;
-      EXPECT_NEAR(a.horizon, reference.horizon, w < 640 ? 0.05 : 0.01) << w;
+      // Small frames show other links of ground than large ones.
+      EXPECT_GE(reference.agreement(a), w < 640 ? 89.5 : 95.5) << w;
+      EXPECT_NEAR(a.horizon, reference.horizon, w < 640 ? 0.1 : 0.01) << w;
     }
   }
 }
@@ -209,7 +215,7 @@ TEST(SameScene, AllFormatsGiveOneAnswer) {
     for (const PixelFormat format : {PixelFormat::NV12, PixelFormat::Y444, PixelFormat::YUY2,
                                      PixelFormat::RGB, PixelFormat::BGRx, PixelFormat::ARGB}) {
       const Answer a(world, format, 480, 270);
-      EXPECT_GE(reference.agreement(a), 98.0) << static_cast<int>(format);
+      EXPECT_GE(reference.agreement(a), 96.0) << static_cast<int>(format);
       EXPECT_NEAR(a.horizon, reference.horizon, 0.02);
     }
   }
@@ -252,12 +258,15 @@ TEST(Confidence, FallsWhereTheErrorGrows) {
 // `after`.
 class Situation {
  public:
-  explicit Situation(const test::Painter& after, int frames = 3) {
+  explicit Situation(const test::Painter& after, int frames = 3, bool near_clear = true) {
     const test::OwnedFrame ground(PixelFormat::I420, 320, 240, road),
         then(PixelFormat::I420, 320, 240, after);
     for (int k = 0; k < 10; ++k)
       EXPECT_TRUE(segmenter_.process(ground.frame()).ok());
     before = segmenter_.estimate();
+    Settings settings;
+    settings.near_clear = near_clear;
+    segmenter_.configure(settings);
     for (int k = 0; k < frames; ++k)
       EXPECT_TRUE(segmenter_.process(then.frame()).ok());
     now = segmenter_.estimate();
@@ -290,14 +299,23 @@ TEST(NothingToBelieve, ALensCap) {
   EXPECT_EQ(s.now.confidence, 0);
 }
 
+test::Components wall(int x, int y) {
+  return {static_cast<std::uint8_t>(150 + test::noise_at(x / 2, y / 2, 3, 5)), 118, 140};
+}
+
+// One that fills the view looks like a plain that does: after a second it is learned as one, unless the
+// near-range sensor says what it is.
 TEST(NothingToBelieve, AWall) {
-  const Situation s(
-      [](int x, int y) {
-        return test::Components{static_cast<std::uint8_t>(150 + test::noise_at(x / 2, y / 2, 3, 5)), 118,
-                                140};
-      },
-      20);
+  const Situation s(wall, 10);
   EXPECT_EQ(s.now.horizon_row, -1);
+  EXPECT_LT(s.now.confidence, s.before.confidence / 2);
+}
+
+TEST(NothingToBelieve, AWallThatTheSensorSees) {
+  const Situation s(wall, 60, false);
+  EXPECT_TRUE(s.now.flags & flag_frozen);
+  EXPECT_TRUE(s.now.flags & flag_blocked);
+  EXPECT_LT(s.now.traversable_permille, 200);
   EXPECT_LT(s.now.confidence, s.before.confidence / 2);
 }
 

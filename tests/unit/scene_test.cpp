@@ -43,14 +43,16 @@ struct Shot {
   int sample(int component, int x, int y) const {
     const Frame frame = picture.frame();
     const ComponentLayout& l = layout_of(frame.format).components[component];
-    return frame.planes[l.plane].row(y >> l.y_shift)[l.offset + (x >> l.x_shift) * l.step];
+    const std::uint8_t* at = frame.planes[l.plane].row(y >> l.y_shift) + l.offset + (x >> l.x_shift) * l.step;
+    const FormatLayout& layout = layout_of(frame.format);
+    return layout.depth == 8 ? *at : (at[0] + 256 * at[1]) >> (layout.depth - 8 + layout.shift);
   }
 };
 
 bool same(const Picture& a, const Picture& b) {
   const Frame fa = a.frame(), fb = b.frame();
   const FormatLayout& layout = layout_of(fa.format);
-  for (const ComponentLayout& l : layout.components)
+  for (const ComponentLayout& l : layout.parts())
     for (int y = 0; y < subsampled(fa.height, l.y_shift); ++y)
       for (int x = 0; x < subsampled(fa.width, l.x_shift); ++x)
         if (fa.planes[l.plane].row(y)[l.offset + x * l.step] !=
@@ -159,7 +161,7 @@ TEST(Scene, EveryFormatShowsTheSamePicture) {
         const Shot shot(settings, 9, width, height, format, {range, static_cast<ColorMatrix>(m)});
         const bool limited = range == ColorRange::limited;
         double worst = 0;
-        for (int c = 0; c < 3; ++c) {
+        for (int c = 0; c < layout.component_count; ++c) {
           const ComponentLayout& l = layout.components[c];
           for (int y = 0; y < height; ++y)
             for (int x = 0; x < width; ++x) {
@@ -289,7 +291,7 @@ std::uint64_t digest(const Picture& picture) {
       hash = (hash ^ bytes[i]) * 0x100000001b3U;
   };
   const Frame frame = picture.frame();
-  for (const ComponentLayout& l : layout_of(frame.format).components)
+  for (const ComponentLayout& l : layout_of(frame.format).parts())
     for (int y = 0; y < subsampled(frame.height, l.y_shift); ++y)
       add(frame.planes[l.plane].row(y), subsampled(frame.width, l.x_shift));
   for (int y = 0; y < frame.height; ++y)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Stage E against the Mahalanobis distance in doubles, and every format against a look at each pixel.
-#include "scoring.hpp"
+#include "paper/scoring.hpp"
 
 #include <algorithm>
 #include <random>
@@ -8,10 +8,10 @@
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
 
-#include "clustering.hpp"
+#include "base/workers.hpp"
+#include "learning/clustering.hpp"
 #include "support/frames.hpp"
 #include "terrainseg/estimate.hpp"
-#include "workers.hpp"
 
 namespace terrainseg {
 namespace {
@@ -113,7 +113,7 @@ TEST_P(Label, EveryPixelGetsTheLabelOfItsColour) {
   ScoreTable table;
   Workers one(1), three(3);
   for (int b : {3, 4})
-    for (auto [width, height] : {std::pair{1, 1}, {2, 3}, {33, 18}, {64, 9}}) {
+    for (auto [width, height] : {std::pair{1, 1}, {2, 3}, {33, 18}, {64, 9}, {2051, 3}, {4101, 2}}) {
       table.build(models, 768, b);
       const auto paint = [](int x, int y) {
         return test::Components{static_cast<std::uint8_t>(test::noise_at(x, y, 0, 8)),
@@ -128,7 +128,8 @@ TEST_P(Label, EveryPixelGetsTheLabelOfItsColour) {
       for (int y = 0; y < height; ++y)
         for (int x = 0; x < width; ++x) {
           Color color{};
-          for (int c = 0; c < 3; ++c) {
+          color[1] = color[2] = 128;
+          for (int c = 0; c < layout.component_count; ++c) {
             const auto& part = layout.components[c];
             color[c] = paint(x >> part.x_shift << part.x_shift, y >> part.y_shift << part.y_shift)[c];
           }
@@ -149,18 +150,6 @@ TEST(MeanCloseness, IsAMeanOverTheWindow) {
   const std::vector<std::uint8_t> scores{255, 255, 255, 10, 20, 255, 30, 41, 255};
   EXPECT_EQ(mean_closeness(scores, 3, {0, 1, 2, 2}), 255 - 25);
   EXPECT_EQ(mean_closeness(scores, 3, {2, 0, 1, 3}), 0);
-}
-
-TEST(MarkIgnored, CountsEachPixelOnce) {
-  std::vector<std::uint8_t> mask(10 * 8, mask_traversable);
-  const std::array<Rectangle, 3> ignored{{{0, 0, 8, 8}, {4, 4, 8, 8}, {-4, -4, 2, 2}}};
-  // Level 1: pixels 0..7 are columns 0..3, 4..11 are 2..5.
-  EXPECT_EQ(mark_ignored(ignored, 1, {mask.data(), 10}, 10, 8), 16u + 16 - 4);
-  EXPECT_EQ(mask[0], mask_doubtful);
-  EXPECT_EQ(mask[3], mask_doubtful);
-  EXPECT_EQ(mask[4], mask_traversable);
-  EXPECT_EQ(mask[5 * 10 + 5], mask_doubtful);
-  EXPECT_EQ(mask[5 * 10 + 6], mask_traversable);
 }
 
 } // namespace

@@ -297,6 +297,14 @@ TEST(RowBytes, AreThoseOfTheFormats) {
   EXPECT_EQ(bytes(BGR, 0), 51);
   EXPECT_EQ(bytes(xRGB, 0), 68);
   EXPECT_EQ(bytes(RGBx, 0), 68);
+  EXPECT_EQ(bytes(NV16, 1), 18);
+  EXPECT_EQ(bytes(NV24, 1), 34);
+  EXPECT_EQ(bytes(VYUY, 0), 36);
+  EXPECT_EQ(bytes(GRAY8, 0), 17);
+  EXPECT_EQ(bytes(GRAY16_LE, 0), 34);
+  EXPECT_EQ(bytes(P010_10LE, 0), 34);
+  EXPECT_EQ(bytes(P010_10LE, 1), 36);
+  EXPECT_EQ(bytes(I422_10LE, 2), 18);
 }
 
 TEST(Segmenter, MaskTargetsAreCheckedAndFilled) {
@@ -387,8 +395,10 @@ TEST(Segmenter, PaddingAndStridesDoNotMatter) {
 TEST(Segmenter, FormatsOfOneLayoutAgree) {
   using enum PixelFormat;
   const std::vector<std::vector<PixelFormat>> families = {
-      {I420, YV12, NV12, NV21},
-      {Y42B, YUY2, UYVY},
+      {I420, YV12, NV12, NV21, P010_10LE, I420_10LE},
+      {Y42B, YUY2, UYVY, YVYU, VYUY, NV16, NV61, I422_10LE},
+      {Y444, NV24},
+      {GRAY8, GRAY16_LE},
       {RGB, BGR, RGBx, BGRx, xRGB, xBGR, RGBA, BGRA, ARGB, ABGR}};
   for (const auto& family : families) {
     Segmenter first(paper());
@@ -557,6 +567,15 @@ TEST(Segmenter, ForeignTerrainIsRefused) {
   terrain.models[0].variance[1] = 0;
   refused(terrain);
   terrain = own;
+  terrain.exposure_mean = 100000000; // a gain of 0: division by zero in the next frame
+  refused(terrain);
+  terrain = own;
+  terrain.models[0].mass = ~0ull; // with the next frame's it is 0: division by zero
+  refused(terrain);
+  terrain = own;
+  terrain.horizon = 0x80000000;
+  refused(terrain);
+  terrain = own;
   terrain.negative_colors.resize(7);
   refused(terrain);
 }
@@ -595,12 +614,20 @@ TEST(Segmenter, ResetForgets) {
 }
 
 TEST(Segmenter, StagesTakeTime) {
-  Segmenter segmenter(paper());
   const auto frame = i420(plain());
-  ASSERT_TRUE(segmenter.process(frame.frame()).ok());
-  for (Stage stage : {Stage::pyramid, Stage::prefilter, Stage::scoring, Stage::mask}) {
-    EXPECT_GT(segmenter.stage_times()[static_cast<std::size_t>(stage)], 0);
-    EXPECT_NE(std::string(name_of(stage)), "");
+  for (const Preset preset : {Preset::paper, Preset::standard}) {
+    Segmenter segmenter(Settings::of(preset));
+    ASSERT_TRUE(segmenter.process(frame.frame()).ok());
+    const auto time_of = [&](Stage stage) {
+      return segmenter.stage_times()[static_cast<std::size_t>(stage)];
+    };
+    for (Stage stage : {Stage::pyramid, Stage::prefilter, Stage::clustering, Stage::update, Stage::scoring,
+                        Stage::boundary, Stage::mask}) {
+      EXPECT_GT(time_of(stage), 0) << name_of(stage);
+      EXPECT_NE(std::string(name_of(stage)), "");
+    }
+    // The paper's pipeline bins pixels, not cells, and knows no texture.
+    EXPECT_EQ(time_of(Stage::features) > 0, preset == Preset::standard);
   }
 }
 

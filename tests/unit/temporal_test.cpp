@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "temporal.hpp"
+#include "freespace/cues/temporal.hpp"
 
 #include <gtest/gtest.h>
 
 #include "support/frames.hpp"
+#include "support/grids.hpp"
 
 namespace terrainseg {
 namespace {
 
-CoarseGrid scene(int shift, int seed = 0) {
-  CoarseGrid g;
-  g.width = 40;
-  g.height = 30;
+test::OwnedGrid scene(int shift, int seed = 0) {
+  test::OwnedGrid g(40, 30);
   for (int i = 0; i < 30; ++i)
     for (int j = 0; j < 40; ++j)
-      g.y.push_back(static_cast<std::uint8_t>(4 * (j + shift) + test::noise_at(0, i + seed, seed, 6)));
+      g.y[g.at(i, j)] = static_cast<std::uint8_t>(4 * (j + shift) + test::noise_at(0, i + seed, seed, 6));
   return g;
 }
 
@@ -42,16 +41,16 @@ TEST(ScoreAverage, OnAndOff) {
 
 TEST(ScoreAverage, MovesByThreeQuarters) {
   ScoreAverage a;
-  std::vector<std::int16_t> average;
+  CellScores average;
   a.add({100, -400}, true, average); // nothing to continue
-  EXPECT_EQ(average, (std::vector<std::int16_t>{100, -400}));
+  EXPECT_EQ(average, (CellScores{100, -400}));
   a.add({500, -400}, true, average);
-  EXPECT_EQ(average, (std::vector<std::int16_t>{400, -400}));
+  EXPECT_EQ(average, (CellScores{400, -400}));
   a.add({0, 768}, false, average);
-  EXPECT_EQ(average, (std::vector<std::int16_t>{0, 768}));
+  EXPECT_EQ(average, (CellScores{0, 768}));
   for (int i = 0; i < 40; ++i)
     a.add({-768, 768}, true, average);
-  EXPECT_EQ(average, (std::vector<std::int16_t>{-768, 768}));
+  EXPECT_EQ(average, (CellScores{-768, 768}));
 }
 
 } // namespace

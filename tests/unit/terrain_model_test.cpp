@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The learned mixture against equations (13) to (17) transcribed with Eigen.
-#include "terrain_model.hpp"
+#include "learning/terrain_model.hpp"
 
 #include <algorithm>
 #include <random>

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "texture.hpp"
+#include "freespace/cues/texture.hpp"
 
 #include <gtest/gtest.h>
 
+#include "coarse/grid_reader.hpp"
 #include "support/frames.hpp"
 
 namespace terrainseg {
@@ -14,7 +15,8 @@ using test::OwnedFrame;
 const Colorimetry full{ColorRange::full, ColorMatrix::bt601};
 
 struct Read {
-  CoarseGrid grid;
+  GridReader reader;
+  Grid grid;
   std::vector<std::uint16_t> texture;
 };
 
@@ -25,7 +27,7 @@ Read read(OwnedFrame& frame, int level, const Colorimetry& colorimetry = full) {
   const bool rgb = layout_of(frame.frame().format).rgb;
   const ColorTransform transform = color_transform_of(rgb, colorimetry);
   Read result;
-  read_grid(pyramid, level, transform, {}, result.grid);
+  result.grid = result.reader.read(pyramid, level, transform, {});
   TextureReader().read(pyramid, result.grid, transform, rgb, result.texture);
   return result;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "window_guard.hpp"
+#include "freespace/window_guard.hpp"
 
 #include <gtest/gtest.h>
 
@@ -15,16 +15,16 @@ class Guard : public testing::Test {
     tables_.color[1] = -26;
   }
   bool refuses(int inside, int beside) {
-    indices_.color.assign(width * height, static_cast<std::uint16_t>(beside));
-    indices_.texture.assign(width * height, 0);
+    bins_.color.assign(width * height, static_cast<std::uint16_t>(beside));
+    bins_.texture.assign(width * height, 0);
     for (int i = window_.y; i < window_.y + window_.height; ++i)
       for (int j = window_.x; j < window_.x + window_.width; ++j)
-        indices_.color[static_cast<std::size_t>(i * width + j)] = static_cast<std::uint16_t>(inside);
-    return guard_.refuses(indices_, tables_, width, window_);
+        bins_.color[static_cast<std::size_t>(i * width + j)] = static_cast<std::uint16_t>(inside);
+    return guard_.refuses(bins_, tables_, width, window_);
   }
   Rectangle window_{7, 7, 6, 2};
-  CellIndices indices_;
-  EvidenceTables tables_;
+  CellBins bins_;
+  LikelihoodTables tables_;
   WindowGuard guard_;
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Stage B against a transcription of its equations in doubles.
-#include "window.hpp"
+#include "coarse/window.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,29 +8,13 @@
 
 #include <gtest/gtest.h>
 
+#include "support/grids.hpp"
+
 namespace terrainseg {
 namespace {
 
-struct Picture {
-  std::array<std::vector<std::uint8_t>, 3> data;
-  Grid grid;
-  Picture(int width, int height, int level = 0) {
-    grid.width = width;
-    grid.height = height;
-    grid.level = level;
-    for (int c = 0; c < 3; ++c) {
-      data[c].assign(static_cast<std::size_t>(width) * height, 0);
-      grid.planes[c] = {data[c].data(), width};
-    }
-  }
-  void set(Cell cell, Color color) {
-    for (int c = 0; c < 3; ++c)
-      data[c][static_cast<std::size_t>(cell.y) * grid.width + cell.x] = color[c];
-  }
-};
-
-Picture noise(int width, int height, std::uint32_t seed, int spread) {
-  Picture picture(width, height);
+test::OwnedGrid noise(int width, int height, std::uint32_t seed, int spread) {
+  test::OwnedGrid picture(width, height);
   std::mt19937 random(seed);
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
@@ -102,6 +86,69 @@ TEST(PlaceWindow, AutomaticSidesFitEveryFrame) {
       }
 }
 
+Rectangle of_rect(int x, int y, int width, int height, int frame_width, int frame_height) {
+  Settings s;
+  s.window_rect_q16 = {x, y, width, height};
+  s.window_width = s.window_bottom = 30000; // not looked at
+  return place_window(s, frame_width, frame_height).value_or(Rectangle{});
+}
+
+TEST(PlaceWindow, AShareOfTheFrameFollowsItsSize) {
+  // 0.25, 0.5, 0.5, 0.25
+  EXPECT_EQ(of_rect(16384, 32768, 32768, 16384, 640, 480), (Rectangle{160, 240, 320, 120}));
+  EXPECT_EQ(of_rect(16384, 32768, 32768, 16384, 1920, 1080), (Rectangle{480, 540, 960, 270}));
+  EXPECT_EQ(of_rect(16384, 32768, 32768, 16384, 32767, 32767), (Rectangle{8192, 16384, 16383, 8191}));
+  EXPECT_EQ(of_rect(0, 0, 65536, 65536, 33, 7), (Rectangle{0, 0, 33, 7}));
+  // At least a pixel, and inside.
+  EXPECT_EQ(of_rect(65536, 65536, 1, 1, 33, 7), (Rectangle{32, 6, 1, 1}));
+  EXPECT_EQ(of_rect(0, 0, 1, 1, 640, 480), (Rectangle{0, 0, 1, 1}));
+}
+
+TEST(FittingWindow, IsWhatWasSetWhereThatFits) {
+  Settings s;
+  s.window_x = 7;
+  s.window_bottom = 30;
+  s.window_height = 40;
+  EXPECT_EQ(with_fitting_window(s, 640, 480), s);
+}
+
+TEST(FittingWindow, MovesAndCutsNoMoreThanItTakes) {
+  const auto place = [](int width, int height, int bottom, int x, int frame_width, int frame_height) {
+    Settings s;
+    s.window_width = width;
+    s.window_height = height;
+    s.window_bottom = bottom;
+    s.window_x = x;
+    return place_window(with_fitting_window(s, frame_width, frame_height), frame_width, frame_height);
+  };
+  EXPECT_EQ(place(0, 0, 5000, -1, 640, 480), (Rectangle{224, 0, 192, 72}));    // to the top
+  EXPECT_EQ(place(100, 181, 0, 20, 320, 180), (Rectangle{20, 0, 100, 180}));   // cut
+  EXPECT_EQ(place(100, 100, 100, 20, 320, 180), (Rectangle{20, 0, 100, 100})); // moved down
+  EXPECT_EQ(place(100, 50, 10, 900, 320, 180), (Rectangle{220, 120, 100, 50}));
+  EXPECT_EQ(place(30000, 30000, 30000, 30000, 16, 9), (Rectangle{0, 0, 16, 9}));
+  // An automatic side that a fitting offset makes narrow stays so when the other direction is wrong.
+  EXPECT_EQ(place(0, 500, 0, 600, 640, 480), (Rectangle{600, 0, 40, 480}));
+}
+
+TEST(FittingWindow, FitsEveryFrame) {
+  std::mt19937 random(3);
+  for (int i = 0; i < 20000; ++i) {
+    Settings s = i % 2 ? paper() : Settings{};
+    s.window_width = random() % 3 ? static_cast<int>(random() % 400) : 0;
+    s.window_height = random() % 3 ? static_cast<int>(random() % 400) : 0;
+    s.window_bottom = static_cast<int>(random() % 400);
+    s.window_x = static_cast<int>(random() % 400) - 1;
+    const int width = 1 + static_cast<int>(random() % 300), height = 1 + static_cast<int>(random() % 300);
+    const auto window = place_window(with_fitting_window(s, width, height), width, height);
+    ASSERT_TRUE(window);
+    EXPECT_FALSE(window->empty());
+    EXPECT_GE(window->x, 0);
+    EXPECT_GE(window->y, 0);
+    EXPECT_LE(window->x + window->width, width);
+    EXPECT_LE(window->y + window->height, height);
+  }
+}
+
 TrainingArea area_of(Rectangle window, int width, int height) {
   return {window, {}, {}, width, height};
 }
@@ -167,17 +214,17 @@ TEST(SelectTrainingLevel, IsTheCoarsestWithEnoughCells) {
 
 TEST(MomentsOf, AgreeWithDoubles) {
   for (int spread : {0, 1, 5, 60, 200}) {
-    const Picture picture = noise(37, 11, 5, spread);
-    const auto cells = all_cells(picture.grid);
-    const Moments moments = moments_of(picture.grid, cells);
-    ASSERT_EQ(moments.count, cells.size());
+    const test::OwnedGrid picture = noise(37, 11, 5, spread);
+    const auto cells = all_cells(picture.view());
+    const Gaussian moments = moments_of(picture.view(), cells);
+    ASSERT_EQ(moments.mass, cells.size() << 8);
     for (int c = 0; c < 3; ++c) {
       double sum = 0, squares = 0;
       for (const Cell& cell : cells)
-        sum += picture.grid.at(cell)[c];
+        sum += picture.view().color(cell)[c];
       const double mean = sum / cells.size();
       for (const Cell& cell : cells)
-        squares += std::pow(picture.grid.at(cell)[c] - mean, 2);
+        squares += std::pow(picture.view().color(cell)[c] - mean, 2);
       EXPECT_NEAR(moments.mean[c] / 256.0, mean, 0.5 / 256 + 1e-9);
       EXPECT_NEAR(moments.variance[c] / 256.0, squares / cells.size(), 2.0 / 256);
     }
@@ -188,7 +235,7 @@ TEST(MomentsOf, ExtremesDoNotOverflow) {
   MomentSums sums;
   for (int i = 0; i < 4096 * 2160; ++i)
     sums.add({255, static_cast<std::uint8_t>(i % 2 ? 255 : 0), 0});
-  const Moments moments = sums.moments();
+  const Gaussian moments = sums.moments();
   EXPECT_EQ(moments.mean[0], 255 << 8);
   EXPECT_EQ(moments.variance[0], 0u);
   EXPECT_EQ(moments.mean[1], (255 << 8) / 2);
@@ -197,23 +244,23 @@ TEST(MomentsOf, ExtremesDoNotOverflow) {
 }
 
 TEST(MomentsOf, NothingIsZero) {
-  const Picture picture(4, 4);
-  EXPECT_EQ(moments_of(picture.grid, {}).count, 0u);
+  const test::OwnedGrid picture(4, 4);
+  EXPECT_EQ(moments_of(picture.view(), {}).mass, 0u);
 }
 
 std::vector<Cell> filtered_in_doubles(const Grid& grid, const std::vector<Cell>& cells, double sigma) {
   std::array<double, 3> mean{}, variance{};
   for (int c = 0; c < 3; ++c) {
     for (const Cell& cell : cells)
-      mean[c] += grid.at(cell)[c] / static_cast<double>(cells.size());
+      mean[c] += grid.color(cell)[c] / static_cast<double>(cells.size());
     for (const Cell& cell : cells)
-      variance[c] += std::pow(grid.at(cell)[c] - mean[c], 2) / static_cast<double>(cells.size());
+      variance[c] += std::pow(grid.color(cell)[c] - mean[c], 2) / static_cast<double>(cells.size());
   }
   std::vector<Cell> kept;
   for (const Cell& cell : cells) {
     bool inside = true;
     for (int c = 0; c < 3; ++c)
-      inside &= std::abs(grid.at(cell)[c] - mean[c]) <= sigma * std::sqrt(variance[c]);
+      inside &= std::abs(grid.color(cell)[c] - mean[c]) <= sigma * std::sqrt(variance[c]);
     if (inside)
       kept.push_back(cell);
   }
@@ -222,13 +269,13 @@ std::vector<Cell> filtered_in_doubles(const Grid& grid, const std::vector<Cell>&
 
 TEST(Prefilter, KeepsWhatLiesWithinSigmaOfTheMean) {
   for (int sigma_q8 : {256, 320, 384, 512}) {
-    const Picture picture = noise(16, 8, 11, 40);
-    const auto cells = all_cells(picture.grid);
-    const auto expected = filtered_in_doubles(picture.grid, cells, sigma_q8 / 256.0);
+    const test::OwnedGrid picture = noise(16, 8, 11, 40);
+    const auto cells = all_cells(picture.view());
+    const auto expected = filtered_in_doubles(picture.view(), cells, sigma_q8 / 256.0);
     PrefilterRule rule;
     rule.sigma_q8 = sigma_q8;
     Prefiltered kept;
-    prefilter(picture.grid, cells, moments_of(picture.grid, cells), rule, kept);
+    prefilter(picture.view(), cells, moments_of(picture.view(), cells), rule, kept);
     if (expected.size() * 2 >= cells.size())
       EXPECT_EQ(kept.cells, expected) << sigma_q8;
     else
@@ -237,56 +284,56 @@ TEST(Prefilter, KeepsWhatLiesWithinSigmaOfTheMean) {
 }
 
 TEST(Prefilter, NeverKeepsFewerThanTheNearestHalf) {
-  Picture picture(10, 1);
+  test::OwnedGrid picture(10, 1);
   for (std::int16_t x = 0; x < 10; ++x)
     picture.set({x, 0}, {static_cast<std::uint8_t>(100 + 10 * x), 50, 50});
-  const auto cells = all_cells(picture.grid);
+  const auto cells = all_cells(picture.view());
   PrefilterRule rule;
   rule.sigma_q8 = 0;
   Prefiltered kept;
-  prefilter(picture.grid, cells, moments_of(picture.grid, cells), rule, kept);
+  prefilter(picture.view(), cells, moments_of(picture.view(), cells), rule, kept);
   // The mean is 145: five are wanted, 120 and 170 are equally far, so six stay.
   EXPECT_EQ(kept.cells, (std::vector<Cell>{{2, 0}, {3, 0}, {4, 0}, {5, 0}, {6, 0}, {7, 0}}));
 }
 
 TEST(Prefilter, KeepsEverythingBelowAQuarterWhereAsked) {
-  Picture picture(10, 1);
+  test::OwnedGrid picture(10, 1);
   for (std::int16_t x = 0; x < 10; ++x)
     picture.set({x, 0}, {static_cast<std::uint8_t>(100 + 10 * x), 50, 50});
-  const auto cells = all_cells(picture.grid);
+  const auto cells = all_cells(picture.view());
   PrefilterRule rule{0, 0, PrefilterRule::Scarce::all_below_one_quarter};
   Prefiltered kept;
-  prefilter(picture.grid, cells, moments_of(picture.grid, cells), rule, kept);
+  prefilter(picture.view(), cells, moments_of(picture.view(), cells), rule, kept);
   EXPECT_EQ(kept.cells, cells);
   rule.sigma_q8 = 256; // seven within one sigma
-  prefilter(picture.grid, cells, moments_of(picture.grid, cells), rule, kept);
+  prefilter(picture.view(), cells, moments_of(picture.view(), cells), rule, kept);
   EXPECT_EQ(kept.cells.size(), 6u);
 }
 
 TEST(Prefilter, AConstantWindowStaysWhole) {
-  const Picture picture(6, 6);
-  const auto cells = all_cells(picture.grid);
+  const test::OwnedGrid picture(6, 6);
+  const auto cells = all_cells(picture.view());
   Prefiltered kept;
-  prefilter(picture.grid, cells, moments_of(picture.grid, cells), {}, kept);
+  prefilter(picture.view(), cells, moments_of(picture.view(), cells), {}, kept);
   EXPECT_EQ(kept.cells, cells);
 }
 
 TEST(Prefilter, AnOutlierGoes) {
-  Picture picture = noise(8, 8, 3, 4);
+  test::OwnedGrid picture = noise(8, 8, 3, 4);
   picture.set({3, 3}, {250, 250, 250});
-  const auto cells = all_cells(picture.grid);
+  const auto cells = all_cells(picture.view());
   PrefilterRule rule;
   rule.sigma_q8 = 512;
   Prefiltered kept;
-  prefilter(picture.grid, cells, moments_of(picture.grid, cells), rule, kept);
+  prefilter(picture.view(), cells, moments_of(picture.view(), cells), rule, kept);
   EXPECT_EQ(std::count(kept.cells.begin(), kept.cells.end(), (Cell{3, 3})), 0);
   EXPECT_EQ(kept.cells.size(), 63u);
 }
 
 TEST(Prefilter, NothingIn) {
-  const Picture picture(2, 2);
+  const test::OwnedGrid picture(2, 2);
   Prefiltered kept;
-  prefilter(picture.grid, {}, {}, {}, kept);
+  prefilter(picture.view(), {}, {}, {}, kept);
   EXPECT_TRUE(kept.cells.empty());
 }
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "workers.hpp"
+#include "base/workers.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
+#include <pthread.h>
 
 namespace {
 
@@ -36,6 +37,24 @@ TEST(Workers, ZeroMeansTheProcessorsThereAre) {
   const Workers workers(0);
   EXPECT_GE(workers.count(), 1);
   EXPECT_LE(workers.count(), 8);
+}
+
+// No thread of this size can be had: the caller works alone, as it would with one thread.
+TEST(Workers, ThreadsThatCannotStartAreDoneWithout) {
+  pthread_attr_t usual, endless;
+  ASSERT_EQ(pthread_getattr_default_np(&usual), 0);
+  pthread_attr_init(&endless);
+  ASSERT_EQ(pthread_attr_setstacksize(&endless, std::size_t{1} << 47), 0);
+  ASSERT_EQ(pthread_setattr_default_np(&endless), 0);
+  {
+    Workers workers(4);
+    EXPECT_EQ(workers.count(), 1);
+    int ran = 0;
+    workers.run(7, [&](int) { ++ran; });
+    EXPECT_EQ(ran, 7);
+  }
+  EXPECT_EQ(pthread_setattr_default_np(&usual), 0);
+  EXPECT_EQ(Workers(3).count(), 3);
 }
 
 TEST(Workers, ManyCanLiveAtOnceAndEndUnused) {

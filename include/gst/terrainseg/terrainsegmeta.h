@@ -6,40 +6,57 @@
  * these are inline accessors. The plugin registers the meta when it is loaded (any of its elements was made,
  * or gst_plugin_load_by_name ("terrainseg")); before that there can be no such meta and the accessors say so.
  *
- * Lifetime: what an accessor returns belongs to the buffer that carries the meta. Take a reference of a mask
- * or boundary that has to outlive it.
+ * Lifetime: what an accessor returns belongs to the buffer that carries the meta. Take a reference of a mask,
+ * boundary or confidence map that has to outlive it.
  */
 #ifndef GST_TERRAINSEG_META_H
 #define GST_TERRAINSEG_META_H
 
 #include <gst/gst.h>
 #include <gst/video/video.h>
+#include <math.h>
 
 G_BEGIN_DECLS
 
 /** Names of the metas: arguments of gst_buffer_get_custom_meta(). */
 #define GST_TERRAIN_SEG_META_NAME "GstTerrainSegMeta"
+#define GST_TERRAIN_METRIC_META_NAME "GstTerrainMetricMeta"
 #define GST_TERRAIN_TRAINING_META_NAME "GstTerrainTrainingMeta"
 #define GST_TERRAIN_TRUTH_META_NAME "GstTerrainTruthMeta"
 /** Type of a GstVideoRegionOfInterestMeta whose pixels are trained on. */
 #define GST_TERRAIN_TRAINING_ROI "terrain-training"
 /** Name of the custom event, upstream or downstream, with the boolean field "clear". */
 #define GST_TERRAIN_SEG_NEAR_EVENT "terrainseg-near"
-/** Name of the element message that post-messages=true sends on change. */
+/** Name of the custom event, upstream or downstream, with the camera's attitude at a running time: doubles
+ * "roll" and "pitch" (radians, positive pitch = the camera looks down, positive roll = its right side is
+ * down), optional doubles "yaw" and "height" (metres), uint64 "running-time" (nanoseconds). */
+#define GST_TERRAIN_SEG_POSE_EVENT "terrainseg-pose"
+/** Name of the element message that post-messages=true sends on change, and once a second. */
 #define GST_TERRAIN_SEG_MESSAGE "terrainseg"
+
+/** Name of the element message about a rectangle that was drawn with navigation=true. */
+#define GST_TERRAIN_SEG_REGION_MESSAGE "terrainseg-region"
 
 /** Raised when a field changes its meaning; fields may be added without it. */
 #define GST_TERRAIN_SEG_META_VERSION 1
+#define GST_TERRAIN_METRIC_META_VERSION 1
 
 /** Bits of gst_terrain_seg_meta_get_flags(). */
 typedef enum {
-  GST_TERRAIN_SEG_FLAG_LEARNED = 1,       /* this frame's window was learned */
-  GST_TERRAIN_SEG_FLAG_FROZEN = 2,        /* not learned: learning or near-clear is off */
-  GST_TERRAIN_SEG_FLAG_STARVED = 4,       /* not learned: too few usable window pixels */
-  GST_TERRAIN_SEG_FLAG_UNKNOWN = 8,       /* nothing is known, the mask is 128 everywhere */
+  GST_TERRAIN_SEG_FLAG_LEARNED = 1, /* this frame's window was learned */
+  GST_TERRAIN_SEG_FLAG_FROZEN =
+      2, /* not learned: learning or near-clear is off, or a GAP, CORRUPTED or backwards frame */
+  GST_TERRAIN_SEG_FLAG_STARVED = 4, /* not learned: too few usable window pixels, or something stands in it */
+  GST_TERRAIN_SEG_FLAG_UNKNOWN = 8, /* nothing is known, the mask is 128 everywhere */
   GST_TERRAIN_SEG_FLAG_HORIZON_HELD = 16, /* the horizon row is an earlier frame's */
   GST_TERRAIN_SEG_FLAG_BLOCKED = 32       /* too little free space ahead of the window, or unknown */
 } GstTerrainSegFlags;
+
+/** Bits of gst_terrain_metric_meta_get_flags(). */
+typedef enum {
+  GST_TERRAIN_METRIC_FLAG_POSE = 1,   /* the attitude is that of terrainseg-pose events, else the mount's */
+  GST_TERRAIN_METRIC_FLAG_HORIZON = 2 /* the picture's horizon is not where that attitude has it */
+} GstTerrainMetricFlags;
 
 /** Values of a mask pixel. */
 enum {
@@ -58,9 +75,44 @@ static inline const GstStructure* gst_terrain_meta_get_named_structure(GstBuffer
   return meta ? gst_custom_meta_get_structure(meta) : NULL;
 }
 
-/** The structure with all fields of the estimate of @buffer's picture, or NULL when it carries none. */
+/** Name of the filter that attached the meta (its property "instance"), or NULL when it has none. */
+static inline const gchar* gst_terrain_seg_meta_get_instance(const GstStructure* meta) {
+  return gst_structure_get_string(meta, "instance");
+}
+
+/** The structure of the meta called @name on @buffer that the filter named @instance attached ("": one
+ * without a name), or with NULL the last one, by whomever. NULL when there is none. */
+static inline const GstStructure* gst_terrain_meta_get_structure_of(GstBuffer* buffer, const gchar* name,
+                                                                    const gchar* instance) {
+  const GstMetaInfo* info = gst_meta_get_info(name);
+  const GstStructure *found = NULL, *next;
+  const gchar* its;
+  gpointer state = NULL;
+  GstMeta* meta;
+
+  if (info == NULL)
+    return NULL; /* the plugin is not loaded */
+  while ((meta = gst_buffer_iterate_meta_filtered(buffer, &state, info->api)) != NULL) {
+    next = gst_custom_meta_get_structure((GstCustomMeta*)meta);
+    its = gst_terrain_seg_meta_get_instance(next);
+    if (instance == NULL || g_strcmp0(its ? its : "", instance) == 0)
+      found = next;
+  }
+  return found;
+}
+
+/** The structure with all fields of the estimate of @buffer's picture that the filter named @instance made
+ *  ("": one without a name), or with NULL the last one that was attached, by whomever. NULL when there is
+ *  none. */
+static inline const GstStructure* gst_buffer_get_terrain_seg_structure_of(GstBuffer* buffer,
+                                                                          const gchar* instance) {
+  return gst_terrain_meta_get_structure_of(buffer, GST_TERRAIN_SEG_META_NAME, instance);
+}
+
+/** The structure with all fields of the estimate of @buffer's picture, the last when there are several, or
+ *  NULL when it carries none. */
 static inline const GstStructure* gst_buffer_get_terrain_seg_structure(GstBuffer* buffer) {
-  return gst_terrain_meta_get_named_structure(buffer, GST_TERRAIN_SEG_META_NAME);
+  return gst_buffer_get_terrain_seg_structure_of(buffer, NULL);
 }
 
 static inline gint gst_terrain_seg_meta_get_int_(const GstStructure* meta, const gchar* field,
@@ -109,6 +161,18 @@ static inline gint gst_terrain_seg_meta_get_horizon_row(const GstStructure* meta
   return gst_terrain_seg_meta_get_int_(meta, "horizon-row", -1);
 }
 
+/** Row of the ground's vanishing line, found from motion; -1 = unknown. */
+static inline gdouble gst_terrain_seg_meta_get_vanishing_row(const GstStructure* meta) {
+  gdouble row = -1;
+  return gst_structure_get_double(meta, "vanishing-row", &row) ? row : -1;
+}
+
+/** Forward speed in heights of the camera a second; 0 = still or unknown. */
+static inline gdouble gst_terrain_seg_meta_get_speed_over_height(const GstStructure* meta) {
+  gdouble speed = 0;
+  return gst_structure_get_double(meta, "speed-over-height", &speed) ? speed : 0;
+}
+
 /** 0 (none) to 255. */
 static inline guint gst_terrain_seg_meta_get_horizon_confidence(const GstStructure* meta) {
   return gst_terrain_seg_meta_get_uint_(meta, "horizon-confidence", 0);
@@ -123,6 +187,13 @@ static inline guint gst_terrain_seg_meta_get_confidence(const GstStructure* meta
  *  gst_video_meta_map()). Read only. NULL when a program attached a meta without one. */
 static inline GstBuffer* gst_terrain_seg_meta_get_mask(const GstStructure* meta) {
   return gst_terrain_seg_meta_get_buffer_(meta, "mask");
+}
+
+/** How sure the mask's label is, one byte for each cell of the grid that was thought on, spread over the
+ * mask's region: GRAY8 like the mask, 255 * (2 p - 1) where p is the share of right labels to expect. Read
+ * only. NULL where there is none: free-space=false, an estimate that came as KLV. */
+static inline GstBuffer* gst_terrain_seg_meta_get_confidence_map(const GstStructure* meta) {
+  return gst_terrain_seg_meta_get_buffer_(meta, "confidence-map");
 }
 
 /** Where the mask lies in the frame, in frame pixels. */
@@ -179,6 +250,117 @@ static inline const GstStructure* gst_terrain_seg_meta_get_model(const GstStruct
     return NULL;
   value = gst_value_list_get_value(list, index);
   return GST_VALUE_HOLDS_STRUCTURE(value) ? gst_value_get_structure(value) : NULL;
+}
+
+/** The structure with the metres of @buffer's boundary that the filter named @instance measured ("": one
+ * without a name), or with NULL the last one that was attached. NULL when there is none: without a
+ * calibration, and while the attitude is not known, there are no metres. */
+static inline const GstStructure* gst_buffer_get_terrain_metric_structure(GstBuffer* buffer,
+                                                                          const gchar* instance) {
+  return gst_terrain_meta_get_structure_of(buffer, GST_TERRAIN_METRIC_META_NAME, instance);
+}
+
+/** GST_TERRAIN_METRIC_META_VERSION of the writer. */
+static inline guint gst_terrain_metric_meta_get_version(const GstStructure* meta) {
+  return gst_terrain_seg_meta_get_uint_(meta, "version", 0);
+}
+
+/** One float, little-endian, per mask column: metres over the ground from the body's origin to where the free
+ *  space ends; +infinity = free as far as range-max, NaN = unknown. */
+static inline GstBuffer* gst_terrain_metric_meta_get_ranges(const GstStructure* meta) {
+  return gst_terrain_seg_meta_get_buffer_(meta, "ranges");
+}
+
+/** As the ranges: direction of the column, radians counter-clockwise from straight ahead; NaN = unknown. */
+static inline GstBuffer* gst_terrain_metric_meta_get_bearings(const GstStructure* meta) {
+  return gst_terrain_seg_meta_get_buffer_(meta, "bearings");
+}
+
+/** As the ranges, one standard deviation nearer. */
+static inline GstBuffer* gst_terrain_metric_meta_get_low(const GstStructure* meta) {
+  return gst_terrain_seg_meta_get_buffer_(meta, "low");
+}
+
+/** As the ranges, one standard deviation farther. */
+static inline GstBuffer* gst_terrain_metric_meta_get_high(const GstStructure* meta) {
+  return gst_terrain_seg_meta_get_buffer_(meta, "high");
+}
+
+/** Three floats, little-endian, for some ranges straight ahead of the body: metres, and where that ground is
+ * seen as shares of the frame's width (from the left) and height (from the top). NULL when there are none. */
+static inline GstBuffer* gst_terrain_metric_meta_get_ticks(const GstStructure* meta) {
+  return gst_terrain_seg_meta_get_buffer_(meta, "ticks");
+}
+
+/** Value @column of one of the buffers above, NAN when there is none. */
+static inline gfloat gst_terrain_metric_meta_get_value(GstBuffer* values, guint column) {
+  guint8 bytes[4];
+
+  if (values == NULL || gst_buffer_extract(values, (gsize)column * 4, bytes, 4) != 4)
+    return NAN;
+  return GST_READ_FLOAT_LE(bytes);
+}
+
+static inline gdouble gst_terrain_metric_meta_get_double_(const GstStructure* meta, const gchar* field) {
+  gdouble value;
+
+  return gst_structure_get_double(meta, field, &value) ? value : NAN;
+}
+
+/** The camera above the ground, metres; NAN in a meta that makes no sense, as for those below. */
+static inline gdouble gst_terrain_metric_meta_get_height(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "height");
+}
+
+/** Radians, positive = the camera looks down. */
+static inline gdouble gst_terrain_metric_meta_get_pitch(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "pitch");
+}
+
+/** Radians, positive = the camera's right side is down. */
+static inline gdouble gst_terrain_metric_meta_get_roll(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "roll");
+}
+
+/** Radians, positive = the camera looks to the left. */
+static inline gdouble gst_terrain_metric_meta_get_yaw(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "yaw");
+}
+
+/** Metres up to which ranges are told; beyond, a column is free. */
+static inline gdouble gst_terrain_metric_meta_get_range_max(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "range-max");
+}
+
+/** Metres of the nearest ground that the mask shows: a column without free space ends there or farther. */
+static inline gdouble gst_terrain_metric_meta_get_range_min(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "range-min");
+}
+
+/** GstTerrainMetricFlags. */
+static inline guint gst_terrain_metric_meta_get_flags(const GstStructure* meta) {
+  return gst_terrain_seg_meta_get_uint_(meta, "flags", 0);
+}
+
+static inline GstClockTime gst_buffer_get_terrain_reference_(GstBuffer* buffer, const gchar* reference) {
+  GstCaps* caps = gst_caps_new_empty_simple(reference);
+  const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, caps);
+
+  gst_caps_unref(caps);
+  return meta ? meta->timestamp : GST_CLOCK_TIME_NONE;
+}
+
+/** When @buffer was taken, nanoseconds since 1970: what its GstReferenceTimestampMeta says in
+ * timestamp/x-unix or timestamp/x-ntp. GST_CLOCK_TIME_NONE when the time of day is not known. */
+static inline GstClockTime gst_buffer_get_terrain_utc(GstBuffer* buffer) {
+  const GstClockTime from_1900_to_1970 = G_GUINT64_CONSTANT(2208988800) * GST_SECOND;
+  GstClockTime time = gst_buffer_get_terrain_reference_(buffer, "timestamp/x-unix");
+
+  if (GST_CLOCK_TIME_IS_VALID(time))
+    return time;
+  time = gst_buffer_get_terrain_reference_(buffer, "timestamp/x-ntp");
+  return GST_CLOCK_TIME_IS_VALID(time) && time >= from_1900_to_1970 ? time - from_1900_to_1970
+                                                                    : GST_CLOCK_TIME_NONE;
 }
 
 G_END_DECLS

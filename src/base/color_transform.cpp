@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "base/color_transform.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include "kernels/cells.hpp"
+
+namespace terrainseg {
+namespace {
+
+constexpr int fraction = 16;
+constexpr std::int64_t one = std::int64_t{1} << 28; // working precision of the matrices
+using Matrix = std::array<std::array<std::int64_t, 3>, 3>;
+
+struct LumaWeights {
+  std::int64_t red, blue; // in 1/10000
+};
+
+LumaWeights weights_of(ColorMatrix matrix) {
+  switch (matrix) {
+  case ColorMatrix::bt709:
+    return {2126, 722};
+  case ColorMatrix::bt2020:
+    return {2627, 593};
+  default:
+    return {2990, 1140};
+  }
+}
+
+Matrix to_rgb(const LumaWeights& w) {
+  const std::int64_t green = 10000 - w.red - w.blue;
+  const std::int64_t rv = one * 2 * (10000 - w.red) / 10000, bu = one * 2 * (10000 - w.blue) / 10000;
+  return {{{one, 0, rv}, {one, -bu * w.blue / green, -rv * w.red / green}, {one, bu, 0}}};
+}
+
+Matrix from_rgb(const LumaWeights& w) {
+  const std::int64_t green = 10000 - w.red - w.blue;
+  const std::int64_t u = 2 * (10000 - w.blue), v = 2 * (10000 - w.red);
+  return {{{one * w.red / 10000, one * green / 10000, one * w.blue / 10000},
+           {-one * w.red / u, -one * green / u, one / 2},
+           {one / 2, -one * green / v, -one * w.blue / v}}};
+}
+
+Matrix product(const Matrix& a, const Matrix& b) {
+  Matrix m{};
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      m[i][j] = (a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j]) / one;
+  return m;
+}
+
+} // namespace
+
+ColorTransform color_transform_of(bool rgb, const Colorimetry& colorimetry) {
+  const LumaWeights bt601 = weights_of(ColorMatrix::bt601);
+  Matrix m{{{one, 0, 0}, {0, one, 0}, {0, 0, one}}};
+  if (rgb)
+    m = from_rgb(bt601);
+  else if (colorimetry.matrix != ColorMatrix::bt601)
+    m = product(from_rgb(bt601), to_rgb(weights_of(colorimetry.matrix)));
+
+  const bool limited = colorimetry.range == ColorRange::limited;
+  ColorTransform t;
+  for (int i = 0; i < 3; ++i) {
+    std::int64_t zero = 0; // what the inputs' zero points add up to
+    for (int j = 0; j < 3; ++j) {
+      const bool chroma = !rgb && j > 0;
+      const std::int64_t span = !limited ? 255 : chroma ? 224 : 219;
+      t.matrix[i][j] = static_cast<std::int32_t>((m[i][j] * 255 / span) >> (28 - fraction));
+      zero += std::int64_t{t.matrix[i][j]} * (chroma ? 128 : limited ? 16 : 0);
+    }
+    const std::int64_t half = std::int64_t{1} << (fraction - 1);
+    t.offset[i] = static_cast<std::int32_t>((i > 0 ? std::int64_t{128} << fraction : 0) + half - zero);
+  }
+  t.identity = !rgb && !limited && colorimetry.matrix == ColorMatrix::bt601;
+  return t;
+}
+
+void transform_row(const ColorTransform& t, const std::array<const std::uint8_t*, 3>& source,
+                   const std::array<std::uint8_t*, 3>& target, int count) {
+  if (t.identity) {
+    for (int k = 0; k < 3; ++k)
+      std::memmove(target[k], source[k], count);
+    return;
+  }
+  for (std::size_t k = 0; k < 3; ++k)
+    kernels::weigh_components(source, t.matrix[k], t.offset[k], count, target[k]);
+}
+
+void transform_luma_row(const ColorTransform& t, const std::array<const std::uint8_t*, 3>& source,
+                        std::uint8_t* target, int count) {
+  if (t.identity) {
+    std::memmove(target, source[0], count);
+    return;
+  }
+  kernels::weigh_components(source, t.matrix[0], t.offset[0], count, target);
+}
+
+} // namespace terrainseg

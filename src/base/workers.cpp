@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "base/workers.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <hwy/cache_control.h>
+#include <sched.h>
+#include <system_error>
+
+namespace terrainseg {
+namespace {
+
+// Beyond this the bands of a frame are too thin for the memory to feed them.
+constexpr int most_that_help = 8;
+
+// A frame comes to its threads twice, with the coarse stages between: a thread stays awake for that long,
+// because waking it takes as long as a tenth of its share.
+constexpr std::chrono::microseconds awake{300};
+
+// Waits for `value` to leave `old`, awake at first and then asleep; returns what it became.
+template <typename T> T wait_for_change(std::atomic<T>& value, T old, bool stay_awake) {
+  const auto end = std::chrono::steady_clock::now() + awake;
+  while (stay_awake && std::chrono::steady_clock::now() < end) {
+    for (int i = 0; i < 32; ++i) {
+      if (const T now = value; now != old)
+        return now;
+      hwy::Pause();
+    }
+  }
+  value.wait(old);
+  return value;
+}
+
+int processors() {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  const int n = sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
+  return std::clamp(n, 1, most_that_help);
+}
+
+} // namespace
+
+Workers::Workers(int threads) {
+  const int count = threads == 0 ? processors() : threads;
+  stay_awake_ = count <= processors();
+  threads_.reserve(static_cast<std::size_t>(std::max(0, count - 1)));
+  // Where the system gives no more threads (a limit, no memory for a stack) those that run do the work: the
+  // result is the same for any number.
+  try {
+    for (int i = 1; i < count; ++i)
+      threads_.emplace_back([this] { serve(); });
+  } catch (const std::system_error&) {
+  }
+}
+
+Workers::~Workers() {
+  stop_ = true;
+  ++generation_;
+  generation_.notify_all();
+  for (std::thread& t : threads_)
+    t.join();
+}
+
+void Workers::work() {
+  for (int task; (task = next_.fetch_add(1)) < tasks_;)
+    call_(context_, task);
+}
+
+void Workers::serve() {
+  for (std::uint32_t seen = 0;;) {
+    seen = wait_for_change(generation_, seen, stay_awake_);
+    if (stop_)
+      return;
+    work();
+    if (busy_.fetch_sub(1) == 1)
+      busy_.notify_one();
+  }
+}
+
+void Workers::run_erased(int tasks, Call call, void* context) {
+  call_ = call;
+  context_ = context;
+  tasks_ = tasks;
+  if (threads_.empty() || tasks <= 1) {
+    for (int task = 0; task < tasks; ++task)
+      call(context, task);
+    return;
+  }
+  next_ = 0;
+  busy_ = static_cast<int>(threads_.size());
+  ++generation_;
+  generation_.notify_all();
+  work();
+  for (int left; (left = busy_) != 0;)
+    wait_for_change(busy_, left, stay_awake_);
+}
+
+} // namespace terrainseg

@@ -1,0 +1,438 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "freespace/curve/odd_spots.hpp"
+
+#include <algorithm>
+#include <bit>
+
+#include "base/fixed_log.hpp"
+#include "base/lattice.hpp"
+#include "kernels/sides.hpp"
+#include "terrainseg/estimate.hpp"
+
+namespace terrainseg {
+namespace {
+
+/// No distance from the horizon is less, nor where only what is far away is searched: a box of its own
+/// distance holds few cells there, and those of the thing itself.
+constexpr int nearest_rows = 2, far_nearest_rows = 24;
+/// Boxes beside a block: width and height in sixteenths of the distance. 9..16 and 12..16 are as good.
+constexpr int box_width = 12, box_height = 16;
+/// Share of a side that must be ground for it to say anything, as its inverse.
+constexpr int least_side = 8;
+/// Added to the deviation of luma and of both chromas, grey levels.
+constexpr std::array<int, 3> deviation_floor{5, 2, 2};
+/// Rows below light in which something dark makes it a stone, sixty-fourths of the distance.
+constexpr int shadow_reach = 10;
+constexpr int dark_enough = 16; ///< Q4: one deviation
+constexpr int most_oddness = 96;
+/// Q4 of a deviation: of a cell, and of the mean of a box around a seed. 40 finds a tenth more of the things
+/// that stand on rendered trails and plains, for half a point of error on trails and 0.05 in town.
+constexpr int odd_enough = 24, seed_enough = 48;
+/// Of a seed far away. With this and far_nearest_rows 32 % of the things on rendered plains are called ground
+/// in place of 39 by day, 53 in place of 62 at dusk, for 0.01 of error on the drives. 12 rows find half of
+/// that, 42 flickers more.
+constexpr int far_seed_enough = 44;
+/// Half the size of the boxes around seeds, and around cells that a seed must be near to, sixty-fourths of
+/// the distance. Of the former 2 or 4 find as many things; at 4 twice as much of each stays unseen.
+constexpr int seed_reach = 3, growth_reach = 8;
+
+// Traversable pixels; returns how many there were.
+int make_doubtful(std::uint8_t* pixels, int count) {
+  int turned = 0;
+  for (int x = 0; x < count; ++x) {
+    const bool traversable = pixels[x] == mask_traversable;
+    turned += traversable;
+    pixels[x] = traversable ? mask_doubtful : pixels[x];
+  }
+  return turned;
+}
+
+/// 4096 / sqrt(variance), Q12, to 1 %; variance Q8, at least 2^10.
+constexpr std::int16_t inverse_root(std::uint32_t variance_q8) {
+  const int octaves = 16 * 256 - log2_q8(variance_q8) / 2, whole = octaves >> 8, part = octaves & 255;
+  const int mantissa = 65536 + 256 * part - ((part * (256 - part) * 88) >> 8);
+  return static_cast<std::int16_t>((mantissa << whole) >> 16);
+}
+
+/// It has as many values as the logarithm: of the highest nine bits of the variance, which is below 2^25.
+constexpr int least_exponent = 10, exponents = 15;
+constexpr auto root_table = [] {
+  std::array<std::int16_t, exponents * 256> table{};
+  for (std::uint32_t i = 0; i < table.size(); ++i)
+    table[i] = inverse_root((256 + i % 256) << (least_exponent - 8 + i / 256));
+  return table;
+}();
+
+/// inverse_root(), and 0 for 0.
+std::int16_t inverse_deviation(std::uint32_t variance_q8) {
+  if (variance_q8 == 0)
+    return 0;
+  const int shift = std::bit_width(variance_q8) - 9;
+  return root_table[static_cast<std::size_t>(shift - least_exponent + 8) * 256 +
+                    ((variance_q8 >> shift) & 255)];
+}
+
+} // namespace
+
+// Rows below the horizon.
+int OddSpots::distance(int row) const {
+  return std::max(row - horizon_row_, is_far() ? far_nearest_rows : nearest_rows);
+}
+
+bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
+                    const GroundView& view) {
+  view_ = view;
+  width_ = pyramid.width(view.level);
+  height_ = pyramid.height(view.level);
+  horizon_row_ = static_cast<int>(view.horizon) * height_ >> 8;
+  if (view.rows > 0)
+    height_ = std::min(height_, horizon_row_ + view.rows);
+  blocks_x_ = (width_ >> 1) + 1;
+  blocks_y_ = (height_ >> 1) + 1;
+  const std::size_t size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  odd_.assign(size, 0);
+  spot_.assign(size, 0);
+  queue_.reserve(size);
+  if (!outline_ground(curves))
+    return false;
+  read_cells(pyramid, transform);
+  sum_blocks();
+  nearest_dark_.assign(static_cast<std::size_t>(width_), 30000);
+  for (int block_row = blocks_y_ - 1; 2 * block_row >= first_; --block_row) {
+    compare_sides(block_row);
+    for (int row = std::min(2 * block_row, height_ - 1); row >= std::max(2 * block_row - 1, first_); --row)
+      measure_row(row);
+  }
+  if (!seed())
+    return false;
+  grow();
+  return keep_islands();
+}
+
+// The ground in cells, and the first row that has any.
+bool OddSpots::outline_ground(const FreeSpaceCurves& curves) {
+  const auto w = static_cast<std::size_t>(width_);
+  const int k = view_.level, half = 1 << k >> 1;
+  const auto cells_of = [&](const FrameCurve& rows, std::vector<std::uint16_t>& out) {
+    out.resize(w);
+    for (std::size_t j = 0; j < w; ++j)
+      out[j] = static_cast<std::uint16_t>((rows[j << k >> view_.column_level] + half) >> k);
+  };
+  cells_of(curves.safe, safe_);
+  first_ = *std::min_element(safe_.begin(), safe_.end());
+  if (curves.ground_behind) {
+    cells_of(curves.behind_first, behind_first_);
+    cells_of(curves.behind_end, behind_end_);
+    for (std::size_t j = 0; j < w; ++j)
+      if (behind_first_[j] < behind_end_[j])
+        first_ = std::min<int>(first_, behind_first_[j]);
+  }
+  if (first_ >= height_)
+    return false;
+  ground_.assign(odd_.size(), 0);
+  for (int i = first_; i < height_; ++i) {
+    std::uint8_t* in = &ground_[static_cast<std::size_t>(i) * w];
+    for (std::size_t j = 0; j < w; ++j)
+      in[j] = i >= safe_[j];
+    if (curves.ground_behind)
+      for (std::size_t j = 0; j < w; ++j)
+        in[j] |= static_cast<std::uint8_t>(int{i >= behind_first_[j]} & int{i < behind_end_[j]});
+  }
+  for (const Rectangle& region : view_.ignored) {
+    const Rectangle cells = cells_in(region, k, width_, height_);
+    for (int i = cells.y; i < cells.y + cells.height; ++i)
+      std::fill_n(&ground_[static_cast<std::size_t>(i) * w] + cells.x, cells.width, std::uint8_t{0});
+  }
+  return true;
+}
+
+void OddSpots::read_cells(const Pyramid& pyramid, const ColorTransform& transform) {
+  for (auto& plane : color_)
+    plane.resize(odd_.size());
+  for (int i = first_; i < height_; ++i) {
+    const std::size_t row = static_cast<std::size_t>(i) * static_cast<std::size_t>(width_);
+    transform_row(transform,
+                  {pyramid.plane(view_.level, 0).row(i), pyramid.plane(view_.level, 1).row(i),
+                   pyramid.plane(view_.level, 2).row(i)},
+                  {&color_[0][row], &color_[1][row], &color_[2][row]}, width_);
+  }
+}
+
+// Block (I, J) holds the cells 2 I - 1, 2 I of the columns 2 J - 1, 2 J: its middle is a cell of the grid.
+void OddSpots::sum_blocks() {
+  const auto w = static_cast<std::size_t>(width_), stride = static_cast<std::size_t>(blocks_x_);
+  const int first_block = (first_ + 1) >> 1;
+  for (auto& sums : sums_) {
+    sums.resize(stride * (static_cast<std::size_t>(blocks_y_) + 1));
+    std::fill_n(&sums[static_cast<std::size_t>(first_block) * stride], stride, 0u);
+  }
+  // The ground's cells, one column to the right and zeros about them; a row of squares nobody wants of their
+  // count.
+  line_.assign(2 * stride, 0);
+  unused_.resize(stride);
+  std::uint8_t* __restrict line = line_.data() + 1;
+  for (int I = first_block; I < blocks_y_; ++I) {
+    const std::size_t above = static_cast<std::size_t>(I) * stride, here = above + stride;
+    for (auto& sums : sums_)
+      std::copy_n(&sums[above], stride, &sums[here]);
+    for (int i = std::max(2 * I - 1, first_); i <= std::min(2 * I, height_ - 1); ++i) {
+      const std::size_t row = static_cast<std::size_t>(i) * w;
+      const std::uint8_t* const ground = &ground_[row];
+      std::copy_n(ground, w, line);
+      kernels::add_blocks(line_.data(), blocks_x_, &sums_[0][here], unused_.data());
+      for (std::size_t c = 0; c < 3; ++c) {
+        const std::uint8_t* const color = &color_[c][row];
+        for (std::size_t j = 0; j < w; ++j)
+          line[j] = static_cast<std::uint8_t>(color[j] & -ground[j]);
+        kernels::add_blocks(line_.data(), blocks_x_, &sums_[1 + c][here], &sums_[4 + c][here]);
+      }
+    }
+  }
+}
+
+// Running sums over the blocks of the rows `top` to `bottom`, from `pad` blocks left of the picture to `pad`
+// blocks right of it.
+void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
+  const auto stride = static_cast<std::size_t>(blocks_x_);
+  const auto from = static_cast<std::size_t>(std::max(top, (first_ + 1) >> 1)) * stride,
+             to = static_cast<std::size_t>(bottom) * stride;
+  for (std::size_t s = 0; s < sum_count; ++s) {
+    auto& strip = strips_[s];
+    strip.resize(stride + 1 + 2 * pad);
+    const std::uint32_t *const a = &sums_[s][from], *const b = a + (to - from);
+    std::uint32_t* __restrict out = strip.data() + pad;
+    std::fill_n(strip.data(), pad + 1, 0u);
+    std::uint32_t run = 0;
+    for (std::size_t j = 0; j < stride; ++j) {
+      run += b[j] - a[j];
+      out[j + 1] = run;
+    }
+    std::fill_n(out + stride + 1, pad, run);
+  }
+}
+
+// The boxes of a block row, from their counts: nothing is known where a side has too little ground.
+void OddSpots::count_cells(std::size_t pad, std::uint32_t full) {
+  const auto blocks = static_cast<std::size_t>(blocks_x_);
+  const std::uint32_t* const strip = strips_[0].data();
+  for (auto* values : {&box_cells_, &box_inverse_[0], &box_inverse_[1], &box_inverse_[2]})
+    values->resize(blocks);
+  // Most boxes hold as many cells as the one before: divisions are dear.
+  std::array<std::uint32_t, 3> last{1, 1, 1}, inverse{1u << 24, 1u << 24, 1u << 24};
+  for (std::size_t J = 0; J < blocks; ++J) {
+    // The strip's entry p is the sum of all blocks left of p - pad.
+    const std::size_t a = J, b = J + pad, c = b + 1, d = c + pad;
+    const std::array<std::uint32_t, 3> n{strip[d] - strip[a], strip[b] - strip[a], strip[d] - strip[c]};
+    const bool known = n[1] * least_side >= full && n[2] * least_side >= full;
+    box_cells_[J] = n[0];
+    for (std::size_t side = 0; side < 3; ++side) {
+      if (known && n[side] != last[side]) {
+        last[side] = n[side];
+        inverse[side] = (1u << 24) / n[side];
+      }
+      box_inverse_[side][J] = known ? inverse[side] : 0;
+    }
+  }
+}
+
+void OddSpots::compare_sides(int I) {
+  const int away = distance(2 * I), reach = std::max((box_width * away / 16 + 1) >> 1, 2),
+            rows = std::max((box_height * away / 16 + 1) >> 1, 1);
+  const int top = std::max(I - rows, 0), bottom = std::min(I + rows + 1, blocks_y_);
+  const auto blocks = static_cast<std::size_t>(blocks_x_);
+  sum_strips(top, bottom, static_cast<std::size_t>(reach));
+  count_cells(static_cast<std::size_t>(reach),
+              4u * static_cast<std::uint32_t>(reach) * static_cast<std::uint32_t>(bottom - top));
+  const kernels::BoxRow boxes{box_cells_.data(), box_inverse_[0].data(), box_inverse_[1].data(),
+                              box_inverse_[2].data(), reach};
+  for (auto* values : {&block_left_, &block_right_, &block_deviation_})
+    values->resize(blocks);
+  variance_.resize(blocks);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto floor = static_cast<std::uint32_t>(deviation_floor[k] * deviation_floor[k] << 8);
+    kernels::compare_boxes(strips_[1 + k].data(), strips_[4 + k].data(), boxes, floor, blocks_x_,
+                           {block_left_.data(), block_right_.data(), variance_.data()});
+    for (std::size_t J = 0; J < blocks; ++J)
+      block_deviation_[J] = inverse_deviation(variance_[J]);
+    const auto spread = [&](const std::vector<std::int16_t>& from, std::vector<std::int16_t>& to) {
+      to.resize(2 * blocks);
+      kernels::double_each(from.data(), blocks_x_, to.data());
+    };
+    spread(block_left_, sides_.left[k]);
+    spread(block_right_, sides_.right[k]);
+    spread(block_deviation_, sides_.inverse[k]);
+  }
+}
+
+void OddSpots::measure_row(int row) {
+  const auto w = static_cast<std::size_t>(width_);
+  const std::size_t at = static_cast<std::size_t>(row) * w;
+  dark_.resize(w);
+  for (std::size_t c = 0; c < 3; ++c) {
+    deviation_[c].resize(w);
+    kernels::deviations(&color_[c][at], sides_.left[c].data() + 1, sides_.right[c].data() + 1,
+                        sides_.inverse[c].data() + 1, width_, deviation_[c].data(),
+                        c == 0 ? dark_.data() : nullptr);
+  }
+  const std::uint8_t *const ground = &ground_[at], *const y = deviation_[0].data(),
+                            *const dark = dark_.data();
+  // A column wider on both sides.
+  shade_.assign(w + 2, 0);
+  std::uint8_t* __restrict shade = shade_.data();
+  for (std::size_t j = 0; j < w; ++j)
+    shade[j + 1] = ground[j] & dark[j] & static_cast<std::uint8_t>(y[j] > dark_enough);
+  std::int16_t* __restrict nearest = nearest_dark_.data();
+  const auto here = static_cast<std::int16_t>(row);
+  for (std::size_t j = 0; j < w; ++j)
+    nearest[j] = (shade[j] | shade[j + 1] | shade[j + 2]) ? here : nearest[j];
+  const auto reached = static_cast<std::int16_t>(row + std::max(shadow_reach * distance(row) / 64, 1));
+  kernels::oddness({y, deviation_[1].data(), deviation_[2].data(), ground, dark}, nearest, reached,
+                   most_oddness, width_, &odd_[at]);
+}
+
+bool OddSpots::in_window(int row, int column) const {
+  const int k = view_.level;
+  return row >= view_.window.y >> k && column >= view_.window.x >> k &&
+         column <= (view_.window.x + view_.window.width) >> k;
+}
+
+// Running sums; those above the ground stay 0.
+void OddSpots::sum_cells(const std::vector<std::uint8_t>& values, std::vector<std::uint32_t>& sums) const {
+  const auto w = static_cast<std::size_t>(width_), stride = w + 1;
+  sums.resize(stride * (static_cast<std::size_t>(height_) + 1));
+  std::fill_n(sums.begin(), stride * (static_cast<std::size_t>(first_) + 1), 0u);
+  for (std::size_t i = static_cast<std::size_t>(first_); i < static_cast<std::size_t>(height_); ++i) {
+    const std::uint8_t* const in = &values[i * w];
+    const std::uint32_t* const above = &sums[i * stride];
+    std::uint32_t* __restrict here = &sums[(i + 1) * stride];
+    std::uint32_t run = 0;
+    here[0] = 0;
+    for (std::size_t j = 0; j < w; ++j) {
+      run += in[j];
+      here[j + 1] = above[j + 1] + run;
+    }
+  }
+}
+
+std::uint32_t OddSpots::around(const std::vector<std::uint32_t>& sums, int row, int column, int reach) const {
+  const auto stride = static_cast<std::size_t>(width_) + 1;
+  const auto top = static_cast<std::size_t>(std::max(row - reach, 0)) * stride,
+             bottom = static_cast<std::size_t>(std::min(row + reach + 1, height_)) * stride,
+             left = static_cast<std::size_t>(std::max(column - reach, 0)),
+             right = static_cast<std::size_t>(std::min(column + reach + 1, width_));
+  return sums[bottom + right] - sums[bottom + left] - sums[top + right] + sums[top + left];
+}
+
+// Cells that are odd enough, outside of the window.
+void OddSpots::list_candidates() {
+  candidates_.resize(odd_.size());
+  const auto w = static_cast<std::size_t>(width_);
+  std::size_t count = 0;
+  for (std::size_t cell = static_cast<std::size_t>(first_) * w; cell < odd_.size(); ++cell) {
+    candidates_[count] = static_cast<std::uint32_t>(cell);
+    count += odd_[cell] >= odd_enough;
+  }
+  candidates_.resize(count);
+  std::erase_if(candidates_, [&](std::uint32_t cell) { return in_window(row_of(cell), column_of(cell)); });
+}
+
+bool OddSpots::seed() {
+  const std::uint32_t enough = is_far() ? far_seed_enough : seed_enough;
+  if (*std::max_element(odd_.begin(), odd_.end()) < enough)
+    return false;
+  list_candidates();
+  sum_cells(odd_, odd_sums_);
+  sum_cells(ground_, ground_sums_);
+  seed_.assign(odd_.size(), 0);
+  bool any = false;
+  for (const std::uint32_t cell : candidates_) {
+    const int i = row_of(cell), j = column_of(cell),
+              reach = std::max((seed_reach * distance(i) + 32) >> 6, 1);
+    seed_[cell] = around(odd_sums_, i, j, reach) >= enough * around(ground_sums_, i, j, reach);
+    any |= seed_[cell] != 0;
+  }
+  return any;
+}
+
+void OddSpots::grow() {
+  sum_cells(seed_, seed_sums_);
+  for (const std::uint32_t cell : candidates_) {
+    const int i = row_of(cell), reach = std::max((growth_reach * distance(i) + 32) >> 6, 1);
+    spot_[cell] = around(seed_sums_, i, column_of(cell), reach) > 0;
+  }
+}
+
+// Drops what touches something above it that is not ground: a matter of the boundary.
+bool OddSpots::keep_islands() {
+  bool any = false;
+  for (const std::uint32_t cell : candidates_)
+    seed_[cell] = spot_[cell]; // cells that wait to be looked at
+  const auto w = static_cast<std::size_t>(width_);
+  for (const std::uint32_t start : candidates_) {
+    if (!seed_[start])
+      continue;
+    queue_.clear();
+    queue_.push_back(start);
+    seed_[start] = 0;
+    bool island = true;
+    for (std::size_t next = 0; next < queue_.size(); ++next) {
+      const std::uint32_t cell = queue_[next];
+      const int i = row_of(cell), j = column_of(cell);
+      island &= i <= first_ || ground_[cell - w] != 0;
+      for (int y = std::max(i - 1, 0); y <= std::min(i + 1, height_ - 1); ++y)
+        for (int x = std::max(j - 1, 0); x <= std::min(j + 1, width_ - 1); ++x) {
+          const std::size_t other = static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x);
+          if (seed_[other]) {
+            seed_[other] = 0;
+            queue_.push_back(static_cast<std::uint32_t>(other));
+          }
+        }
+    }
+    any |= island;
+    if (!island)
+      for (const std::uint32_t cell : queue_)
+        spot_[cell] = 0;
+  }
+  return any;
+}
+
+void OddSpots::lower(int mask_level, FrameCurve& rows) const {
+  const int k = view_.level, half = 1 << k >> 1;
+  for (int j = 0; j < width_; ++j) {
+    int lowest = -1;
+    for (int i = height_ - 1; i >= first_ && lowest < 0; --i)
+      if (spot_[static_cast<std::size_t>(i) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(j)])
+        lowest = i;
+    if (lowest < 0)
+      continue;
+    const int row = (lowest << k) - half + (1 << k);
+    const int left = subsampled(std::max((j << k) - half, 0), mask_level),
+              right =
+                  std::min(subsampled((j << k) - half + (1 << k), mask_level), static_cast<int>(rows.size()));
+    for (int x = left; x < right; ++x)
+      rows[static_cast<std::size_t>(x)] =
+          static_cast<std::uint16_t>(std::max<int>(rows[static_cast<std::size_t>(x)], row));
+  }
+}
+
+std::uint64_t OddSpots::mark(const MutablePlane& mask, int width, int height, int mask_level) const {
+  const int k = view_.level, half = 1 << k >> 1;
+  const auto first = [&](int cell) { return subsampled(std::max((cell << k) - half, 0), mask_level); };
+  std::uint64_t turned = 0;
+  for (int i = first_; i < height_; ++i) {
+    const std::uint8_t* const spots = &spot_[static_cast<std::size_t>(i) * static_cast<std::size_t>(width_)];
+    const int top = first(i), bottom = std::min(first(i + 1), height);
+    for (int j = 0, end; j < width_; j = end) {
+      for (end = j + 1; end < width_ && spots[end] == spots[j];) // neighbours go together
+        ++end;
+      if (!spots[j])
+        continue;
+      const int left = first(j), count = std::max(std::min(first(end), width) - left, 0);
+      for (int y = top; y < bottom; ++y)
+        turned += make_doubtful(mask.row(y) + left, count);
+    }
+  }
+  return turned;
+}
+
+} // namespace terrainseg

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Small things that stand in the open, from one frame: one curve a column swallows them. A centre is compared
+// with its surroundings on both sides (local contrast as in L. Itti, C. Koch, E. Niebur, "A model of
+// saliency-based visual attention", IEEE PAMI 20, 1998, here in standard deviations of the ground itself).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/color_transform.hpp"
+#include "coarse/pyramid.hpp"
+#include "freespace/curve/evidence.hpp"
+#include "freespace/curve/free_space.hpp"
+
+namespace terrainseg {
+
+/// What the search has to know of the picture.
+struct GroundView {
+  int level = 0;             ///< of the pyramid that is searched, finer than the grid by one or two
+  int column_level = 0;      ///< the curves have a column per 2^this of the frame, at most `level`
+  std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
+  Rectangle window;          ///< training window: what is in it is ground
+  std::span<const Rectangle> ignored; ///< frame pixels
+  int rows = 0; ///< below the horizon that are searched, in cells; 0 = down to the picture's end
+};
+
+/// A cell of the ground is odd when it differs, in the same direction, from the ground to its left and from
+/// the ground to its right at the same distance. Vignetting, gradients of light, kerbs and the edges of
+/// trails and shadows are one-sided and fall out. What is lighter and of the ground's own chroma is paint,
+/// unless something dark lies right below it. No state between frames.
+class OddSpots {
+ public:
+  /// Looks for spots in the ground that `curves` tell. False when there are none.
+  bool find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
+            const GroundView& view);
+
+  /// Lowers curve rows (of the frame, one per mask column) to below the lowest spot of their column.
+  void lower(int mask_level, FrameCurve& rows) const;
+
+  /// Turns the traversable pixels of the spots into doubtful ones; returns how many.
+  std::uint64_t mark(const MutablePlane& mask, int width, int height, int mask_level) const;
+
+  /// Of the last find(): cells searched (the rows end where it was told to stop), and per cell how odd it is,
+  /// Q4 of a standard deviation, 0..96, and whether it belongs to a spot.
+  int width() const { return width_; }
+  int height() const { return height_; }
+  FinerCells<std::uint8_t> oddness() const { return {odd_, width_, height_, view_.level, 0}; }
+  std::span<const std::uint8_t> spots() const { return spot_; }
+
+ private:
+  /// Sums over blocks of 2 x 2 cells: count, three values, three squares.
+  static constexpr int sum_count = 7;
+  /// What both sides of a row of cells look like, from column -1 on: means (Q4) left and right, one over the
+  /// deviation (Q12).
+  struct Sides {
+    std::array<std::vector<std::int16_t>, 3> left, right, inverse;
+  };
+
+  int distance(int row) const;
+  bool is_far() const { return view_.rows > 0; } ///< only what is far away is searched
+  bool outline_ground(const FreeSpaceCurves& curves);
+  void read_cells(const Pyramid& pyramid, const ColorTransform& transform);
+  void sum_blocks();
+  void sum_strips(int top, int bottom, std::size_t pad);
+  void count_cells(std::size_t pad, std::uint32_t full);
+  void compare_sides(int block_row);
+  void measure_row(int row);
+  bool in_window(int row, int column) const;
+  void sum_cells(const std::vector<std::uint8_t>& values, std::vector<std::uint32_t>& sums) const;
+  std::uint32_t around(const std::vector<std::uint32_t>& sums, int row, int column, int reach) const;
+  int row_of(std::uint32_t cell) const { return static_cast<int>(cell / static_cast<std::uint32_t>(width_)); }
+  int column_of(std::uint32_t cell) const {
+    return static_cast<int>(cell % static_cast<std::uint32_t>(width_));
+  }
+  void list_candidates();
+  bool seed();
+  void grow();
+  bool keep_islands();
+
+  GroundView view_;
+  int width_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
+  int blocks_x_ = 0, blocks_y_ = 0;
+  std::vector<std::uint16_t> safe_, behind_first_, behind_end_; ///< in rows of cells
+  std::array<std::vector<std::uint8_t>, 3> color_;
+  std::vector<std::uint8_t> ground_, odd_, seed_, spot_;
+  std::array<std::vector<std::uint32_t>, sum_count>
+      sums_; ///< of blocks and those above; from the first that has ground
+  std::array<std::vector<std::uint32_t>, sum_count> strips_; ///< of a block row: integral over its box's rows
+  std::vector<std::uint8_t> line_;
+  std::vector<std::uint32_t> unused_;
+  std::vector<std::uint32_t> box_cells_;                  ///< of a block row, per block
+  std::array<std::vector<std::uint32_t>, 3> box_inverse_; ///< 2^24 / cells: of the box, its left, its right
+  std::vector<std::uint32_t> variance_;                   ///< Q8
+  std::vector<std::int16_t> block_left_, block_right_, block_deviation_;
+  Sides sides_;
+  std::vector<std::int16_t> nearest_dark_;
+  std::array<std::vector<std::uint8_t>, 3> deviation_; ///< of a row, Q4
+  std::vector<std::uint8_t> dark_, shade_;             ///< likewise: darker than both sides; clearly so
+  std::vector<std::uint32_t> odd_sums_, ground_sums_, seed_sums_;
+  std::vector<std::uint32_t> candidates_, queue_; ///< cells
+};
+
+} // namespace terrainseg

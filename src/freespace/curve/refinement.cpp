@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "freespace/curve/refinement.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "terrainseg/settings.hpp"
+
+namespace terrainseg {
+namespace {
+
+constexpr int reach = 3; ///< rows of the refinement's level
+static_assert(2 * reach + 2 <= kernels::strip_rows);
+constexpr int median_reach = 2;
+
+// Doubled rows of the refinement's level: every row is ground; no row is.
+constexpr int all = -1;
+constexpr int none_of(int height) {
+  return 2 * height - 1;
+}
+bool is_open(int edge, int height) {
+  return edge <= all || edge >= none_of(height);
+}
+
+// The median of five without a loop.
+int median5(int a, int b, int c, int d, int e) {
+  const int low = std::max(std::min(a, b), std::min(c, d)), high = std::min(std::max(a, b), std::max(c, d));
+  return std::max(std::min(low, high), std::min(std::max(low, high), e));
+}
+
+} // namespace
+
+void Refinement::refine(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform,
+                        const GridCurve& curve, bool snap, int mask_level, int frame_width, int frame_height,
+                        FrameCurve& rows) {
+  const int level = refinement_level(grid.level), width = pyramid.width(level),
+            height = pyramid.height(level);
+  interpolate(grid, curve, width, height);
+  if (snap) {
+    for (int first = 0; first < width; first += kernels::strip_columns)
+      snap_columns(pyramid, transform, level, first, std::min(first + kernels::strip_columns, width));
+    take_medians();
+  }
+  write_rows(level, height, mask_level, frame_width, frame_height, rows);
+}
+
+// The curve at the columns of the refinement's level; where it may move is noted.
+void Refinement::interpolate(const Grid& grid, const GridCurve& curve, int width, int height) {
+  const int ratio = 1 << (grid.level - refinement_level(grid.level));
+  // Cell i of the grid is row i * ratio here; the edge before it lies half a cell higher.
+  const auto edge_of = [&](int j) {
+    const int row = curve[static_cast<std::size_t>(j)];
+    return row == 0 ? all : row >= grid.height ? none_of(height) : (2 * row - 1) * ratio;
+  };
+  fine_.resize(static_cast<std::size_t>(width));
+  moves_.resize(static_cast<std::size_t>(width));
+  for (int j = 0, x = 0; x < width; ++j) {
+    const int here = edge_of(std::min(j, grid.width - 1)), next = edge_of(std::min(j + 1, grid.width - 1));
+    const bool open = is_open(here, height) || is_open(next, height);
+    for (int part = 0; part < ratio && x < width; ++part, ++x) {
+      moves_[static_cast<std::size_t>(x)] = !open;
+      fine_[static_cast<std::size_t>(x)] =
+          open ? (2 * part < ratio ? here : next) : (here * (ratio - part) + next * part) / ratio;
+    }
+  }
+}
+
+// Moves the curve to the strongest edge near it, each column by itself.
+void Refinement::snap_columns(const Pyramid& pyramid, const ColorTransform& transform, int level, int first,
+                              int end) {
+  const std::array<Plane, 3> planes{pyramid.plane(level, 0), pyramid.plane(level, 1),
+                                    pyramid.plane(level, 2)};
+  const int lowest = pyramid.height(level) - 1;
+  std::array<std::uint8_t, kernels::strip_columns> last{}, best{};
+  std::array<int, kernels::strip_columns> tops{};
+  int rows = 0;
+  for (int x = first; x < end; ++x) {
+    if (!moves_[static_cast<std::size_t>(x)])
+      continue;
+    const auto i = static_cast<std::size_t>(x - first);
+    const int centre = (fine_[static_cast<std::size_t>(x)] + 1) / 2; // between rows centre - 1 and centre
+    tops[i] = std::max(centre - reach, 1) - 1;
+    const int bottom = std::min(centre + reach, lowest);
+    last[i] = static_cast<std::uint8_t>(std::max(bottom - tops[i], 0));
+    rows = std::max(rows, last[i] + 1);
+    for (std::size_t c = 0; c < 3; ++c) {
+      const std::uint8_t* pixel = planes[c].row(tops[i]) + x;
+      for (std::size_t k = 0; k <= last[i]; ++k, pixel += planes[c].stride)
+        strip_[k][c][i] = *pixel;
+    }
+  }
+  kernels::strongest_edges(strip_, transform.matrix, rows, last.data(), best.data());
+  for (int x = first; x < end; ++x) {
+    const auto i = static_cast<std::size_t>(x - first);
+    if (best[i] > 0)
+      fine_[static_cast<std::size_t>(x)] = 2 * (tops[i] + best[i]) - 1;
+  }
+}
+
+void Refinement::take_medians() {
+  if (fine_.size() <= 2 * median_reach)
+    return;
+  median_.assign(fine_.begin(), fine_.end());
+  for (std::size_t x = median_reach; x < fine_.size() - median_reach; ++x) {
+    const int* f = &median_[x - median_reach];
+    fine_[x] = median5(f[0], f[1], f[2], f[3], f[4]);
+  }
+}
+
+// Doubled row e of this level is row e * 2^level / 2 of the frame, between two columns on their line.
+void Refinement::write_rows(int level, int height, int mask_level, int frame_width, int frame_height,
+                            FrameCurve& rows) const {
+  const int count = subsampled(frame_width, mask_level), coarser = std::max(mask_level - level, 0),
+            columns = 1 << std::max(level - mask_level, 0); // of the mask, from one of ours to the next
+  rows.resize(static_cast<std::size_t>(count));
+  for (int x = 0; x < count; x += columns) {
+    const std::size_t f = static_cast<std::size_t>(x / columns) << coarser;
+    const int a = fine_[f], b = fine_[std::min(f + 1, fine_.size() - 1)];
+    const int written = std::min(columns, count - x);
+    std::uint16_t* out = &rows[static_cast<std::size_t>(x)];
+    if (is_open(a, height))
+      std::fill_n(out, written, static_cast<std::uint16_t>(a <= all ? 0 : frame_height));
+    else
+      kernels::write_line((a << level) + 1, is_open(b, height) ? 0 : (b - a) * (1 << mask_level),
+                          frame_height, written, out);
+  }
+}
+
+} // namespace terrainseg

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Curves of the grid brought to the edges that the picture shows two levels finer, and to frame rows.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/color_transform.hpp"
+#include "base/quantities.hpp"
+#include "coarse/grid.hpp"
+#include "coarse/pyramid.hpp"
+#include "kernels/cells.hpp"
+
+namespace terrainseg {
+
+class Refinement {
+ public:
+  /// `curve`: per grid column the first row of the ground, 0..grid.height. With `snap` the curve moves to the
+  /// strongest colour edge within three quarters of a cell at refinement_level(), then takes the median of
+  /// five columns. Result in `rows`, one per column x of a mask that is 2^mask_level times narrower than the
+  /// frame: the first row of the frame, 0..frame_height.
+  void refine(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform,
+              const GridCurve& curve, bool snap, int mask_level, int frame_width, int frame_height,
+              FrameCurve& rows);
+
+ private:
+  void interpolate(const Grid& grid, const GridCurve& curve, int width, int height);
+  void snap_columns(const Pyramid& pyramid, const ColorTransform& transform, int level, int first, int end);
+  void take_medians();
+  void write_rows(int level, int height, int mask_level, int frame_width, int frame_height,
+                  FrameCurve& rows) const;
+
+  // Rows of the refinement's level times two, so that the half row between two of them is whole.
+  std::vector<int> fine_, median_;
+  std::vector<std::uint8_t> moves_; ///< whether a column may snap
+  kernels::Strip strip_{};
+};
+
+} // namespace terrainseg

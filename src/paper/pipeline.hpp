@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The paper's pipeline (its figure 2): stages A to E, as printed, with what it leaves open decided where the
+// stage is.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "base/pipeline.hpp"
+#include "coarse/horizon.hpp"
+#include "coarse/pyramid.hpp"
+#include "coarse/window.hpp"
+#include "learning/clustering.hpp"
+#include "paper/scoring.hpp"
+
+namespace terrainseg {
+
+class PaperPipeline final : public Pipeline {
+ public:
+  void process(const FrameTask& task, Terrain& terrain, EstimateWriter& out, StageClock& clock) override;
+  TerrainModel in_this_light(const TerrainModel& learned) const override { return learned; }
+  void adapt(const Settings& settings, int grid_level) override;
+  void forget_frames() override {} // no stage looks back
+  void forget_terrain() override { table_is_old_ = true; }
+
+ private:
+  void find_reach(const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
+                  const Settings& settings, EstimateWriter& out);
+
+  PyramidPlan plan_;
+  Pyramid pyramid_;
+  std::vector<Cell> window_cells_;
+  Prefiltered kept_;
+  ClusterScratch clusters_;
+  ScoreTable table_;
+  bool table_is_old_ = true;
+  std::vector<std::uint8_t> scores_;
+  std::vector<std::int16_t> top_;
+};
+
+} // namespace terrainseg

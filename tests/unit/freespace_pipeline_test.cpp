@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The default pipeline as a whole: what its settings do, and what must not change its answer.
+#include "terrainseg/segmenter.hpp"
+
+#include <algorithm>
+#include <functional>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "scene/scene.hpp"
+
+namespace terrainseg {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+const scene::Settings trail{scene::Kind::trail, scene::Light::day, scene::Motion::straight, 3};
+
+/// Some frames of one drive, rendered once.
+const std::vector<scene::Picture>& drive() {
+  static const std::vector<scene::Picture> pictures = [] {
+    scene::Renderer renderer(trail, 320, 240);
+    std::vector<scene::Picture> list;
+    for (int k = 0; k < 6; ++k) {
+      list.emplace_back(PixelFormat::I420, 320, 240);
+      renderer.render(static_cast<std::uint64_t>(2 * k), list.back());
+    }
+    return list;
+  }();
+  return pictures;
+}
+
+Bytes mask_of(const Estimate& e) {
+  Bytes bytes;
+  for (int y = 0; y < e.mask.height; ++y)
+    bytes.insert(bytes.end(), e.mask.plane.row(y), e.mask.plane.row(y) + e.mask.width);
+  return bytes;
+}
+
+void run(Segmenter& segmenter, std::size_t first = 0, std::size_t end = 6) {
+  for (std::size_t k = first; k < end; ++k)
+    ASSERT_TRUE(segmenter.process(drive()[k].frame()).ok());
+}
+
+Segmenter after_drive(const Settings& settings) {
+  Segmenter segmenter(settings);
+  run(segmenter);
+  return segmenter;
+}
+
+TEST(FreeSpacePipeline, FillsTheWholeEstimate) {
+  const Segmenter s = after_drive({});
+  const Estimate& e = s.estimate();
+  EXPECT_EQ(e.frame, 5u);
+  EXPECT_EQ(e.flags, flag_learned);
+  EXPECT_EQ(e.model_generation, 6u);
+  EXPECT_GT(e.horizon_row, 0);
+  EXPECT_GT(e.horizon_confidence, 0);
+  EXPECT_GT(e.confidence, 64);
+  EXPECT_GE(e.model_count, 1);
+  EXPECT_EQ(e.window, (Rectangle{112, 204, 96, 36}));
+  const Bytes mask = mask_of(e);
+  EXPECT_EQ(e.traversable_permille,
+            std::count(mask.begin(), mask.end(), mask_traversable) * 1000 / static_cast<long>(mask.size()));
+  ASSERT_EQ(e.boundary.size(), 320u);
+  for (int x = 0; x < 320; ++x) {
+    const int row = e.boundary[static_cast<std::size_t>(x)];
+    ASSERT_LE(row, 240);
+    // Free from there to the bottom, and no higher.
+    for (int y = row; y < 240; ++y)
+      ASSERT_EQ(mask[static_cast<std::size_t>(y * 320 + x)], mask_traversable);
+    if (row > 0 && row < 240) {
+      ASSERT_NE(mask[static_cast<std::size_t>((row - 1) * 320 + x)], mask_traversable);
+    }
+  }
+}
+
+TEST(FreeSpacePipeline, TheModelsAreTheGroundsColour) {
+  const Segmenter s = after_drive({});
+  const Estimate& e = s.estimate();
+  long sum = 0;
+  for (int y = e.window.y; y < e.window.y + e.window.height; ++y)
+    for (int x = e.window.x; x < e.window.x + e.window.width; ++x)
+      sum += (drive()[5].frame().planes[0].row(y)[x] - 16) * 255 / 219; // full range, as models are told
+  const auto heaviest = std::max_element(e.models.begin(), e.models.begin() + e.model_count,
+                                         [](const auto& a, const auto& b) { return a.mass < b.mass; });
+  EXPECT_NEAR(heaviest->mean[0] / 256.0, static_cast<double>(sum) / (e.window.width * e.window.height), 12);
+}
+
+TEST(FreeSpacePipeline, ThreadsAndRepetitionChangeNothing) {
+  Settings three;
+  three.n_threads = 3;
+  const Bytes one = mask_of(after_drive({}).estimate());
+  EXPECT_EQ(mask_of(after_drive({}).estimate()), one);
+  EXPECT_EQ(mask_of(after_drive(three).estimate()), one);
+}
+
+TEST(FreeSpacePipeline, ASmallerMaskIsTheSameMask) {
+  const Bytes whole = mask_of(after_drive({}).estimate());
+  for (const int level : {1, 2, 3, 5}) {
+    Settings settings;
+    settings.mask_level = level;
+    const Segmenter s = after_drive(settings);
+    const Estimate& e = s.estimate();
+    ASSERT_EQ(e.mask.width, subsampled(320, level));
+    for (int y = 0; y < e.mask.height; ++y)
+      for (int x = 0; x < e.mask.width; ++x)
+        ASSERT_EQ(e.mask.plane.row(y)[x], whole[static_cast<std::size_t>((y << level) * 320 + (x << level))]);
+  }
+}
+
+TEST(FreeSpacePipeline, EveryStageCanBeSwitchedOffAndMatters) {
+  const Bytes whole = mask_of(after_drive({}).estimate());
+  const std::vector<std::pair<const char*, std::function<void(Settings&)>>> changes{
+      {"texture", [](Settings& s) { s.texture = false; }},
+      {"exposure", [](Settings& s) { s.exposure = false; }},
+      {"row-prior", [](Settings& s) { s.row_prior = false; }},
+      {"local-reference", [](Settings& s) { s.local_reference = false; }},
+      {"geodesic", [](Settings& s) { s.geodesic = false; }},
+      {"second-look", [](Settings& s) { s.second_look = false; }},
+      {"connected-ground", [](Settings& s) { s.connected_ground = false; }},
+      {"ground-behind", [](Settings& s) { s.ground_behind = false; }},
+      {"odd-spots", [](Settings& s) { s.odd_spots = false; }},
+      {"refine", [](Settings& s) { s.refine = false; }},
+      {"free-space", [](Settings& s) { s.free_space = false; }},
+      {"negatives off", [](Settings& s) { s.negatives = Negatives::off; }},
+      {"negatives split", [](Settings& s) { s.negatives = Negatives::split; }},
+      {"doubtful", [](Settings& s) { s.doubtful = 40; }},
+      {"temporal", [](Settings& s) { s.temporal = Temporal::off; }},
+      {"caution", [](Settings& s) { s.caution = 20; }}};
+  for (const auto& [name, change] : changes) {
+    Settings settings;
+    change(settings);
+    ASSERT_FALSE(validate(settings));
+    const Bytes mask = mask_of(after_drive(settings).estimate());
+    EXPECT_NE(mask, whole) << name;
+    for (const std::uint8_t m : mask)
+      ASSERT_TRUE(m == 0 || m == 128 || m == 255) << name;
+  }
+}
+
+TEST(FreeSpacePipeline, MoreCautionIsLessGround) {
+  int last = 1001;
+  for (int caution = -32; caution <= 32; caution += 8) {
+    Settings settings;
+    settings.caution = caution;
+    const int now = after_drive(settings).estimate().traversable_permille;
+    EXPECT_LE(now, last + 5) << caution; // the prior follows its own horizon: not strictly
+    last = now;
+  }
+}
+
+TEST(FreeSpacePipeline, HorizonModes) {
+  Settings settings;
+  settings.horizon = HorizonMode::off;
+  EXPECT_EQ(after_drive(settings).estimate().horizon_row, -1);
+  settings.horizon = HorizonMode::paper;
+  const Segmenter s = after_drive(settings);
+  const Estimate& e = s.estimate();
+  const Bytes mask = mask_of(e);
+  ASSERT_GT(e.horizon_row, 0);
+  // The refinement may move the curve by a cell.
+  for (int i = 0; i < (e.horizon_row - 8) * 320; ++i)
+    ASSERT_EQ(mask[static_cast<std::size_t>(i)], 0);
+}
+
+TEST(FreeSpacePipeline, AHorizonIsHeldOverFramesThatShowNone) {
+  // A view of nothing but sky: the upper eighth of the last frame, stretched over the picture.
+  scene::Picture sky = drive()[5];
+  const Frame source = drive()[5].frame();
+  const MutableFrame target = sky.mutable_frame();
+  for (std::size_t p = 0; p < 3; ++p)
+    for (int y = 0; y < (p == 0 ? 240 : 120); ++y)
+      std::copy_n(source.planes[p].row(y / 8), p == 0 ? 320 : 160, target.planes[p].row(y));
+  for (const Temporal temporal : {Temporal::on, Temporal::off}) {
+    Settings settings;
+    settings.temporal = temporal;
+    Segmenter s = after_drive(settings);
+    ASSERT_GT(s.estimate().horizon_row, 0);
+    settings.near_clear = false;
+    s.configure(settings);
+    bool held = false;
+    for (int k = 0; k < 12 && !held; ++k) {
+      const Estimate before = s.estimate();
+      ASSERT_TRUE(s.process(sky.frame()).ok());
+      const Estimate& e = s.estimate();
+      held = e.flags & flag_horizon_held;
+      if (held) {
+        EXPECT_EQ(e.horizon_row, before.horizon_row);
+        EXPECT_EQ(e.horizon_confidence, before.horizon_confidence / 2);
+      }
+    }
+    EXPECT_EQ(held, temporal == Temporal::on);
+  }
+}
+
+TEST(FreeSpacePipeline, NothingIsLearnedWhileTheWindowIsNotClear) {
+  Segmenter s = after_drive({});
+  const Terrain before = s.terrain();
+  const int confidence = s.estimate().confidence;
+  Settings settings;
+  settings.near_clear = false;
+  s.configure(settings);
+  run(s, 4, 6);
+  const Terrain after = s.terrain();
+  EXPECT_EQ(after.models, before.models);
+  EXPECT_EQ(after.negative_colors, before.negative_colors);
+  EXPECT_EQ(after.terrain_texture, before.terrain_texture);
+  EXPECT_EQ(s.estimate().flags & (flag_learned | flag_frozen | flag_unknown), flag_frozen);
+  EXPECT_LT(s.estimate().confidence, confidence * 3 / 4);
+  EXPECT_EQ(s.counters().skipped_near, 2u);
+}
+
+TEST(FreeSpacePipeline, WhatWasLearnedGoesToAnother) {
+  Settings frozen;
+  frozen.learning = false;
+  frozen.temporal = Temporal::off;
+  Segmenter teacher = after_drive({});
+  teacher.configure(frozen);
+  teacher.reset_temporal();
+  Segmenter pupil(frozen);
+  run(pupil, 5);
+  EXPECT_TRUE(pupil.estimate().flags & flag_unknown);
+  ASSERT_TRUE(pupil.adopt(teacher.terrain()).ok());
+  run(teacher, 5);
+  run(pupil, 5);
+  EXPECT_EQ(mask_of(pupil.estimate()), mask_of(teacher.estimate()));
+}
+
+TEST(FreeSpacePipeline, IgnoredPartsAreNeitherLearnedNorLabelled) {
+  // A poster in the window's colour space far away from the ground's: learned unless it is ignored.
+  scene::Picture picture = drive()[5];
+  const MutableFrame frame = picture.mutable_frame();
+  const Rectangle poster{140, 204, 68, 36};
+  for (int y = poster.y / 2; y < (poster.y + poster.height) / 2; ++y)
+    for (int x = poster.x / 2; x < (poster.x + poster.width) / 2; ++x)
+      frame.planes[2].row(y)[x] = 250;
+  const auto redness = [&](bool ignore) {
+    Settings settings;
+    if (ignore)
+      settings.ignore_regions = {poster};
+    Segmenter s(settings);
+    for (int k = 0; k < 3; ++k)
+      EXPECT_TRUE(s.process(picture.frame()).ok());
+    if (ignore) {
+      for (int y = poster.y; y < poster.y + poster.height; ++y)
+        for (int x = poster.x; x < poster.x + poster.width; ++x)
+          EXPECT_EQ(s.estimate().mask.plane.row(y)[x], mask_doubtful);
+    }
+    int most = 0;
+    for (int m = 0; m < s.estimate().model_count; ++m)
+      most = std::max(most, s.estimate().models[static_cast<std::size_t>(m)].mean[2] / 256);
+    return most;
+  };
+  EXPECT_GT(redness(false), redness(true) + 10);
+}
+
+TEST(FreeSpacePipeline, AnotherSizeKeepsTheTerrain) {
+  Segmenter s = after_drive({});
+  scene::Renderer renderer(trail, 161, 119);
+  scene::Picture small(PixelFormat::I420, 161, 119);
+  renderer.render(12, small);
+  Settings settings;
+  settings.learning = false;
+  s.configure(settings);
+  ASSERT_TRUE(s.process(small.frame()).ok());
+  EXPECT_FALSE(s.estimate().flags & flag_unknown);
+  EXPECT_EQ(s.estimate().mask.width, 161);
+  EXPECT_GT(s.estimate().traversable_permille, 150);
+  run(s, 0, 1);
+  EXPECT_EQ(s.estimate().mask.width, 320);
+  s.reset();
+  run(s, 0, 1);
+  EXPECT_TRUE(s.estimate().flags & flag_unknown);
+}
+
+} // namespace
+} // namespace terrainseg

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "freespace/cues/likelihood.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+namespace terrainseg {
+namespace {
+
+constexpr int bin(int y, int u, int v) {
+  return (y >> 5) << 8 | (u >> 4) << 4 | v >> 4;
+}
+
+CellBins cells_of(const std::vector<std::array<int, 4>>& yuvt) {
+  CellBins c;
+  for (const auto& cell : yuvt) {
+    c.color.push_back(static_cast<std::uint16_t>(bin(cell[0], cell[1], cell[2])));
+    c.texture.push_back(static_cast<std::uint8_t>(cell[3]));
+  }
+  return c;
+}
+
+Terrain gray_road() {
+  Terrain t;
+  TerrainModel m;
+  m.mean = {112 << 8, 128 << 8, 128 << 8};
+  m.variance = {300 << 8, 180 << 8, 180 << 8};
+  m.mass = 100 << 8;
+  t.models = {m};
+  return t;
+}
+
+TEST(Likelihood, CountsWhatItIsTold) {
+  const CellBins cells = cells_of({{100, 128, 128, 5}, {30, 90, 90, 9}, {30, 90, 90, 9}, {200, 150, 150, 1}});
+  Terrain t;
+  learn_histograms(cells, {Lesson::terrain, Lesson::against, Lesson::against_little, Lesson::nothing}, 0, t);
+  EXPECT_EQ(t.negative_colors[bin(100, 128, 128)], 0u);
+  EXPECT_EQ(t.negative_colors[bin(200, 150, 150)], 0u);
+  const std::uint32_t one = t.terrain_texture[5];
+  EXPECT_GT(one, 0u);
+  EXPECT_EQ(t.negative_texture[9],
+            one / 2 + one / 8); // two cells share a frame's weight; one counts a quarter
+  EXPECT_EQ(t.negative_texture[1], 0u);
+}
+
+TEST(Likelihood, EveryFrameWeighsTheSameAndFades) {
+  Terrain few, many;
+  learn_histograms(cells_of({{9, 9, 9, 3}}), {Lesson::against}, 5, few);
+  learn_histograms(cells_of(std::vector<std::array<int, 4>>(1000, {9, 9, 9, 3})),
+                   std::vector<Lesson>(1000, Lesson::against), 5, many);
+  EXPECT_NEAR(few.negative_texture[3], many.negative_texture[3], few.negative_texture[3] / 500.0);
+  const std::uint32_t before = few.negative_texture[3];
+  for (int i = 0; i < 300; ++i)
+    learn_histograms(cells_of({{200, 9, 9, 8}}), {Lesson::against}, 5, few);
+  EXPECT_LT(few.negative_texture[3], before / 1000);
+  EXPECT_NEAR(few.negative_texture[8], 32.0 * before, before); // 1 / (1/32)
+}
+
+TEST(Likelihood, NeverRunsOver) {
+  Terrain t;
+  for (int i = 0; i < 5000; ++i)
+    learn_histograms(cells_of({{9, 9, 9, 3}}), {Lesson::against}, 0, t);
+  EXPECT_GT(t.negative_texture[3], 1u << 28);
+  EXPECT_LT(t.negative_texture[3], (1u << 30) + (1u << 21));
+}
+
+// The colour table against the formula in floating point.
+TEST(Likelihood, IsTheWeightedLogLikelihoodRatio) {
+  Terrain t = gray_road();
+  std::vector<std::array<int, 4>> rest;
+  std::vector<Lesson> lessons;
+  for (int i = 0; i < 400; ++i) {
+    rest.push_back({40 + i % 100, 100 + i % 50, 110 + i % 40, 4});
+    lessons.push_back(Lesson::against);
+  }
+  learn_histograms(cells_of(rest), lessons, 5, t);
+  std::vector<double> blurred(2048, 0);
+  double total = 0;
+  const auto count = [&](int l, int u, int v) {
+    return double(
+        t.negative_colors[std::clamp(l, 0, 7) << 8 | std::clamp(u, 0, 15) << 4 | std::clamp(v, 0, 15)]);
+  };
+  const double w[3] = {1, 2, 1};
+  for (int i = 0; i < 2048; ++i) {
+    for (int a = -1; a < 2; ++a)
+      for (int b = -1; b < 2; ++b)
+        for (int c = -1; c < 2; ++c)
+          blurred[i] +=
+              w[a + 1] * w[b + 1] * w[c + 1] / 64 * count((i >> 8) + a, (i >> 4 & 15) + b, (i & 15) + c);
+    total += blurred[i];
+  }
+  // The prior for ground among the rest, octaves in Q8: less the more of the picture was taught as terrain.
+  for (const auto& [taught, prior] : {std::pair{0, 950}, {32, 950}, {48, 625}, {64, 300}, {256, 300}}) {
+    LikelihoodTables tables;
+    Likelihood().build(t, {}, taught, Settings(), tables);
+    for (int i = 0; i < 2048; ++i) {
+      const double d[3] = {(i >> 8) * 32 + 16 - 112.0, (i >> 4 & 15) * 16 + 8 - 128.0,
+                           (i & 15) * 16 + 8 - 128.0};
+      double log2p = 13 + prior / 256.0; // colours of a bin
+      for (int c = 0; c < 3; ++c) {
+        const double variance = c == 0 ? 300 : 180;
+        log2p -= 0.5 * std::log2(2 * M_PI * variance) + d[c] * d[c] / variance / 2 * M_LOG2E;
+      }
+      const double against = std::log2((blurred[i] + total / 10000) / total);
+      const double nats = (std::max(log2p, -3968 / 256.0) - against) * M_LN2;
+      EXPECT_NEAR(tables.color[i], std::clamp(0.384 * 32 * nats, -26.0, 26.0), 1.6)
+          << i << " taught " << taught;
+    }
+  }
+}
+
+TEST(Likelihood, TheNearestModelSpeaks) {
+  Terrain one = gray_road(), two = gray_road();
+  two.models.push_back(two.models[0]);
+  two.models[1].mean = {60 << 8, 160 << 8, 90 << 8};
+  LikelihoodTables a, b;
+  Likelihood().build(one, {}, 0, Settings(), a);
+  Likelihood().build(two, {}, 0, Settings(), b);
+  EXPECT_LT(a.color[bin(60, 160, 90)], 0);
+  EXPECT_GT(b.color[bin(60, 160, 90)], 0);
+  EXPECT_GT(b.color[bin(112, 128, 128)], 0);
+}
+
+TEST(Likelihood, WhatIsInTheWindowNowIsTerrain) {
+  Terrain memory = gray_road();
+  memory.models[0].mass = std::uint64_t{1} << 40; // hours of it
+  TerrainModel now = memory.models[0];
+  now.mean = {60 << 8, 160 << 8, 90 << 8};
+  now.mass = 70 << 8;
+  LikelihoodTables before, after;
+  Likelihood().build(memory, {}, 0, Settings(), before);
+  Likelihood().build(memory, {&now, 1}, 0, Settings(), after);
+  EXPECT_LT(before.color[bin(60, 160, 90)], -20);
+  EXPECT_GT(after.color[bin(60, 160, 90)], 20);
+  EXPECT_EQ(after.color[bin(112, 128, 128)], before.color[bin(112, 128, 128)]);
+}
+
+TEST(Likelihood, TextureIsForWhatTheWindowShows) {
+  Terrain t = gray_road();
+  std::vector<std::array<int, 4>> cells;
+  std::vector<Lesson> lessons;
+  for (int i = 0; i < 100; ++i) {
+    cells.push_back({100, 128, 128, i % 2 ? 4 : 17});
+    lessons.push_back(i % 2 ? Lesson::terrain : Lesson::against);
+  }
+  learn_histograms(cells_of(cells), lessons, 5, t);
+  LikelihoodTables tables;
+  Likelihood().build(t, {}, 0, Settings(), tables);
+  EXPECT_GT(tables.texture[4], 60);
+  EXPECT_LT(tables.texture[17], -60);
+  EXPECT_NEAR(tables.texture[4], -tables.texture[17], 2);
+  Settings without;
+  without.texture = false;
+  Likelihood().build(t, {}, 0, without, tables);
+  for (const int v : tables.texture)
+    EXPECT_EQ(v, 0);
+}
+
+} // namespace
+} // namespace terrainseg
