@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gst/gst.h>
 
-#include "meta.hpp"
-#include "terraincombine.hpp"
-#include "terrainextract.hpp"
-#include "terrainoverlay.hpp"
-#include "terrainscenesrc.hpp"
-#include "terrainseg.hpp"
+#include "elements/terraincombine.hpp"
+#include "elements/terrainextract.hpp"
+#include "elements/terrainoverlay.hpp"
+#include "elements/terrainscenesrc.hpp"
+#include "elements/terrainseg.hpp"
+#include "support/meta.hpp"
 #include "terrainseg_config.h"
 
 namespace {

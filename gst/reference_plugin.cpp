@@ -2,8 +2,8 @@
 // A plugin of its own: the main one needs no OpenCV.
 #include <gst/gst.h>
 
-#include "meta.hpp"
-#include "terrainreference.hpp"
+#include "elements/terrainreference.hpp"
+#include "support/meta.hpp"
 #include "terrainseg_config.h"
 
 namespace {

@@ -7,12 +7,14 @@
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstring>
 #include <string>
 #include <vector>
 
-#include "estimate_meta.hpp"
 #include "owned.hpp"
-#include "video_frame.hpp"
+#include "support/estimate_meta.hpp"
+#include "support/video_frame.hpp"
 
 namespace terrainseg::test {
 
@@ -39,10 +41,14 @@ inline void paint_road(GstVideoFrame& frame, unsigned seed) {
   const bool rgb = GST_VIDEO_INFO_IS_RGB(&frame.info);
   const guint8 yuv[3][3] = {{200, 150, 110}, {90, 100, 110}, {120, 128, 128}};
   const guint8 colors[3][3] = {{150, 190, 240}, {60, 120, 50}, {120, 120, 120}};
-  for (guint component = 0; component < 3; ++component) {
+  const guint components = std::min(3U, GST_VIDEO_FRAME_N_COMPONENTS(&frame));
+  for (guint component = 0; component < components; ++component) {
     const int w = GST_VIDEO_FRAME_COMP_WIDTH(&frame, component),
               h = GST_VIDEO_FRAME_COMP_HEIGHT(&frame, component);
     auto* data = static_cast<guint8*>(GST_VIDEO_FRAME_COMP_DATA(&frame, component));
+    // GStreamer 1.22 has P010's V one byte into the pair, in the middle of U; it is two.
+    if (GST_VIDEO_FRAME_COMP_DEPTH(&frame, component) > 8)
+      data += GST_VIDEO_FRAME_COMP_POFFSET(&frame, component) % 2;
     for (int y = 0; y < h; ++y)
       for (int x = 0; x < w; ++x) {
         const int px = x * width / w, py = y * height / h;
@@ -55,8 +61,16 @@ inline void paint_road(GstVideoFrame& frame, unsigned seed) {
         const int wobble = static_cast<int>((noise >> 24) % 41) - 20;
         const int value =
             (rgb ? colors : yuv)[area][component] + (component == 0 || rgb ? wobble : wobble / 4);
-        data[y * GST_VIDEO_FRAME_COMP_STRIDE(&frame, component) +
-             x * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, component)] = static_cast<guint8>(value);
+        guint8* sample = data + y * GST_VIDEO_FRAME_COMP_STRIDE(&frame, component) +
+                         x * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, component);
+        const guint depth = GST_VIDEO_FRAME_COMP_DEPTH(&frame, component);
+        if (depth > 8) { // which may lie anywhere in memory
+          const guint16 word = GUINT16_TO_LE(static_cast<guint16>(
+              value << (depth - 8) << GST_VIDEO_FORMAT_INFO_SHIFT(frame.info.finfo, component)));
+          std::memcpy(sample, &word, sizeof word);
+        } else {
+          *sample = static_cast<guint8>(value);
+        }
       }
   }
 }
@@ -167,6 +181,16 @@ class Rig {
   void set_caps(const std::string& caps) {
     info_ = info_of(caps);
     gst_harness_set_src_caps(harness_, gst_caps_from_string(caps.c_str()));
+  }
+  /// Down to NULL or READY and up again, as a new stream of the same caps.
+  void restart(GstState through, const std::string& caps) {
+    EXPECT_NE(gst_element_set_state(element_.get(), through), GST_STATE_CHANGE_FAILURE);
+    EXPECT_NE(gst_element_set_state(element_.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+    gst_harness_push_event(harness_, gst_event_new_stream_start("again"));
+    set_caps(caps);
+    GstSegment segment;
+    gst_segment_init(&segment, GST_FORMAT_TIME);
+    gst_harness_push_event(harness_, gst_event_new_segment(&segment));
   }
   GstFlowReturn push(GstBuffer* buffer) { return gst_harness_push(harness_, buffer); }
   Owned<GstBuffer> pull() { return Owned<GstBuffer>(gst_harness_try_pull(harness_)); }

@@ -14,9 +14,9 @@
 
 #include "../support/same_estimate.hpp"
 #include "../unit/exchange_estimates.hpp"
-#include "estimate_meta.hpp"
 #include "exchange/vmti_klv.hpp"
 #include "owned.hpp"
+#include "support/estimate_meta.hpp"
 
 namespace terrainseg::test {
 

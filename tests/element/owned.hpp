@@ -20,6 +20,8 @@ struct Unref {
   void operator()(GstEvent* p) const { gst_event_unref(p); }
   void operator()(GstHarness* p) const { gst_harness_teardown(p); }
   void operator()(GstMessage* p) const { gst_message_unref(p); }
+  void operator()(GstPad* p) const { gst_object_unref(p); }
+  void operator()(GstSample* p) const { gst_sample_unref(p); }
 };
 template <class T> using Owned = std::unique_ptr<T, Unref>;
 

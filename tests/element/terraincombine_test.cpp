@@ -92,6 +92,64 @@ TEST(TerrainCombine, RestoresTheMetadataBitForBit) {
   EXPECT_EQ(c.stat("lost"), 0u);
 }
 
+// Units of both forms in one stream, and a nested one that was damaged on its way.
+TEST(TerrainCombine, ReadsBothFormsOfAUnit) {
+  Combine c(5000);
+  Bus bus(c.video.get());
+  KlvEncoder encoder;
+  const UasPlatform platform = {90, UasAttitude{-5, 2}, UasPosition{52.5, 13.4, 34}};
+  for (int i = 0; i < 6; ++i) {
+    const OwnedEstimate o = some(static_cast<unsigned>(i));
+    const auto bytes = encoder.encode(o.estimate, 0, i % 2 ? &platform : nullptr);
+    c.push_bytes({bytes.begin(), bytes.end()}, i);
+    EXPECT_EQ(c.push_frame(i), GST_FLOW_OK);
+    const auto out = c.pull();
+    const EstimateReader reader(out.get());
+    ASSERT_TRUE(reader) << i << (reader.error() ? reader.error() : "");
+    expect_same(reader.estimate(), o.estimate);
+  }
+  const OwnedEstimate o = some(6);
+  const auto bytes = encoder.encode(o.estimate, 0, &platform);
+  std::vector<std::uint8_t> damaged(bytes.begin(), bytes.end());
+  damaged[30] ^= 1;
+  c.push_bytes(damaged, 6);
+  EXPECT_EQ(c.stat("matched"), 6u);
+  EXPECT_EQ(c.stat("rejected"), 1u);
+  const std::string told = bus.text(GST_MESSAGE_WARNING);
+  EXPECT_NE(told.find("UAS Datalink"), std::string::npos) << told;
+}
+
+// From one element to the other: every frame has its metadata.
+TEST(TerrainCombine, NestedUnitsThroughAPipeline) {
+  GError* error = nullptr;
+  const Owned<GstElement> pipeline(
+      gst_parse_launch("videotestsrc num-buffers=20 ! "
+                       "video/x-raw,format=I420,width=160,height=120,framerate=25/1 ! terrainseg ! "
+                       "tee name=t t. ! queue ! jpegenc ! jpegdec ! c.sink "
+                       "t. ! queue ! terrainextract klv-form=uas-datalink klv-position=52.5,13.4,34,90 ! "
+                       "meta/x-klv,parsed=true ! "
+                       "queue ! c.meta "
+                       "terraincombine name=c latency=10000 ! fakesink name=out",
+                       &error));
+  ASSERT_EQ(error, nullptr) << error->message;
+  const Owned<GstElement> combine(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const Owned<GstBus> bus(gst_element_get_bus(pipeline.get()));
+  const Owned<GstMessage> end(gst_bus_timed_pop_filtered(
+      bus.get(), 30 * GST_SECOND, static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR)));
+  ASSERT_TRUE(end);
+  EXPECT_EQ(GST_MESSAGE_TYPE(end.get()), GST_MESSAGE_EOS);
+  GstStructure* stats = nullptr;
+  g_object_get(combine.get(), "stats", &stats, nullptr);
+  guint64 matched = 0, rejected = 1;
+  gst_structure_get_uint64(stats, "matched", &matched);
+  gst_structure_get_uint64(stats, "rejected", &rejected);
+  gst_structure_free(stats);
+  EXPECT_EQ(matched, 20u);
+  EXPECT_EQ(rejected, 0u);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
 TEST(TerrainCombine, ALostUnitIsKnownByTheNext) {
   Combine c(60000);
   const auto before = SteadyClock::now();
@@ -269,6 +327,22 @@ TEST(TerrainCombine, FlushForgetsBothSides) {
   EXPECT_EQ(GST_BUFFER_PTS(out.get()), 50 * frame_time) << "frame 51 was flushed";
 }
 
+// Elements are stopped from the sink on, pads at the output first: what upstream sends meanwhile is no error.
+TEST(TerrainCombine, WhileItIsStoppedNothingIsAnError) {
+  for (const char* name : {"terraincombine", "terrainextract"}) {
+    const Owned<GstElement> element(
+        GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(name, nullptr))));
+    const Owned<GstHarness> h(gst_harness_new_with_element(element.get(), "sink", "src"));
+    gst_harness_set_src_caps_str(h.get(), raw_caps);
+    const Owned<GstPad> source(gst_element_get_static_pad(element.get(), "src"));
+    ASSERT_TRUE(gst_pad_set_active(source.get(), FALSE));
+    gst_harness_push_event(h.get(), gst_event_new_stream_start("another"));
+    gst_harness_set_src_caps_str(h.get(), "video/x-raw,format=I420,width=64,height=48,framerate=24/1");
+    EXPECT_EQ(gst_harness_push(h.get(), frame(raw_size, 0).release()), GST_FLOW_FLUSHING) << name;
+    gst_pad_set_active(source.get(), TRUE);
+  }
+}
+
 // A rover that starts again sends from the beginning, and no flush says so.
 TEST(TerrainCombine, ASenderThatBeginsAnew) {
   Combine c(60000);
@@ -298,6 +372,349 @@ TEST(TerrainCombine, SegmentsOfTheirOwn) {
   EXPECT_EQ(c.push_frame(3), GST_FLOW_OK);
   c.push_unit(some(1).estimate, 1003);
   c.expect(3, true);
+}
+
+/// Not live, as behind a file.
+struct FileCombine : Combine {
+  explicit FileCombine(guint latency_ms, const char* caps = raw_caps) : Combine(latency_ms, caps) {
+    gst_harness_set_live(video.get(), FALSE);
+    gst_harness_set_live(meta.get(), FALSE);
+  }
+};
+
+// Nobody's clock runs: stalls on either side, longer than the latency, change nothing.
+TEST(TerrainCombine, NotLiveTheDataAloneDecide) {
+  FileCombine c(50);
+  constexpr int frames = 60;
+  std::thread units([&] {
+    for (int i = 0; i < frames; ++i) {
+      if (i % 25 == 5)
+        std::this_thread::sleep_for(milliseconds(300));
+      if (i % 10 == 3)
+        gst_harness_push_event(c.meta.get(), gst_event_new_gap(i * frame_time, frame_time));
+      else
+        c.push_unit(some(static_cast<unsigned>(i)).estimate, i);
+    }
+    gst_harness_push_event(c.meta.get(), gst_event_new_eos());
+  });
+  std::thread video([&] {
+    for (int i = 0; i < frames; ++i) {
+      if (i % 20 == 15)
+        std::this_thread::sleep_for(milliseconds(120));
+      EXPECT_EQ(c.push_frame(i), GST_FLOW_OK);
+    }
+  });
+  for (int i = 0; i < frames; ++i)
+    c.expect(i, i % 10 != 3);
+  units.join();
+  video.join();
+  EXPECT_EQ(c.stat("matched"), 54u);
+  EXPECT_EQ(c.stat("lost"), 6u);
+}
+
+// One thread feeds both pads and the units come after more video than the queue holds: waiting would be for
+// ever. What is lost follows from the order of the pushes alone.
+TEST(TerrainCombine, OneThreadForBothPadsNeverWaitsForItself) {
+  std::string first;
+  for (int trial = 0; trial < 3; ++trial) {
+    FileCombine c(200); // five frames
+    const auto before = SteadyClock::now();
+    std::string seen;
+    for (int i = 0; i < 40; ++i) {
+      if (i >= 10)
+        c.push_unit(some(static_cast<unsigned>(i)).estimate, i - 10);
+      EXPECT_EQ(c.push_frame(i), GST_FLOW_OK);
+      if (i == 0)
+        c.push_unit(some(0).estimate, 0);
+    }
+    gst_harness_push_event(c.meta.get(), gst_event_new_eos());
+    for (int i = 0; i < 40; ++i) {
+      const auto out = c.pull();
+      ASSERT_TRUE(out);
+      seen += EstimateReader(out.get()) ? '1' : '0';
+    }
+    EXPECT_LT(SteadyClock::now() - before, milliseconds(3000));
+    if (trial == 0)
+      first = seen;
+    EXPECT_EQ(seen, first);
+    EXPECT_EQ(seen[0], '1');
+  }
+}
+
+// As a tee with allow-not-linked: unlinked for a while, then linked again.
+TEST(TerrainCombine, GoesOnWhenItIsLinkedAgain) {
+  Combine c(0);
+  const Owned<GstPad> src(gst_element_get_static_pad(c.video->element, "src"));
+  const Owned<GstPad> peer(gst_pad_get_peer(src.get()));
+  c.push_unit(some(1).estimate, 0);
+  EXPECT_EQ(c.push_frame(0), GST_FLOW_OK);
+  c.expect(0, true);
+  ASSERT_TRUE(gst_pad_unlink(src.get(), peer.get()));
+  GstFlowReturn flow = GST_FLOW_OK;
+  for (int i = 1; i < 500 && flow == GST_FLOW_OK; ++i) {
+    flow = c.push_frame(i);
+    std::this_thread::sleep_for(milliseconds(1));
+  }
+  EXPECT_EQ(flow, GST_FLOW_NOT_LINKED);
+  // What is sticky must reach whoever is linked next.
+  gst_harness_set_src_caps_str(c.video.get(), "video/x-raw,format=I420,width=32,height=16,framerate=25/1");
+  ASSERT_EQ(gst_pad_link(src.get(), peer.get()), GST_PAD_LINK_OK);
+  c.push_unit(some(1).estimate, 600);
+  EXPECT_EQ(c.push_frame(600, 32 * 16 * 3 / 2), GST_FLOW_OK);
+  c.expect(600, true);
+  const Owned<GstCaps> caps(gst_pad_get_current_caps(peer.get()));
+  int width = 0;
+  ASSERT_TRUE(caps && gst_structure_get_int(gst_caps_get_structure(caps.get(), 0), "width", &width));
+  EXPECT_EQ(width, 32);
+}
+
+// The queue is bounded by time, not by a number of frames: units 3 s behind at 100 frames a second.
+TEST(TerrainCombine, HoldsAsMuchVideoAsItsLatency) {
+  Combine c(60000, "video/x-raw,format=I420,width=64,height=48,framerate=100/1");
+  constexpr int frames = 300;
+  std::atomic<int> pushed = 0;
+  std::thread video([&] {
+    for (int i = 0; i < frames; ++i, ++pushed) {
+      GstBuffer* buffer = frame(raw_size, i).release();
+      GST_BUFFER_PTS(buffer) = i * 10 * GST_MSECOND;
+      GST_BUFFER_DURATION(buffer) = 10 * GST_MSECOND;
+      EXPECT_EQ(gst_harness_push(c.video.get(), buffer), GST_FLOW_OK);
+    }
+  });
+  for (int i = 0; i < 300 && pushed < frames; ++i)
+    std::this_thread::sleep_for(milliseconds(10));
+  EXPECT_EQ(pushed, frames) << "the camera's thread was held up";
+  KlvEncoder encoder;
+  for (int i = 0; i < frames; ++i) {
+    const auto bytes = encoder.encode(some(1).estimate, 0);
+    GstBuffer* unit = gst_buffer_new_memdup(bytes.data(), bytes.size());
+    GST_BUFFER_PTS(unit) = i * 10 * GST_MSECOND;
+    EXPECT_EQ(gst_harness_push(c.meta.get(), unit), GST_FLOW_OK);
+  }
+  video.join();
+  for (int i = 0; i < frames; ++i)
+    EXPECT_TRUE(c.pull());
+  EXPECT_EQ(c.stat("matched"), static_cast<guint64>(frames));
+}
+
+// Time stamps that stand still hold as few frames as the rate allows, and gaps without end do not pile up.
+TEST(TerrainCombine, WhatStandsStillDoesNotPileUp) {
+  FileCombine c(200);
+  std::atomic<int> pushed = 0, gaps = 0;
+  std::thread video([&] {
+    for (int i = 0; i < 100; ++i, ++pushed)
+      if (c.push_frame(0) != GST_FLOW_OK)
+        return;
+  });
+  std::this_thread::sleep_for(milliseconds(200));
+  EXPECT_LE(pushed, 20);
+  gst_harness_push_event(c.video.get(), gst_event_new_flush_start());
+  video.join();
+  gst_harness_push_event(c.video.get(), gst_event_new_flush_stop(TRUE));
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  gst_harness_push_event(c.video.get(), gst_event_new_segment(&segment));
+  EXPECT_EQ(c.push_frame(7), GST_FLOW_OK); // waits for its unit
+  std::thread silence([&] {
+    for (int i = 0; i < 20000; ++i, ++gaps)
+      if (!gst_harness_push_event(c.video.get(), gst_event_new_gap(0, 1)))
+        return;
+  });
+  // Until they stand still, however busy the machine is.
+  for (int waited = 0, before = -1; waited < 100 && (gaps < 1000 || gaps != before); ++waited) {
+    before = gaps;
+    std::this_thread::sleep_for(milliseconds(200));
+  }
+  EXPECT_LE(gaps, 5000);
+  EXPECT_GE(gaps, 1000) << "they end before anything has piled up";
+  gst_harness_push_event(c.video.get(), gst_event_new_flush_start());
+  silence.join();
+}
+
+// 201 bytes that claim the largest mask: nothing is drawn until a frame takes it, and no frame takes it.
+TEST(TerrainCombine, AMaskOutOfProportionIsRefused) {
+  Combine c(60000);
+  Bus bus(c.video.get());
+  OwnedEstimate huge = blank(8192, 8192, 8192, 8192);
+  c.push_unit(huge.estimate, 0);
+  EXPECT_EQ(c.stat("rejected"), 0u);
+  EXPECT_EQ(c.push_frame(0), GST_FLOW_OK);
+  c.expect(0, false);
+  EXPECT_EQ(c.stat("rejected"), 1u);
+  EXPECT_EQ(c.stat("matched"), 0u);
+  EXPECT_EQ(c.stat("lost"), 1u);
+  EXPECT_NE(bus.text(GST_MESSAGE_WARNING).find("8192x8192"), std::string::npos);
+  // A video scaled to a quarter keeps its masks.
+  OwnedEstimate larger = blank(256, 192, 256, 192);
+  c.push_unit(larger.estimate, 1);
+  EXPECT_EQ(c.push_frame(1), GST_FLOW_OK);
+  c.expect(1, true);
+}
+
+// What follows a unit in its buffer counts: 900 units with a megabyte behind each.
+TEST(TerrainCombine, TrailingBytesCount) {
+  Combine c(0);
+  KlvEncoder encoder;
+  const OwnedEstimate o = some(1);
+  const auto bytes = encoder.encode(o.estimate, 0);
+  std::vector<std::uint8_t> padded(bytes.begin(), bytes.end());
+  padded.resize(1 << 20);
+  for (int i = 0; i < 200; ++i)
+    c.push_bytes(padded, i);
+  EXPECT_GE(c.stat("unused"), 130u) << "at most 64 MiB are kept";
+  EXPECT_EQ(c.push_frame(199), GST_FLOW_OK);
+  c.expect(199, true);
+}
+
+TEST(TerrainCombine, ExtremeTimesMatchNothing) {
+  Combine c(0);
+  c.push_unit(some(1).estimate, 0);
+  for (const GstClockTime pts :
+       {G_MAXUINT64 - 1, GstClockTime{1} << 63, (GstClockTime{1} << 63) - 1, (GstClockTime{1} << 62) + 5}) {
+    GstBuffer* extreme = frame(raw_size, 0).release();
+    GST_BUFFER_PTS(extreme) = pts;
+    GST_BUFFER_DURATION(extreme) = pts;
+    EXPECT_EQ(gst_harness_push(c.video.get(), extreme), GST_FLOW_OK);
+    const auto out = c.pull();
+    ASSERT_TRUE(out);
+    EXPECT_FALSE(EstimateReader(out.get())) << pts;
+    GstBuffer* unit = gst_buffer_new_allocate(nullptr, 0, nullptr);
+    KlvEncoder encoder;
+    const OwnedEstimate o = some(2);
+    const auto bytes = encoder.encode(o.estimate, G_MAXUINT64);
+    gst_buffer_unref(unit);
+    unit = gst_buffer_new_memdup(bytes.data(), bytes.size());
+    GST_BUFFER_PTS(unit) = pts;
+    GST_BUFFER_DTS(unit) = pts;
+    EXPECT_EQ(gst_harness_push(c.meta.get(), unit), GST_FLOW_OK);
+    gst_harness_push_event(c.meta.get(), gst_event_new_gap(pts, pts));
+  }
+  c.push_unit(some(3).estimate, 5);
+  EXPECT_EQ(c.push_frame(5), GST_FLOW_OK);
+  c.expect(5, true);
+}
+
+/// A unit as a muxer without time stamps brings it.
+void push_timeless(Combine& c, const Estimate& e, std::uint64_t time_us) {
+  KlvEncoder encoder;
+  const auto bytes = encoder.encode(e, time_us);
+  GstBuffer* unit = gst_buffer_new_memdup(bytes.data(), bytes.size());
+  EXPECT_EQ(gst_harness_push(c.meta.get(), unit), GST_FLOW_OK);
+}
+
+// "ffmpeg -c copy" loses the PTS of KLV, appsrc in bytes has none: the units' own times tell.
+TEST(TerrainCombine, UnitsWithoutTimeStamps) {
+  enum { by_time, by_frame, by_order };
+  for (const int basis : {by_time, by_frame, by_order})
+    for (const bool units_first : {false, true}) {
+      FileCombine c(1000);
+      Bus bus(c.video.get());
+      if (basis == by_order) { // and in bytes
+        GstSegment segment;
+        gst_segment_init(&segment, GST_FORMAT_BYTES);
+        gst_harness_push_event(c.meta.get(), gst_event_new_segment(&segment));
+      }
+      for (int i = 0; i < 20; ++i) {
+        // One unit of twenty is lost on its way, but not where only the order tells.
+        const bool sent = i != 7 || basis == by_order;
+        OwnedEstimate o = some(static_cast<unsigned>(100 + i));
+        if (basis == by_order)
+          o.estimate.frame = 5;
+        const auto unit = [&] {
+          if (sent)
+            push_timeless(c, o.estimate, basis == by_time ? 1700000000000000u + 40000u * i : 0);
+        };
+        if (units_first)
+          unit();
+        EXPECT_EQ(c.push_frame(1000 + i), GST_FLOW_OK);
+        if (!units_first)
+          unit();
+      }
+      gst_harness_push_event(c.meta.get(), gst_event_new_eos());
+      for (int i = 0; i < 20; ++i) {
+        const auto out = c.pull();
+        const EstimateReader reader(out.get());
+        const bool sent = i != 7 || basis == by_order;
+        ASSERT_EQ(static_cast<bool>(reader), sent) << i << " basis " << basis << units_first;
+        if (sent && basis != by_order) {
+          EXPECT_EQ(reader.estimate().frame, static_cast<std::uint64_t>(100 + i));
+        }
+      }
+      EXPECT_NE(bus.text(GST_MESSAGE_WARNING).find("no time stamps"), std::string::npos);
+      EXPECT_EQ(bus.text(GST_MESSAGE_WARNING), "") << "once";
+    }
+}
+
+TEST(TerrainCombine, SaysOnceWhyNothingMatches) {
+  const auto told = [](Combine& c, GstClockTimeDiff offset, bool units, bool gaps = false) {
+    Bus bus(c.video.get());
+    std::string all;
+    for (int i = 0; i < 150; ++i) {
+      if (units)
+        c.push_unit(some(1).estimate, i + 1000, offset);
+      if (gaps) // not live, nothing else says that the unit of this frame cannot come any more
+        gst_harness_push_event(c.meta.get(), gst_event_new_gap((i + 1000) * frame_time, 2 * frame_time));
+      EXPECT_EQ(c.push_frame(i + 1000), GST_FLOW_OK);
+      c.expect(i + 1000, false);
+    }
+    for (std::string text = bus.text(GST_MESSAGE_WARNING); !text.empty();
+         text = bus.text(GST_MESSAGE_WARNING))
+      all += text + "\n";
+    EXPECT_EQ(std::count(all.begin(), all.end(), '\n'), 1) << all;
+    return all;
+  };
+  Combine late(0);
+  EXPECT_NE(told(late, -GstClockTimeDiff{400 * GST_MSECOND}, true).find("set latency to 400"),
+            std::string::npos);
+  Combine none(0);
+  EXPECT_NE(told(none, 0, false).find("no KLV unit has come"), std::string::npos);
+  Combine ahead(0);
+  EXPECT_NE(told(ahead, GstClockTimeDiff{10 * GST_SECOND}, true).find("10.000 s after"), std::string::npos);
+  FileCombine before(0);
+  EXPECT_NE(told(before, -GstClockTimeDiff{600 * GST_MSECOND}, true, true).find("0.600 s before"),
+            std::string::npos);
+}
+
+TEST(TerrainCombine, LatencyEventsReachBothSources) {
+  Combine c(100);
+  ASSERT_TRUE(gst_harness_push_upstream_event(c.video.get(), gst_event_new_latency(77 * GST_MSECOND)));
+  for (GstHarness* h : {c.video.get(), c.meta.get()}) {
+    GstClockTime latency = 0;
+    while (GstEvent* event = gst_harness_try_pull_upstream_event(h)) {
+      if (GST_EVENT_TYPE(event) == GST_EVENT_LATENCY)
+        gst_event_parse_latency(event, &latency);
+      gst_event_unref(event);
+    }
+    EXPECT_EQ(latency, 77 * GST_MSECOND);
+  }
+}
+
+// A camera with three buffers of its own must know of those that wait here.
+TEST(TerrainCombine, HeldFramesAreAnnounced) {
+  Combine c(200);
+  gst_harness_set_propose_allocator(c.video.get(), nullptr, nullptr);
+  const Owned<GstCaps> caps(gst_caps_from_string(raw_caps));
+  const Owned<GstPad> sink(gst_element_get_static_pad(c.video->element, "sink"));
+  for (const bool with_pool : {false, true}) {
+    const Owned<GstPad> src(gst_element_get_static_pad(c.video->element, "src"));
+    const Owned<GstPad> peer(gst_pad_get_peer(src.get()));
+    if (with_pool)
+      gst_pad_set_query_function(peer.get(), [](GstPad* pad, GstObject* parent, GstQuery* query) -> gboolean {
+        if (GST_QUERY_TYPE(query) != GST_QUERY_ALLOCATION)
+          return gst_pad_query_default(pad, parent, query);
+        gst_query_add_allocation_pool(query, nullptr, 4608, 2, 3);
+        return TRUE;
+      });
+    GstQuery* query = gst_query_new_allocation(caps.get(), TRUE);
+    ASSERT_TRUE(gst_pad_query(sink.get(), query));
+    ASSERT_EQ(gst_query_get_n_allocation_pools(query), 1u);
+    guint size = 0, least = 0, most = 0;
+    gst_query_parse_nth_allocation_pool(query, 0, nullptr, &size, &least, &most);
+    EXPECT_EQ(size, raw_size);
+    EXPECT_EQ(least, with_pool ? 9u : 7u) << "200 ms at 25 frames a second, and two on their way";
+    EXPECT_EQ(most, with_pool ? 10u : 0u);
+    gst_query_unref(query);
+  }
 }
 
 TEST(TerrainCombine, LatencyIsReported) {

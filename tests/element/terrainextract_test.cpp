@@ -7,8 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <map>
+#include <utility>
 
 #include "exchange/json_lines.hpp"
+#include "support/metric_meta.hpp"
 
 namespace terrainseg::test {
 namespace {
@@ -270,6 +273,126 @@ TEST(TerrainExtract, KlvHoldsTheEstimateAndTheTime) {
   }
 }
 
+/// Items of the UAS Datalink Local Set that a buffer is, by tag; written apart from the decoder.
+std::map<int, std::string> uas_items(GstBuffer* buffer) {
+  const std::string unit = text_of(buffer);
+  const auto byte = [&](std::size_t at) {
+    return static_cast<std::size_t>(static_cast<unsigned char>(unit.at(at)));
+  };
+  std::size_t at = 16;
+  const auto length = [&] {
+    std::size_t n = byte(at++);
+    if (n >= 128)
+      for (std::size_t bytes = std::exchange(n, 0) - 128; bytes > 0; --bytes)
+        n = n << 8 | byte(at++);
+    return n;
+  };
+  EXPECT_EQ(unit.substr(0, 16),
+            std::string("\x06\x0e\x2b\x34\x02\x0b\x01\x01\x0e\x01\x03\x01\x01\0\0\0", 16));
+  const std::size_t size = length(), end = at + size;
+  EXPECT_EQ(end, unit.size());
+  std::map<int, std::string> items;
+  while (at < end) {
+    const auto tag = static_cast<int>(byte(at++));
+    const std::size_t n = length();
+    items[tag] = unit.substr(at, n);
+    at += n;
+  }
+  return items;
+}
+
+/// A frame whose boundary was measured by a camera that looks 5 degrees down, 0.2 to the left, right side 3
+/// down.
+Owned<GstBuffer> measured_frame(const Estimate& e, int index) {
+  auto buffer = frame_with(e, raw_size, index);
+  const std::vector<float> columns(e.boundary.size(), 1.0F), bearings(e.boundary.size(), 0.0F);
+  MetricEstimate metric;
+  metric.ranges = metric.low = metric.high = columns;
+  metric.bearings = bearings;
+  metric.height = 0.5;
+  metric.range_max = 8;
+  metric.pitch = 5 * G_PI / 180;
+  metric.roll = 3 * G_PI / 180;
+  metric.yaw = 0.2 * G_PI / 180;
+  MetricWriter writer;
+  EXPECT_TRUE(writer.attach(buffer.get(), metric));
+  return buffer;
+}
+
+TEST(TerrainExtract, KlvInAUasDatalinkLocalSet) {
+  const auto h = harness(raw_caps, "meta/x-klv,parsed=true");
+  const Bus bus(h.get());
+  const OwnedEstimate o = some(10);
+  const std::string alone = text_of(through(h.get(), frame_with(o.estimate, raw_size, 3)).get());
+  gst_util_set_object_arg(G_OBJECT(h->element), "klv-form", "uas-datalink");
+  const auto plain = uas_items(through(h.get(), frame_with(o.estimate, raw_size, 3)).get());
+  std::vector<int> tags;
+  for (const auto& [tag, value] : plain)
+    tags.push_back(tag);
+  EXPECT_EQ(tags, (std::vector{1, 2, 65, 74})) << "nothing is known of the platform, so nothing is said";
+  EXPECT_EQ(plain.at(2), std::string("\0\0\0\0\0\x01\xd4\xc0", 8)) << "120000 us";
+  EXPECT_EQ(plain.at(74), alone.substr(19, alone.size() - 19 - 4));
+
+  g_object_set(h->element, "klv-position", "60.1768229669783,128.426759042045,14190.7195,160.1744", nullptr);
+  const auto unit = through(h.get(), measured_frame(o.estimate, 4));
+  const auto items = uas_items(unit.get());
+  EXPECT_EQ(items.at(5), "\x71\xc2")
+      << "160.1744 - 0.2 degrees: a camera turned left looks less far clockwise";
+  EXPECT_EQ(items.at(6), std::string("\xe0\0", 2)) << "-5 / 20 * 32767 = -8191.75: down is negative";
+  EXPECT_EQ(items.at(7), std::string("\x07\xae")) << "3 / 50 * 32767 = 1966.02";
+  EXPECT_EQ(items.at(13), "\x55\x95\xb6\x6d");
+  EXPECT_EQ(items.at(14), "\x5b\x53\x60\xc4");
+  EXPECT_EQ(items.at(15), "\xc2\x21");
+  const std::string bytes = text_of(unit.get());
+  KlvUnit decoded;
+  ASSERT_EQ(decoded.decode({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}),
+            KlvVerdict::ok)
+      << decoded.error();
+  EXPECT_EQ(decoded.estimate().frame, o.estimate.frame);
+
+  // Back to the set alone, while it runs: the same bytes as ever.
+  gst_util_set_object_arg(G_OBJECT(h->element), "klv-form", "vmti");
+  EXPECT_EQ(text_of(through(h.get(), measured_frame(o.estimate, 3)).get()), alone);
+}
+
+TEST(TerrainExtract, APositionThatCannotBeReadIsToldOnceAndLeftOut) {
+  const auto h = harness(raw_caps, "meta/x-klv,parsed=true");
+  Bus bus(h.get());
+  gst_util_set_object_arg(G_OBJECT(h->element), "klv-form", "uas-datalink");
+  g_object_set(h->element, "klv-position", "95,13,34", nullptr);
+  for (int i = 0; i < 3; ++i)
+    EXPECT_EQ(uas_items(through(h.get(), frame_with(some(10).estimate, raw_size, i)).get()).count(13), 0u);
+  const std::string told = bus.text(GST_MESSAGE_WARNING);
+  EXPECT_NE(told.find("klv-position=\"95,13,34\""), std::string::npos) << told;
+  EXPECT_NE(told.find("latitude is not within"), std::string::npos) << told;
+  EXPECT_EQ(bus.text(GST_MESSAGE_WARNING), "");
+  g_object_set(h->element, "klv-position", "52.5,13,34", nullptr);
+  EXPECT_EQ(uas_items(through(h.get(), frame_with(some(10).estimate, raw_size, 4)).get()).count(13), 1u);
+  g_object_set(h->element, "klv-position", nullptr, nullptr);
+  EXPECT_EQ(uas_items(through(h.get(), frame_with(some(10).estimate, raw_size, 5)).get()).count(13), 0u);
+  EXPECT_EQ(bus.text(GST_MESSAGE_WARNING), "");
+}
+
+TEST(TerrainExtract, TheTimesThatUpstreamNotedGoWithTheUnit) {
+  const Owned<GstCaps> ntp(gst_caps_new_empty_simple("timestamp/x-ntp")),
+      mine(gst_caps_new_empty_simple("timestamp/x-mine"));
+  for (const char* output : {"video/x-raw,format=GRAY8", "application/x-ndjson", "meta/x-klv,parsed=true"}) {
+    const auto h = harness(raw_caps, output);
+    for (int index = 0; index < 3; ++index) { // masks come from a pool: nothing may pile up
+      auto in = frame_with(some(10).estimate, raw_size, index);
+      gst_buffer_add_reference_timestamp_meta(in.get(), ntp.get(), 100 + index, 7);
+      gst_buffer_add_reference_timestamp_meta(in.get(), mine.get(), 5, GST_CLOCK_TIME_NONE);
+      const auto unit = through(h.get(), std::move(in));
+      ASSERT_TRUE(unit) << output;
+      EXPECT_EQ(gst_buffer_get_n_meta(unit.get(), GST_REFERENCE_TIMESTAMP_META_API_TYPE), 2u) << output;
+      const auto* meta = gst_buffer_get_reference_timestamp_meta(unit.get(), ntp.get());
+      ASSERT_NE(meta, nullptr) << output;
+      EXPECT_EQ(meta->timestamp, static_cast<guint64>(100 + index));
+      EXPECT_EQ(meta->duration, 7u);
+    }
+  }
+}
+
 TEST(TerrainExtract, EventsPassAndTheStreamIsItsOwn) {
   const auto h = harness(raw_caps, "application/x-ndjson");
   EXPECT_TRUE(through(h.get(), frame_with(some(11).estimate, raw_size, 0)));
@@ -340,6 +463,32 @@ TEST(TerrainExtract, MetadataThatMakesNoSenseIsAGapAndOneWarning) {
     EXPECT_FALSE(through(h.get(), std::move(in)));
     EXPECT_TRUE(next_event(h.get(), GST_EVENT_GAP));
     EXPECT_EQ(bus.text(GST_MESSAGE_WARNING).find("makes no sense") != std::string::npos, i == 0);
+  }
+}
+
+TEST(TerrainExtract, NoMetadataAtAllIsOneWarning) {
+  const auto told = [](Bus& bus) {
+    return bus.text(GST_MESSAGE_WARNING).find("No terrain metadata") != std::string::npos;
+  };
+  { // a second of frames
+    const auto h = harness(raw_caps, "application/x-ndjson");
+    Bus bus(h.get());
+    for (int i = 0; i < 60; ++i) {
+      EXPECT_FALSE(through(h.get(), frame(raw_size, i)));
+      EXPECT_EQ(told(bus), i == 24) << i;
+    }
+    gst_harness_push_event(h.get(), gst_event_new_eos());
+    EXPECT_FALSE(told(bus));
+  }
+  for (const bool with_metadata : {false, true}) { // a short file
+    const auto h = harness(raw_caps, "application/x-ndjson");
+    Bus bus(h.get());
+    EXPECT_FALSE(through(h.get(), frame(raw_size, 0)));
+    if (with_metadata) {
+      EXPECT_TRUE(through(h.get(), frame_with(some(2).estimate, raw_size, 1)));
+    }
+    gst_harness_push_event(h.get(), gst_event_new_eos());
+    EXPECT_EQ(told(bus), !with_metadata);
   }
 }
 

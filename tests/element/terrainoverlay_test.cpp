@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "estimate_meta.hpp"
 #include "harness.hpp"
-#include "meta.hpp"
 #include "painter.hpp"
-#include "video_frame.hpp"
+#include "support/estimate_meta.hpp"
+#include "support/meta.hpp"
+#include "support/video_frame.hpp"
 
 namespace {
 
@@ -122,8 +122,7 @@ TEST_F(TerrainOverlay, DrawsWhatThePainterDraws) {
         {
           const MappedFrame mapped(info, expected.get(), GST_MAP_READWRITE);
           ASSERT_TRUE(mapped);
-          paint(mutable_view_of(*mapped), known.estimate,
-                {static_cast<OverlayStyle>(chosen), 128, 0xffe01020});
+          paint(mapped.mutable_view(), known.estimate, {static_cast<OverlayStyle>(chosen), 128, 0xffe01020});
         }
         const Buffer out(gst_harness_push_and_pull(h.get(), in.release()));
         ASSERT_TRUE(out);
@@ -182,7 +181,7 @@ TEST_F(TerrainOverlay, AnEstimateOfAnotherSizeIsStretched) {
   ASSERT_TRUE(attach(in.get(), half.estimate, half.mask, nullptr));
   {
     const MappedFrame mapped(info, expected.get(), GST_MAP_READWRITE);
-    paint(mutable_view_of(*mapped), half.estimate, PaintStyle{});
+    paint(mapped.mutable_view(), half.estimate, PaintStyle{});
   }
   const Buffer out(gst_harness_push_and_pull(h.get(), in.release()));
   EXPECT_EQ(bytes_of(out.get()), bytes_of(expected.get()));

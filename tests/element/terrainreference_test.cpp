@@ -9,7 +9,7 @@
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
 
-#include "estimate_meta.hpp"
+#include "support/estimate_meta.hpp"
 
 namespace terrainseg {
 namespace {
@@ -223,6 +223,61 @@ TEST(TerrainReference, ContradictorySettingsAreRefusedByName) {
   gst_object_unref(element);
 }
 
+TEST(TerrainReference, AContradictionWhilePlayingIsToldAndTheOldValuesStay) {
+  Harness h("terrainreference");
+  GstElement* element = gst_harness_find_element(h.get(), "terrainreference");
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element, bus);
+  const auto step = [&] {
+    GstBuffer* out = h.through(h.frame());
+    const guint generation = EstimateReader(out).estimate().model_generation;
+    gst_buffer_unref(out);
+    return generation;
+  };
+  const auto warnings = [&] {
+    int count = 0;
+    while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
+      GError* error = nullptr;
+      gst_message_parse_warning(message, &error, nullptr);
+      EXPECT_NE(std::string(error->message).find("must be above training_models"), std::string::npos);
+      g_error_free(error);
+      gst_message_unref(message);
+      ++count;
+    }
+    return count;
+  };
+  const guint before = step();
+  g_object_set(element, "training-models", 5, "learned-models", 5, nullptr);
+  EXPECT_EQ(step(), before + 1);
+  g_object_set(element, "learning", FALSE, nullptr); // what does not contradict takes effect with the rest
+  EXPECT_EQ(step(), before + 1);
+  EXPECT_EQ(warnings(), 1) << "once";
+  g_object_set(element, "training-models", 2, "learning", TRUE, nullptr);
+  EXPECT_EQ(step(), before + 2);
+  EXPECT_EQ(warnings(), 0);
+  gst_element_set_bus(element, nullptr);
+  gst_object_unref(bus);
+  gst_object_unref(element);
+}
+
+TEST(TerrainReference, PicturesWithoutColourAreToldOnce) {
+  Harness h("terrainreference");
+  GstElement* element = gst_harness_find_element(h.get(), "terrainreference");
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element, bus);
+  for (int i = 0; i < 70; ++i)
+    gst_buffer_unref(h.through(h.frame())); // its chroma is 128
+  int count = 0;
+  while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
+    gst_message_unref(message);
+    ++count;
+  }
+  EXPECT_EQ(count, 1);
+  gst_element_set_bus(element, nullptr);
+  gst_object_unref(bus);
+  gst_object_unref(element);
+}
+
 TEST(TerrainReference, AShortBufferIsAnErrorNotACrash) {
   Harness h("terrainreference");
   GstElement* element = gst_harness_find_element(h.get(), "terrainreference");
@@ -242,6 +297,34 @@ TEST(TerrainReference, GapsPassUntouched) {
   GstBuffer* out = h.through(in);
   EXPECT_FALSE(EstimateReader(out));
   gst_buffer_unref(out);
+}
+
+TEST(TerrainReference, DamagedFramesPassUntouchedAndNothingIsLearnedBackwards) {
+  Harness h("terrainreference");
+  const auto generation = [&] {
+    GstBuffer* out = h.through(h.frame());
+    const guint value = EstimateReader(out).estimate().model_generation;
+    gst_buffer_unref(out);
+    return value;
+  };
+  guint learned = generation();
+  GstBuffer* damaged = h.frame();
+  GST_BUFFER_FLAG_SET(damaged, GST_BUFFER_FLAG_CORRUPTED);
+  GstBuffer* out = h.through(damaged);
+  EXPECT_FALSE(EstimateReader(out));
+  gst_buffer_unref(out);
+  const guint next = generation();
+  EXPECT_EQ(next, learned + 1) << "the damaged one was not learned";
+  learned = next;
+  for (const auto& [rate, applied_rate] : {std::pair{-1.0, 1.0}, {1.0, -1.0}}) {
+    GstSegment segment;
+    gst_segment_init(&segment, GST_FORMAT_TIME);
+    segment.rate = rate;
+    segment.applied_rate = applied_rate;
+    segment.stop = 100 * GST_SECOND;
+    EXPECT_TRUE(gst_harness_push_event(h.get(), gst_event_new_segment(&segment)));
+    EXPECT_EQ(generation(), learned);
+  }
 }
 
 TEST(TerrainReference, SharesMetasAndTypesWithTheMainPlugin) {

@@ -5,12 +5,14 @@
 #include <gst/terrainseg/terrainsegmeta.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <string>
 
 #include "harness.hpp"
 #include "scene/scene.hpp"
-#include "video_frame.hpp"
+#include "support/video_frame.hpp"
 
 namespace {
 
@@ -64,19 +66,32 @@ void expect_frame(const Harness& h, GstBuffer* buffer, const scene::Settings& se
   const Expected expected(settings, number, info);
   const MappedFrame mapped(info, buffer, GST_MAP_READ);
   ASSERT_TRUE(mapped);
-  const Frame got = view_of(*mapped), wanted = expected.picture.frame();
-  for (const ComponentLayout& l : layout_of(got.format).components)
+  const Frame got = mapped.view(), wanted = expected.picture.frame();
+  for (const ComponentLayout& l : layout_of(got.format).parts())
     for (int y = 0; y < subsampled(got.height, l.y_shift); ++y)
       for (int x = 0; x < subsampled(got.width, l.x_shift); ++x)
-        ASSERT_EQ(got.planes[l.plane].row(y)[l.offset + x * l.step],
-                  wanted.planes[l.plane].row(y)[l.offset + x * l.step])
-            << gst_video_format_to_string(GST_VIDEO_INFO_FORMAT(&info)) << " at " << x << "," << y;
+        for (int byte = 0; byte < layout_of(got.format).sample_bytes(); ++byte)
+          ASSERT_EQ(got.planes[l.plane].row(y)[l.offset + x * l.step + byte],
+                    wanted.planes[l.plane].row(y)[l.offset + x * l.step + byte])
+              << gst_video_format_to_string(GST_VIDEO_INFO_FORMAT(&info)) << " at " << x << "," << y;
   GstCustomMeta* meta = gst_buffer_get_custom_meta(buffer, GST_TERRAIN_TRUTH_META_NAME);
   ASSERT_NE(meta, nullptr);
   const GstStructure* truth = gst_custom_meta_get_structure(meta);
   int horizon = -2;
   ASSERT_TRUE(gst_structure_get_int(truth, "horizon-row", &horizon));
   EXPECT_EQ(horizon, expected.picture.horizon_row());
+  const auto truth_of = [&](const char* field) {
+    double found = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_TRUE(gst_structure_get_double(truth, field, &found)) << field;
+    return found;
+  };
+  // Where rays of that camera run level in the middle column, by the formula for a pinhole that is rolled.
+  const double level = truth_of("center-y") -
+                       truth_of("focal-length") * std::tan(truth_of("pitch")) / std::cos(truth_of("roll"));
+  EXPECT_NEAR(horizon, level, 0.51);
+  EXPECT_EQ(truth_of("center-x"), (got.width - 1) * 0.5);
+  EXPECT_GT(truth_of("camera-height"), 0.1);
+  EXPECT_LT(truth_of("camera-height"), 3);
   const GValue* value = gst_structure_get_value(truth, "labels");
   ASSERT_TRUE(value && G_VALUE_HOLDS(value, GST_TYPE_BUFFER));
   GstBuffer* labels = gst_value_get_buffer(value);
@@ -286,6 +301,52 @@ TEST(TerrainSceneSrc, LiveFramesComeByTheClock) {
   EXPECT_FALSE(seekable);
 }
 
+/// What SOURCE answers while it plays: whether it is live, and its least and most latency.
+struct Latency {
+  gboolean live = FALSE;
+  GstClockTime least = 0, most = 0;
+  bool operator==(const Latency&) const = default;
+};
+
+Latency latency_of(const std::string& source, const char* rate) {
+  const auto pipeline = test::make_element(
+      source + " name=source ! video/x-raw,format=I420,width=96,height=54,framerate=" + rate +
+      " ! fakesink sync=true");
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  EXPECT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 10 * GST_SECOND),
+            GST_STATE_CHANGE_SUCCESS);
+  const test::Owned<GstElement> element(gst_bin_get_by_name(GST_BIN(pipeline.get()), "source"));
+  Latency answer;
+  GstQuery* query = gst_query_new_latency();
+  EXPECT_TRUE(gst_element_query(element.get(), query));
+  gst_query_parse_latency(query, &answer.live, &answer.least, &answer.most);
+  gst_query_unref(query);
+  return answer;
+}
+
+TEST(TerrainSceneSrc, ItsLatencyIsAFrameAsOfOtherCameras) {
+  for (const char* rate : {"30/1", "25/1", "30000/1001", "2/1"}) {
+    const Latency live = latency_of("terrainscenesrc is-live=true", rate);
+    EXPECT_TRUE(live.live) << rate;
+    EXPECT_EQ(live, latency_of("videotestsrc is-live=true", rate)) << rate;
+    EXPECT_FALSE(latency_of("terrainscenesrc", rate).live) << rate;
+  }
+  EXPECT_EQ(latency_of("terrainscenesrc is-live=true", "25/1").least, 40 * GST_MSECOND);
+}
+
+TEST(TerrainSceneSrc, MoreFramesThanNanosecondsLive) {
+  for (const char* rate : {"2000000000/1", "2147483647/1", "1000000000/1", "1/2147483647"}) {
+    const auto pipeline = test::make_element(
+        "terrainscenesrc is-live=true num-buffers=4 ! video/x-raw,format=I420,width=32,height=18,framerate=" +
+        std::string(rate) + " ! fakesink sync=false");
+    if (std::string(rate) != "1/2147483647") {
+      EXPECT_EQ(test::run_pipeline(pipeline.get()), "") << rate;
+    } else { // the second frame is due in 68 years
+      EXPECT_EQ(test::run_pipeline(pipeline.get(), GST_SECOND / 2), "timeout") << rate;
+    }
+  }
+}
+
 /// The next frame under the harness's own clock, which stands until it is told to go on.
 Buffer pull_by_test_clock(const Harness& h) {
   for (int i = 0; i < 2000; ++i) {
@@ -335,7 +396,7 @@ TEST(TerrainSceneSrc, ALateCameraLosesFrames) {
 
 TEST(TerrainSceneSrc, RefusesWhatItCannotRender) {
   for (const char* caps :
-       {"video/x-raw,format=GRAY8,width=64,height=36", "video/x-raw,format=I420_10LE",
+       {"video/x-raw,format=A420,width=64,height=36", "video/x-raw,format=Y444_10LE",
         "video/x-raw,format=I420,width=64,height=36,framerate=30/1,interlace-mode=interleaved"}) {
     const Harness h = source(caps);
     GstBus* bus = gst_bus_new();

@@ -2,6 +2,9 @@
 // A running element allocates nothing of its own: operator new is counted, in the plugin too, which binds to
 // the one that this program exports. What GStreamer takes for its metas and structures comes from elsewhere.
 #include "../support/allocations.hpp"
+
+#include <glib/gstdio.h>
+
 #include "harness.hpp"
 
 namespace terrainseg::test {
@@ -25,8 +28,72 @@ long allocations_of_a_frame(const char* settings, const char* format) {
 
 TEST(Allocation, IsCountedInThePluginToo) {
   const long before = allocations;
-  make_element("terrainseg"); // makes its state with new
+  Rig("terrainseg", caps_text("I420", 320, 240)).step(); // makes its segmenter with new
   EXPECT_GT(allocations, before);
+}
+
+/// No memory for C++ in this thread while it lives.
+struct Drought {
+  Drought() { no_memory = true; }
+  ~Drought() { no_memory = false; }
+};
+
+bool is_locked(GstElement* element) {
+  const bool free = GST_OBJECT_TRYLOCK(element);
+  if (free)
+    GST_OBJECT_UNLOCK(element);
+  return !free;
+}
+
+// An instance's init and a pad's activation have no way to fail: without memory they do not need any.
+TEST(Allocation, ElementsAreMadeAndActivatedWithoutMemory) {
+  for (const char* name : {"terrainseg", "terrainoverlay", "terrainextract", "terraincombine",
+                           "terrainscenesrc", "terrainreference"}) {
+    if (std::strcmp(name, "terrainreference") == 0 && !have(name))
+      continue;                                     // built without the tools
+    Owned<GstElement> element = make_element(name); // its class and templates
+    element.reset();
+    GstElementFactory* factory = gst_element_factory_find(name);
+    ASSERT_TRUE(factory) << name;
+    {
+      const Drought drought;
+      element.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_create(factory, nullptr))));
+    }
+    gst_object_unref(factory);
+    EXPECT_TRUE(element) << name;
+  }
+  Owned<GstElement> combine = make_element("terraincombine");
+  const Drought drought;
+  for (int i = 0; i < 4; ++i) // ends inactive: an active source pad has a task
+    for (GList* item = combine->pads; item; item = item->next)
+      EXPECT_TRUE(gst_pad_set_active(GST_PAD(item->data), i % 2 == 0));
+}
+
+TEST(Allocation, AGetterWithoutMemoryLeavesNoLock) {
+  Rig rig("terrainseg", caps_text("I420", 320, 240));
+  rig.step();
+  GstStructure* stats = nullptr;
+  {
+    const Drought drought;
+    g_object_get(rig.element(), "stats", &stats, nullptr);
+  }
+  EXPECT_EQ(stats, nullptr);
+  EXPECT_FALSE(is_locked(rig.element()));
+  EXPECT_EQ(rig.errors().size(), 1u) << "an error that names the element";
+}
+
+TEST(Allocation, MetresTakeNone) {
+  gchar* path = nullptr;
+  const int file = g_file_open_tmp("terrainseg-XXXXXX.yaml", &path, nullptr);
+  g_close(file, nullptr);
+  ASSERT_TRUE(g_file_set_contents(path,
+                                  "image_width: 320\nimage_height: 240\n"
+                                  "camera_matrix: {data: [277, 0, 160, 0, 277, 120, 0, 0, 1]}\n",
+                                  -1, nullptr));
+  const std::string metres = std::string("terrainseg camera-info=") + path + " mount=height=0.5,pitch=10deg";
+  EXPECT_EQ(allocations_of_a_frame(metres.c_str(), "I420"), 0);
+  g_unlink(path);
+  g_free(path);
 }
 
 TEST(Allocation, NoneAFrameOnceRunning) {

@@ -14,7 +14,7 @@ Report only_error(Rig& rig) {
 }
 
 TEST(Input, InterlacedIsRefusedWithAHint) {
-  for (const char* mode : {"interleaved", "mixed", "fields"}) {
+  for (const char* mode : {"interleaved", "fields"}) {
     Rig rig("terrainseg");
     Owned<GstCaps> parsed(
         gst_caps_from_string((caps_text("I420", 64, 64) + ",interlace-mode=" + mode).c_str()));
@@ -25,6 +25,25 @@ TEST(Input, InterlacedIsRefusedWithAHint) {
     ASSERT_FALSE(errors.empty()) << mode;
     EXPECT_TRUE(errors[0].contains("deinterlace"));
     EXPECT_TRUE(errors[0].contains(mode));
+  }
+}
+
+TEST(Input, MixedVideoPassesWhileItsFramesAreProgressive) {
+  std::vector<std::string> elements = {"terrainseg"};
+  if (have("terrainreference"))
+    elements.emplace_back("terrainreference");
+  for (const std::string& element : elements) {
+    Rig rig(element, caps_text("I420", 64, 48, ",interlace-mode=mixed"));
+    Rig plain(element, caps_text("I420", 64, 48));
+    const auto mixed = rig.step(), progressive = plain.step();
+    const EstimateReader a(mixed.get()), b(progressive.get());
+    ASSERT_TRUE(a && b) << element;
+    EXPECT_EQ(bytes_of(a.estimate().mask), bytes_of(b.estimate().mask)) << element;
+    GstBuffer* fields = new_frame(rig.info(), 1);
+    GST_BUFFER_FLAG_SET(fields, GST_VIDEO_BUFFER_FLAG_INTERLACED | GST_VIDEO_BUFFER_FLAG_TFF);
+    EXPECT_EQ(rig.push(fields), GST_FLOW_ERROR) << element;
+    const Report error = only_error(rig);
+    EXPECT_TRUE(error.contains("deinterlace") && error.contains("mixed")) << element << error.user;
   }
 }
 
@@ -65,6 +84,118 @@ TEST(Input, VideoMetasThatLie) {
   EXPECT_NE(error_for([](GstVideoMeta* m) { m->n_planes = 2; }).find("planes"), std::string::npos);
 }
 
+/// The elements that read or draw frames, as far as they are there.
+std::vector<std::string> frame_elements() {
+  std::vector<std::string> names = {"terrainseg", "terrainseg overlay=true", "terrainoverlay"};
+  if (have("terrainreference"))
+    names.insert(names.end(), {"terrainreference", "terrainreference overlay=true"});
+  return names;
+}
+
+/// A frame of 64 x 48 that every one of them reads: terrainoverlay draws the metadata onto it.
+GstBuffer* frame_to_read(const GstVideoInfo& info) {
+  GstBuffer* buffer = new_padded_frame(info);
+  Owned<GstBuffer> mask(new_mask_buffer(64, 48));
+  gst_buffer_memset(mask.get(), 0, 255, 64 * 48);
+  Estimate estimate;
+  estimate.frame_width = 64;
+  estimate.frame_height = 48;
+  estimate.mask_region = {0, 0, 64, 48};
+  EXPECT_TRUE(attach(buffer, estimate, mask.get(), nullptr));
+  return buffer;
+}
+
+TEST(Input, AVideoMetaThatClaimsMoreThanTheCapsIsReadAtTheCapsSize) {
+  for (const std::string& element : frame_elements())
+    for (const auto& [width, height] : {std::pair{64, 8000}, {100000, 48}, {G_MAXINT, G_MAXINT}}) {
+      Rig rig(element, caps_text("I420", 64, 48));
+      GstBuffer* buffer = frame_to_read(rig.info());
+      gst_buffer_get_video_meta(buffer)->width = static_cast<guint>(width);
+      gst_buffer_get_video_meta(buffer)->height = static_cast<guint>(height);
+      EXPECT_EQ(rig.push(buffer), GST_FLOW_OK) << element;
+      const auto out = rig.pull();
+      const EstimateReader reader(out.get());
+      ASSERT_TRUE(reader) << element;
+      EXPECT_EQ(reader.estimate().frame_width, 64) << element;
+      EXPECT_EQ(reader.estimate().frame_height, 48) << element;
+    }
+}
+
+TEST(Input, StridesAndOffsetsThatLieAreAnErrorInEveryElement) {
+  const auto refuses = [](const std::string& element, auto spoil) {
+    Rig rig(element, caps_text("I420", 64, 48));
+    GstBuffer* buffer = frame_to_read(rig.info());
+    spoil(*gst_buffer_get_video_meta(buffer));
+    EXPECT_EQ(rig.push(buffer), GST_FLOW_ERROR) << element;
+    EXPECT_TRUE(only_error(rig).contains("plane")) << element;
+  };
+  for (const std::string& element : frame_elements()) {
+    refuses(element, [](GstVideoMeta& m) { m.stride[0] = G_MAXINT; });
+    refuses(element, [](GstVideoMeta& m) { m.stride[2] = G_MININT; });
+    refuses(element, [](GstVideoMeta& m) { m.stride[1] = 0; });
+    refuses(element, [](GstVideoMeta& m) { m.offset[1] = G_MAXSIZE; });
+    refuses(element, [](GstVideoMeta& m) { m.offset[2] = G_MAXSIZE - 24 * 60; });
+  }
+}
+
+// ---- a crop that is metadata only ------------------------------------------------------------------------
+
+bool offers(Rig& rig, GType api) {
+  GstQuery* query = gst_query_new_allocation(
+      Owned<GstCaps>(gst_caps_from_string(caps_text("I420", 64, 48).c_str())).get(), TRUE);
+  EXPECT_TRUE(gst_pad_peer_query(rig.harness()->srcpad, query));
+  const bool found = gst_query_find_allocation_meta(query, api, nullptr);
+  gst_query_unref(query);
+  return found;
+}
+
+TEST(Input, TheCropOfASinkIsNotOfferedUpstream) {
+  for (const std::string& element : frame_elements()) {
+    Rig rig(element, caps_text("I420", 64, 48));
+    for (int twice = 0; twice < 2; ++twice)
+      gst_harness_add_propose_allocation_meta(rig.harness(), GST_VIDEO_CROP_META_API_TYPE, nullptr);
+    gst_harness_add_propose_allocation_meta(rig.harness(), GST_VIDEO_OVERLAY_COMPOSITION_META_API_TYPE,
+                                            nullptr);
+    EXPECT_FALSE(offers(rig, GST_VIDEO_CROP_META_API_TYPE)) << element;
+    EXPECT_TRUE(offers(rig, GST_VIDEO_META_API_TYPE)) << element;
+    EXPECT_TRUE(offers(rig, GST_VIDEO_OVERLAY_COMPOSITION_META_API_TYPE))
+        << element << ": what else it takes";
+  }
+}
+
+/// Masks of a frame whose lower rows videocrop takes away, in front of a sink that takes crop metadata.
+std::vector<guint8> mask_behind_crop(const std::string& between) {
+  auto pipeline =
+      make_element("terrainscenesrc num-buffers=5 ! " + caps_text("I420", 320, 240) +
+                   " ! videocrop bottom=80 ! " + between + "terrainseg ! fakevideosink name=sink sync=false");
+  Owned<GstElement> sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "sink"));
+  Owned<GstElement> inner(gst_bin_get_by_name(GST_BIN(sink.get()), "sink"));
+  g_object_set(inner.get(), "enable-last-sample", TRUE, nullptr);
+  std::vector<guint8> mask;
+  Owned<GstBus> bus(gst_element_get_bus(pipeline.get()));
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  Owned<GstMessage> end(gst_bus_timed_pop_filtered(
+      bus.get(), 20 * GST_SECOND, static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR)));
+  GstSample* sample = nullptr;
+  g_object_get(inner.get(), "last-sample", &sample, nullptr);
+  if (sample) {
+    const EstimateReader reader(gst_sample_get_buffer(sample));
+    EXPECT_TRUE(reader);
+    EXPECT_EQ(reader.estimate().frame_height, 160);
+    mask = bytes_of(reader.estimate().mask);
+    gst_sample_unref(sample);
+  }
+  return mask;
+}
+
+TEST(Input, WhatIsCroppedOffIsNotLearned) {
+  if (!have("videocrop") || !have("fakevideosink"))
+    GTEST_SKIP() << "videocrop or fakevideosink is not here";
+  const auto cropped = mask_behind_crop(""), copied = mask_behind_crop("identity drop-allocation=true ! ");
+  ASSERT_FALSE(copied.empty());
+  EXPECT_EQ(cropped, copied);
+}
+
 TEST(Input, PlanesInMemoriesOfTheirOwn) {
   Rig rig("terrainseg", caps_text("I420", 64, 48));
   Owned<GstBuffer> whole(new_frame(rig.info()));
@@ -103,14 +234,92 @@ TEST(Input, APlaneScatteredOverMemoriesIsAnErrorAndNotAnOverrun) {
   EXPECT_FALSE(only_error(rig).user.empty());
 }
 
-TEST(Input, AWindowThatDoesNotFitTheFrame) {
-  for (const char* settings : {"window-width=400", "window-height=300", "window-x=150 window-width=100",
-                               "window-bottom=200", "window-x=4000"}) {
+Rectangle window_of(GstBuffer* buffer) {
+  return EstimateReader(buffer).estimate().window;
+}
+
+TEST(Window, ThatDoesNotFitIsMovedAndCutWithOneWarning) {
+  const std::pair<const char*, Rectangle> cases[] = {
+      {"window-width=400", {0, 102, 160, 18}}, {"window-height=300", {56, 0, 48, 120}},
+      {"window-bottom=5000", {56, 0, 48, 18}}, {"window-x=150 window-width=100", {60, 102, 100, 18}},
+      {"window-bottom=200", {56, 0, 48, 18}},  {"window-x=4000", {112, 102, 48, 18}},
+      {"window-height=121", {56, 0, 48, 120}},
+  };
+  for (const auto& [settings, window] : cases) {
     Rig rig(std::string("terrainseg ") + settings, caps_text("I420", 160, 120));
-    EXPECT_EQ(rig.push(new_frame(rig.info())), GST_FLOW_ERROR) << settings;
-    const Report error = only_error(rig);
-    EXPECT_TRUE(error.contains("window")) << error.user;
+    for (int i = 0; i < 3; ++i)
+      EXPECT_EQ(window_of(rig.step().get()), window) << settings;
+    const auto warnings = rig.warnings();
+    ASSERT_EQ(warnings.size(), 1u) << settings;
+    EXPECT_TRUE(warnings[0].contains("window")) << warnings[0].user;
+    EXPECT_TRUE(warnings[0].contains("160 x 120")) << warnings[0].user;
+    EXPECT_TRUE(warnings[0].contains("window-rect")) << warnings[0].user;
+    EXPECT_EQ(rig.counter("learned"), 3u) << settings;
   }
+}
+
+TEST(Window, FollowsAStreamThatShrinksAndGrows) {
+  Rig rig("terrainseg window-height=100 window-bottom=50", caps_text("I420", 320, 240));
+  EXPECT_EQ(window_of(rig.step().get()), (Rectangle{112, 90, 96, 100}));
+  EXPECT_TRUE(rig.warnings().empty());
+  rig.set_caps(caps_text("I420", 160, 120));
+  EXPECT_EQ(window_of(rig.step().get()), (Rectangle{56, 0, 48, 100}));
+  EXPECT_EQ(rig.warnings().size(), 1u);
+  rig.set_caps(caps_text("I420", 320, 240)); // what was set comes back
+  EXPECT_EQ(window_of(rig.step().get()), (Rectangle{112, 90, 96, 100}));
+  EXPECT_TRUE(rig.warnings().empty());
+  EXPECT_EQ(rig.counter("learned"), 3u);
+}
+
+TEST(Window, IsToldOnceForEachWindowAndFrameSize) {
+  Rig rig("terrainseg", caps_text("I420", 160, 120));
+  rig.step();
+  g_object_set(rig.element(), "window-bottom", 5000, nullptr);
+  rig.step();
+  EXPECT_EQ(rig.warnings().size(), 1u);
+  g_object_set(rig.element(), "caution", 3, nullptr); // nothing about the window
+  rig.step();
+  EXPECT_TRUE(rig.warnings().empty());
+  g_object_set(rig.element(), "window-bottom", 6000, nullptr);
+  rig.step();
+  EXPECT_EQ(rig.warnings().size(), 1u);
+  int bottom = 0;
+  g_object_get(rig.element(), "window-bottom", &bottom, nullptr);
+  EXPECT_EQ(bottom, 6000); // what was set is kept
+}
+
+TEST(Window, AsFractionsFollowsTheSizeOfTheFrame) {
+  Rig rig("terrainseg window-rect=0.25,0.5,0.5,0.25 window-bottom=5000", caps_text("I420", 320, 240));
+  EXPECT_EQ(window_of(rig.step().get()), (Rectangle{80, 120, 160, 60}));
+  rig.set_caps(caps_text("NV12", 160, 90));
+  EXPECT_EQ(window_of(rig.step().get()), (Rectangle{40, 45, 80, 23}));
+  g_object_set(rig.element(), "window-rect", "0,0.5,1,0.5", nullptr);
+  EXPECT_EQ(window_of(rig.step().get()), (Rectangle{0, 45, 160, 45}));
+  EXPECT_TRUE(rig.warnings().empty());
+  g_object_set(rig.element(), "window-rect", "", "window-bottom", 0, nullptr);
+  EXPECT_EQ(window_of(rig.step().get()), (Rectangle{56, 77, 48, 13}));
+}
+
+TEST(Window, FractionsThatAreNoneLeaveTheOldOnesInForce) {
+  Rig rig("terrainseg window-rect=0,0.5,1,0.5", caps_text("I420", 160, 120));
+  for (const char* wrong : {"0.1,0.2", "0,0,1,1.5", "left", "0.5,0,0.6,1"}) {
+    g_object_set(rig.element(), "window-rect", wrong, nullptr);
+    EXPECT_EQ(window_of(rig.step().get()), (Rectangle{0, 60, 160, 60})) << wrong;
+    const auto warnings = rig.warnings();
+    ASSERT_EQ(warnings.size(), 1u) << wrong;
+    EXPECT_TRUE(warnings[0].contains("window-rect")) << warnings[0].user;
+    EXPECT_TRUE(warnings[0].contains(wrong)) << warnings[0].user;
+  }
+}
+
+/// As an adaptive stream does: the size changes between frames of a playing pipeline.
+TEST(Window, SurvivesAnAdaptiveStreamInAPlayingPipeline) {
+  auto pipeline =
+      make_element("concat name=c ! terrainseg window-height=150 ! fakesink "
+                   "terrainscenesrc num-buffers=4 ! video/x-raw,format=I420,width=320,height=240 ! c. "
+                   "terrainscenesrc num-buffers=4 ! video/x-raw,format=I420,width=160,height=120 ! c. "
+                   "terrainscenesrc num-buffers=4 ! video/x-raw,format=I420,width=640,height=360 ! c.");
+  EXPECT_EQ(run_pipeline(pipeline.get()), "");
 }
 
 TEST(Input, TinyFramesHaveADefinedAnswer) {
@@ -160,6 +369,82 @@ TEST(Input, FramesWithoutATimestamp) {
     ASSERT_EQ(rig.push(buffer), GST_FLOW_OK);
     EXPECT_TRUE(EstimateReader(rig.pull().get()));
   }
+}
+
+// ---- a picture without colour ---------------------------------------------------------------------------
+
+/// Makes every colour of the frame the grey of its brightness, as videoconvert does with GRAY8.
+void take_colour_away(GstBuffer* buffer, const GstVideoInfo& info) {
+  GstVideoFrame frame;
+  ASSERT_TRUE(gst_video_frame_map(&frame, &info, buffer, GST_MAP_READWRITE));
+  for (guint component = 1; component < 3; ++component)
+    for (int y = 0; y < GST_VIDEO_FRAME_COMP_HEIGHT(&frame, component); ++y)
+      for (int x = 0; x < GST_VIDEO_FRAME_COMP_WIDTH(&frame, component); ++x) {
+        const auto at = [&](guint c) {
+          return static_cast<guint8*>(GST_VIDEO_FRAME_COMP_DATA(&frame, c)) +
+                 GST_VIDEO_FRAME_COMP_POFFSET(&frame, c) % 2 * (GST_VIDEO_FRAME_COMP_DEPTH(&frame, c) > 8) +
+                 y * GST_VIDEO_FRAME_COMP_STRIDE(&frame, c) + x * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, c);
+        };
+        const guint depth = GST_VIDEO_FRAME_COMP_DEPTH(&frame, component);
+        if (depth > 8)
+          GST_WRITE_UINT16_LE(at(component),
+                              128 << (depth - 8) << GST_VIDEO_FORMAT_INFO_SHIFT(info.finfo, component));
+        else
+          *at(component) = GST_VIDEO_INFO_IS_RGB(&info) ? *at(0) : 128;
+      }
+  gst_video_frame_unmap(&frame);
+}
+
+/// What is said of so many frames, without colour but every `coloured`-th.
+std::vector<Report> said_of(Rig& rig, int frames, int coloured = 0) {
+  for (int i = 0; i < frames; ++i) {
+    GstBuffer* buffer = new_frame(rig.info(), i);
+    if (coloured == 0 || i % coloured != 0)
+      take_colour_away(buffer, rig.info());
+    EXPECT_EQ(rig.push(buffer), GST_FLOW_OK);
+    rig.pull();
+  }
+  return rig.warnings();
+}
+
+class Colourless : public testing::TestWithParam<int> {};
+
+TEST_P(Colourless, PicturesInAColourFormatAreToldOnce) {
+  const std::string format = format_name(GetParam());
+  Rig rig("terrainseg", caps_text(format, 160, 120));
+  if (GST_VIDEO_INFO_IS_GRAY(&rig.info())) {
+    EXPECT_TRUE(said_of(rig, 130).empty()) << "a format that promises no colour";
+    return;
+  }
+  EXPECT_TRUE(said_of(rig, 59).empty());
+  const auto said = said_of(rig, 71);
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_TRUE(said[0].contains(format.c_str())) << said[0].user;
+  EXPECT_TRUE(said[0].contains("video/x-raw,format=NV12")) << said[0].user;
+  EXPECT_TRUE(said[0].contains("GRAY8")) << said[0].user;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Colourless, testing::Range(0, pixel_format_count),
+                         [](const auto& info) { return std::string(format_name(info.param)); });
+
+TEST(Colour, PicturesThatHaveItAreNotTold) {
+  for (int format = 0; format < pixel_format_count; ++format) {
+    Rig rig("terrainseg", caps_text(format_name(format), 160, 120));
+    EXPECT_TRUE(said_of(rig, 130, 1).empty()) << format_name(format);
+    EXPECT_TRUE(said_of(rig, 130, 50).empty()) << format_name(format) << ", one picture in 50";
+  }
+}
+
+TEST(Colour, ALensCapTellsNothing) {
+  Rig rig("terrainseg", caps_text("NV12", 160, 120));
+  for (int i = 0; i < 130; ++i) {
+    GstBuffer* buffer = new_frame(rig.info(), i);
+    gst_buffer_memset(buffer, 0, 16, 160 * 120);
+    gst_buffer_memset(buffer, 160 * 120, 128, 160 * 60);
+    EXPECT_EQ(rig.push(buffer), GST_FLOW_OK);
+    rig.pull();
+  }
+  EXPECT_TRUE(rig.warnings().empty());
 }
 
 // ---- training pixels from upstream -----------------------------------------------------------------------
@@ -236,6 +521,27 @@ TEST(Training, BadTrainingPixelsAreReportedOnceAndIgnored) {
   EXPECT_EQ(warned([](GstBuffer* b) {
               GstBuffer* mask = gst_buffer_new_allocate(nullptr, 10, nullptr);
               describe_mask(mask, 320, 240);
+              return with_mask(b, mask);
+            }),
+            1u);
+  // In two pieces of memory, of which one row after the other would run past the first.
+  EXPECT_EQ(warned([](GstBuffer* b) {
+              GstBuffer* mask = gst_buffer_new_allocate(nullptr, 160 * 240, nullptr);
+              gst_buffer_append_memory(mask, gst_allocator_alloc(nullptr, 160 * 240, nullptr));
+              describe_mask(mask, 320, 240);
+              return with_mask(b, mask);
+            }),
+            1u);
+  // One column of ten million rows: the product with a frame's height is no int.
+  EXPECT_EQ(warned([](GstBuffer* b) {
+              GstBuffer* mask = gst_buffer_new_allocate(nullptr, 10000000, nullptr);
+              describe_mask(mask, 1, 10000000);
+              return with_mask(b, mask);
+            }),
+            1u);
+  EXPECT_EQ(warned([](GstBuffer* b) {
+              GstBuffer* mask = sky_mask(320, 240);
+              gst_buffer_get_video_meta(mask)->stride[0] = -320;
               return with_mask(b, mask);
             }),
             1u);

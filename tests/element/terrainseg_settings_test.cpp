@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // terrainseg's properties: presets, precedence, ranges, contradictions, changes while playing.
+#include <glib/gstdio.h>
 #include <gst/controller/gstdirectcontrolbinding.h>
 #include <gst/controller/gstinterpolationcontrolsource.h>
 #include <gst/terrainseg/terrainsegmeta.h>
@@ -7,6 +8,7 @@
 #include <atomic>
 #include <map>
 #include <thread>
+#include <utility>
 
 #include "harness.hpp"
 
@@ -61,11 +63,14 @@ const Column columns[] = {
     {"local-reference", "true", "false"},
     {"geodesic", "true", "false"},
     {"second-look", "true", "false"},
+    {"connected-ground", "true", "false"},
     {"free-space", "true", "false"},
     {"ground-behind", "true", "false"},
+    {"odd-spots", "true", "false"},
     {"refine", "true", "false"},
     {"negatives", "rest", "off"},
     {"temporal", "auto", "off"},
+    {"motion", "off", "off"},
     {"caution", "0", "0"},
     {"doubtful", "-24", "-96"},
     {"mask-level", "0", "0"},
@@ -318,8 +323,323 @@ TEST(Settings, ChangesRaceWithTheStreamingThread) {
   a.join();
   b.join();
   EXPECT_GE(rounds, 50);
-  EXPECT_TRUE(rig.errors().empty());
-  EXPECT_TRUE(rig.warnings().empty());
+  for (const Report& warning : rig.warnings()) // first: to look for errors throws other messages away
+    EXPECT_TRUE(warning.contains("Set without effect")) << warning.user;
+}
+
+// ---- stages ----------------------------------------------------------------------------------------------
+
+/// Counts notifications by property.
+class Notified {
+ public:
+  explicit Notified(GstElement* element) : element_(element) {
+    id_ = g_signal_connect(element, "notify", G_CALLBACK(+[](GObject*, GParamSpec* spec, gpointer self) {
+                             ++static_cast<Notified*>(self)->counts_[spec->name];
+                           }),
+                           this);
+  }
+  ~Notified() { g_signal_handler_disconnect(element_, id_); }
+  Notified(const Notified&) = delete;
+  Notified& operator=(const Notified&) = delete;
+  /// Since the last call.
+  std::map<std::string, int> take() { return std::exchange(counts_, {}); }
+
+ private:
+  GstElement* element_;
+  gulong id_;
+  std::map<std::string, int> counts_;
+};
+
+using Counts = std::map<std::string, int>;
+
+TEST(Stages, MirrorTheBooleansBothWays) {
+  auto element = make_element("terrainseg");
+  const std::vector<std::string> names = {"texture",   "exposure",    "row-prior",        "local-reference",
+                                          "geodesic",  "second-look", "connected-ground", "ground-behind",
+                                          "odd-spots", "refine"};
+  for (const std::string& name : names) {
+    EXPECT_NE(text(element.get(), "stages").find(name), std::string::npos) << name;
+    g_object_set(element.get(), name.c_str(), FALSE, nullptr);
+    EXPECT_EQ(text(element.get(), "stages").find(name), std::string::npos) << name;
+  }
+  set_text(element.get(), "stages", "refine+texture");
+  for (const std::string& name : names)
+    EXPECT_EQ(text(element.get(), name.c_str()), name == "refine" || name == "texture" ? "true" : "false")
+        << name;
+  set_text(element.get(), "stages", "0");
+  EXPECT_EQ(text(element.get(), "refine"), "false");
+}
+
+TEST(Stages, NotifyBothWays) {
+  auto element = make_element("terrainseg");
+  guint all = 0;
+  g_object_get(element.get(), "stages", &all, nullptr);
+  GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element.get()), "stages");
+  const guint refine = g_flags_get_value_by_nick(G_PARAM_SPEC_FLAGS(spec)->flags_class, "refine")->value;
+  Notified notified(element.get());
+  g_object_set(element.get(), "texture", FALSE, nullptr);
+  EXPECT_EQ(notified.take(), (Counts{{"texture", 1}, {"stages", 1}}));
+  g_object_set(element.get(), "texture", FALSE, nullptr); // the same again
+  EXPECT_EQ(notified.take(), (Counts{{"texture", 1}}));
+  g_object_set(element.get(), "stages", all & ~refine, nullptr);
+  EXPECT_EQ(notified.take(), (Counts{{"texture", 1}, {"refine", 1}, {"stages", 1}}));
+}
+
+TEST(Stages, AreExplicitOnceSet) {
+  auto element = make_element("terrainseg stages=texture preset=paper");
+  EXPECT_EQ(text(element.get(), "texture"), "true");
+  set_text(element.get(), "preset", "default");
+  EXPECT_EQ(text(element.get(), "refine"), "false");
+}
+
+TEST(Stages, ThatAreOffChangeTheMask) {
+  Rig with("terrainseg", caps_text("I420", 320, 240)),
+      without("terrainseg stages=0", caps_text("I420", 320, 240)),
+      by_booleans(
+          "terrainseg texture=false exposure=false row-prior=false local-reference=false "
+          "geodesic=false second-look=false connected-ground=false ground-behind=false odd-spots=false "
+          "refine=false",
+          caps_text("I420", 320, 240));
+  const auto mask_of = [](Rig& rig) {
+    rig.step();
+    const auto out = rig.step();
+    return bytes_of(EstimateReader(out.get()).estimate().mask);
+  };
+  const auto bare = mask_of(without);
+  EXPECT_NE(mask_of(with), bare);
+  EXPECT_EQ(mask_of(by_booleans), bare);
+}
+
+// ---- presets and their way back --------------------------------------------------------------------------
+
+TEST(Presets, NotifyEveryPropertyThatChanged) {
+  auto element = make_element("terrainseg texture=true");
+  Notified notified(element.get());
+  set_text(element.get(), "preset", "paper");
+  Counts expected{{"preset", 1}, {"stages", 1}};
+  for (const Column& c : columns)
+    if (std::string(c.standard) != c.paper && std::string(c.property) != "texture")
+      expected[c.property] = 1;
+  EXPECT_EQ(notified.take(), expected);
+  EXPECT_GT(expected.size(), 15u);
+  set_text(element.get(), "preset", "paper");
+  EXPECT_EQ(notified.take(), (Counts{{"preset", 1}}));
+}
+
+gboolean unset(GstElement* element, const char* name) {
+  gboolean known = FALSE;
+  g_signal_emit_by_name(element, "unset-property", name, &known);
+  return known;
+}
+
+TEST(UnsetProperty, GivesAPropertyBackToThePreset) {
+  auto element =
+      make_element("terrainseg threshold=2 preset=paper"); // the default's value: pinned all the same
+  EXPECT_EQ(text(element.get(), "threshold"), "2");
+  Notified notified(element.get());
+  EXPECT_TRUE(unset(element.get(), "threshold"));
+  EXPECT_EQ(notified.take(), (Counts{{"threshold", 1}}));
+  EXPECT_EQ(text(element.get(), "threshold"), "3");
+  set_text(element.get(), "preset", "default");
+  EXPECT_EQ(text(element.get(), "threshold"), "2");
+  EXPECT_FALSE(unset(element.get(), "no-such-property"));
+}
+
+TEST(UnsetProperty, WithoutANameGivesBackAll) {
+  auto element =
+      make_element("terrainseg preset=paper threshold=2.125 stages=texture overlay=true overlay-alpha=0.5 "
+                   "window-rect=0,0.5,1,0.5 ignore-regions=\"<<0,0,8,8>>\" reset-on=never "
+                   "model-location=/x seed=9 horizon=off");
+  Notified notified(element.get());
+  EXPECT_TRUE(unset(element.get(), nullptr));
+  const auto told = notified.take();
+  for (const char* name : {"preset", "threshold", "stages", "refine", "overlay", "overlay-alpha",
+                           "window-rect", "ignore-regions", "reset-on", "model-location", "seed", "horizon"})
+    EXPECT_EQ(told.count(name), 1u) << name;
+  auto fresh = make_element("terrainseg");
+  guint count = 0;
+  GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(fresh.get()), &count);
+  for (guint i = 0; i < count; ++i)
+    if (specs[i]->owner_type == G_OBJECT_TYPE(fresh.get()) && std::string(specs[i]->name) != "stats") {
+      EXPECT_EQ(text(element.get(), specs[i]->name), text(fresh.get(), specs[i]->name)) << specs[i]->name;
+    }
+  g_free(specs);
+}
+
+// ---- settings without effect -----------------------------------------------------------------------------
+
+/// The warnings of one run of two frames.
+std::vector<Report> warnings_of(const std::string& settings) {
+  Rig rig("terrainseg " + settings, caps_text("I420", 160, 120));
+  rig.step();
+  rig.step();
+  return rig.warnings();
+}
+
+TEST(Unused, IsToldOnceByName) {
+  for (const char* settings :
+       {"threshold=2", "bit-shift=2", "preset=paper texture=true", "preset=paper refine=true",
+        "preset=paper caution=4", "preset=paper geodesic=true", "preset=paper doubtful=0",
+        "preset=paper negatives=rest", "preset=paper temporal=on", "free-space=false texture=true",
+        "preset=paper stages=refine"}) {
+    const auto warnings = warnings_of(settings);
+    ASSERT_EQ(warnings.size(), 1u) << settings;
+    const std::string all = settings;
+    const std::size_t start =
+        all.find("stages") != std::string::npos ? all.rfind('=') + 1 : all.rfind(' ') + 1;
+    const std::string name = all.substr(start, all.find('=', start) - start);
+    EXPECT_TRUE(warnings[0].contains(name.c_str())) << settings << ": " << warnings[0].user;
+    EXPECT_TRUE(warnings[0].contains("without effect")) << warnings[0].user;
+  }
+}
+
+TEST(Unused, IsNotWhatDoesSomethingOrWasSwitchedOff) {
+  for (const char* settings :
+       {"", "preset=paper", "texture=false", "caution=3", "preset=paper threshold=2",
+        "preset=paper bit-shift=2", "preset=paper texture=false", "preset=paper stages=0",
+        "preset=paper doubtful=-96", "free-space=false threshold=3", "window-width=50"})
+    EXPECT_TRUE(warnings_of(settings).empty()) << settings;
+}
+
+TEST(Unused, IsToldWhilePlayingOnceARun) {
+  Rig rig("terrainseg", caps_text("I420", 160, 120));
+  for (int i = 0; i < 3; ++i) {
+    g_object_set(rig.element(), "threshold", 1.0 + i, nullptr);
+    rig.step();
+  }
+  EXPECT_EQ(rig.warnings().size(), 1u);
+  set_text(rig.element(), "preset", "paper"); // now it does something; texture does not
+  g_object_set(rig.element(), "texture", TRUE, nullptr);
+  rig.step();
+  const auto warnings = rig.warnings();
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_TRUE(warnings[0].contains("texture"));
+  EXPECT_FALSE(warnings[0].contains("threshold"));
+}
+
+TEST(Unused, IsInTheBlurb) {
+  auto element = make_element("terrainseg");
+  for (const auto& [name, words] : {std::pair{"threshold", "with free-space=false only"},
+                                    {"texture", "no effect with free-space=false"},
+                                    {"stages", "no effect with free-space=false"}}) {
+    GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element.get()), name);
+    EXPECT_NE(std::string(g_param_spec_get_blurb(spec)).find(words), std::string::npos) << name;
+  }
+}
+
+// ---- a settings file -------------------------------------------------------------------------------------
+
+class SettingsFileTest : public testing::Test {
+ protected:
+  SettingsFileTest() {
+    gchar* name = nullptr;
+    const int file = g_file_open_tmp("terrainseg-XXXXXX.ini", &name, nullptr);
+    EXPECT_GE(file, 0);
+    g_close(file, nullptr);
+    path_ = name;
+    g_free(name);
+  }
+  ~SettingsFileTest() override { g_unlink(path_.c_str()); }
+  void write(const std::string& contents) {
+    ASSERT_TRUE(
+        g_file_set_contents(path_.c_str(), contents.data(), static_cast<gssize>(contents.size()), nullptr));
+  }
+  std::string path_;
+};
+
+TEST_F(SettingsFileTest, GivesWhatWasNotSetExplicitly) {
+  write("# a comment\n[terrainseg]\npreset=paper\nthreshold=2.125\nwindow-rect=0,0.5,1,0.5\nhorizon=off\n"
+        "overlay-alpha=0.25\nseed=7\nreset-on=never\nignore-regions=<<0,0,16,16>>\n\n[other]\nkey=1\n");
+  auto element = make_element("terrainseg seed=3 settings-location=" + path_);
+  Notified notified(element.get());
+  EXPECT_EQ(text(element.get(), "threshold"), "2"); // read at start
+  ASSERT_NE(gst_element_set_state(element.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+  const auto told = notified.take();
+  for (const auto& [name, value] : {std::pair{"preset", "paper"},
+                                    {"threshold", "2.125"},
+                                    {"horizon", "off"},
+                                    {"overlay-alpha", "0.25"},
+                                    {"reset-on", "never"},
+                                    {"mass-cap", "64"},
+                                    {"seed", "3"}}) { // explicit
+    EXPECT_EQ(text(element.get(), name), value) << name;
+    EXPECT_EQ(told.count(name), std::string(name) == "seed" ? 0u : 1u) << name;
+  }
+  gchar* rect = nullptr;
+  g_object_get(element.get(), "window-rect", &rect, nullptr);
+  EXPECT_STREQ(rect, "0,0.5,1,0.5");
+  g_free(rect);
+  // Another preset does not take what the file says.
+  set_text(element.get(), "preset", "default");
+  EXPECT_EQ(text(element.get(), "threshold"), "2.125");
+  EXPECT_EQ(text(element.get(), "mass-cap"), "0");
+  gst_element_set_state(element.get(), GST_STATE_NULL);
+}
+
+TEST_F(SettingsFileTest, IsReadAnewAtEveryStart) {
+  write("[terrainseg]\ncaution=5\nmask-level=2\n");
+  auto element = make_element("terrainseg settings-location=" + path_);
+  gst_element_set_state(element.get(), GST_STATE_PAUSED);
+  gst_element_set_state(element.get(), GST_STATE_NULL);
+  EXPECT_EQ(text(element.get(), "caution"), "5");
+  write("[terrainseg]\nmask-level=1\n");
+  gst_element_set_state(element.get(), GST_STATE_PAUSED);
+  gst_element_set_state(element.get(), GST_STATE_NULL);
+  EXPECT_EQ(text(element.get(), "caution"), "0");
+  EXPECT_EQ(text(element.get(), "mask-level"), "1");
+}
+
+TEST_F(SettingsFileTest, ErrorsNameFileKeyAndReason) {
+  const std::pair<const char*, std::vector<const char*>> cases[] = {
+      {"[terrainseg]\nthreshold=17\n", {"threshold", "17", "0..16"}},
+      {"[terrainseg]\ncaution=much\n", {"caution", "much", "whole number"}},
+      {"[terrainseg]\nhorizon=low\n", {"horizon", "low", "off, paper, auto"}},
+      {"[terrainseg]\ncolour=red\n", {"colour", "no such property"}},
+      {"[terrainseg]\nstats=1\n", {"stats", "no such property"}},
+      {"[terrainseg]\nsettings-location=x\n", {"settings-location", "no such property"}},
+      {"[terrainseg]\nwindow-rect=0,0,2,2\n", {"window-rect", "0,0,2,2", "0..1"}},
+      {"[terrainseg]\nignore-regions=<<1,2>>\n", {"ignore-regions", "must be"}},
+      {"[terrainseg]\noverlay-alpha=2\n", {"overlay-alpha", "2", "out of range"}},
+      {"[terrainseg]\npreset=best\n", {"preset", "best"}},
+      {"[terrainseg]\nnonsense\n", {"nonsense"}},
+      {"[else]\ncaution=1\n", {"[terrainseg]"}},
+      {"caution=1\n", {"group"}},
+  };
+  for (const auto& [contents, words] : cases) {
+    write(contents);
+    const Report error = start_error("settings-location=" + path_);
+    EXPECT_TRUE(error.contains(path_.c_str())) << contents << error.user;
+    for (const char* word : words)
+      EXPECT_TRUE(error.contains(word)) << contents << error.user;
+  }
+  const Report missing = start_error("settings-location=/no/such/file.ini");
+  EXPECT_TRUE(missing.contains("/no/such/file.ini")) << missing.user;
+}
+
+TEST_F(SettingsFileTest, ThatIsWrongChangesNothing) {
+  write("[terrainseg]\ncaution=5\nthreshold=17\n");
+  auto element = make_element("terrainseg settings-location=" + path_);
+  EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+  EXPECT_EQ(text(element.get(), "caution"), "0");
+  gst_element_set_state(element.get(), GST_STATE_NULL);
+}
+
+// ---- rounding, types -------------------------------------------------------------------------------------
+
+TEST(Properties, EveryEnumerationIsMarkedAsPluginApi) {
+  for (const char* factory : {"terrainseg", "terrainoverlay", "terrainscenesrc"}) {
+    auto element = make_element(factory);
+    guint count = 0, found = 0;
+    GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element.get()), &count);
+    for (guint i = 0; i < count; ++i)
+      if (G_IS_PARAM_SPEC_ENUM(specs[i]) || G_IS_PARAM_SPEC_FLAGS(specs[i])) {
+        ++found;
+        GstPluginAPIFlags flags;
+        EXPECT_TRUE(gst_type_is_plugin_api(specs[i]->value_type, &flags)) << specs[i]->name;
+      }
+    g_free(specs);
+    EXPECT_GT(found, 0u) << factory;
+  }
 }
 
 } // namespace

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // terrainseg with good input: formats, strides, copies, what it attaches and what it tells.
 #include <gst/terrainseg/terrainsegmeta.h>
+#include <mutex>
 
 #include <unistd.h>
 
@@ -8,9 +9,11 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <mutex>
 #include <set>
 
 #include "harness.hpp"
+#include "support/announcer.hpp"
 #include "terrainseg/segmenter.hpp"
 
 namespace terrainseg::test {
@@ -93,8 +96,8 @@ INSTANTIATE_TEST_SUITE_P(All, Format, testing::Range(0, pixel_format_count),
                          [](const auto& info) { return std::string(format_name(info.param)); });
 
 TEST(Terrainseg, RefusesOtherFormatsInNegotiation) {
-  for (const char* format :
-       {"GRAY8", "GRAY16_LE", "I420_10LE", "P010_10LE", "NV16", "A420", "v210", "RGB16"}) {
+  for (const char* format : {"GRAY16_BE", "I420_10BE", "P010_10BE", "P016_LE", "Y444_10LE", "NV12_64Z32",
+                             "A420", "v210", "RGB16"}) {
     Rig rig("terrainseg");
     Owned<GstCaps> caps(gst_caps_from_string(caps_text(format, 64, 64).c_str()));
     GstPad* pad = gst_element_get_static_pad(rig.element(), "sink");
@@ -191,6 +194,28 @@ TEST(Terrainseg, MasksAndBoundariesComeFromAPool) {
   EXPECT_LE(boundaries.size(), 3u);
 }
 
+TEST(Terrainseg, AConfidenceMapGoesWithEveryFrame) {
+  Rig rig("terrainseg", caps_text("I420", 320, 240));
+  const auto first = rig.step();
+  const EstimateReader held(first.get());
+  const auto bytes = bytes_of(held.estimate().confidence_map);
+  std::set<const void*> maps;
+  for (int i = 0; i < 20; ++i) {
+    const auto out = rig.step();
+    const EstimateReader reader(out.get());
+    const GrayView& map = reader.estimate().confidence_map;
+    ASSERT_EQ(map.width, 80) << "the grid's";
+    ASSERT_EQ(map.height, 60);
+    EXPECT_GT(std::ranges::max(bytes_of(map)), 150);
+    maps.insert(map.plane.data);
+  }
+  EXPECT_LE(maps.size(), 3u) << "from a pool";
+  EXPECT_FALSE(maps.contains(held.estimate().confidence_map.plane.data));
+  EXPECT_EQ(bytes_of(held.estimate().confidence_map), bytes);
+  Rig paper("terrainseg preset=paper", caps_text("I420", 320, 240));
+  EXPECT_TRUE(EstimateReader(paper.step().get()).estimate().confidence_map.empty());
+}
+
 TEST(Terrainseg, AMaskThatIsHeldIsNotWrittenAgain) {
   Rig rig("terrainseg", caps_text("I420", 160, 120));
   const auto first = rig.step();
@@ -282,41 +307,166 @@ TEST(Terrainseg, QosIsOffAndASlowSinkLosesNothing) {
   EXPECT_EQ(frames, 12);
 }
 
-TEST(Terrainseg, MessagesOnChangeOnly) {
-  Rig rig("terrainseg post-messages=true learning=true", caps_text("I420", 160, 120));
-  struct Shown {
-    int permille, horizon;
-    bool blocked;
-    bool operator==(const Shown&) const = default;
-  };
-  std::vector<Shown> shown, told;
-  for (int i = 0; i < 12; ++i) {
-    const auto out = rig.step();
-    const EstimateReader reader(out.get());
-    const Estimate& e = reader.estimate();
-    const Shown now{e.traversable_permille, e.horizon_row, (e.flags & flag_blocked) != 0};
-    if (shown.empty() || !(shown.back() == now))
-      shown.push_back(now);
+struct Told {
+  int permille = 0, horizon = 0;
+  bool blocked = false;
+  guint64 timestamp = 0;
+};
+
+Told told_by(GstMessage* message) {
+  const GstStructure* s = gst_message_get_structure(message);
+  EXPECT_STREQ(gst_structure_get_name(s), GST_TERRAIN_SEG_MESSAGE);
+  guint permille = 0;
+  gint horizon = 0;
+  gboolean blocked = FALSE;
+  guint64 timestamp = 0, time = 0;
+  EXPECT_TRUE(gst_structure_get(s, "traversable-permille", G_TYPE_UINT, &permille, "horizon-row", G_TYPE_INT,
+                                &horizon, "blocked", G_TYPE_BOOLEAN, &blocked, "timestamp", G_TYPE_UINT64,
+                                &timestamp, "running-time", G_TYPE_UINT64, &time, "stream-time",
+                                G_TYPE_UINT64, &time, "duration", G_TYPE_UINT64, &time, nullptr));
+  return {static_cast<int>(permille), horizon, blocked != FALSE, timestamp};
+}
+
+TEST(Terrainseg, MessagesTellChangesAndNotNoise) {
+  // On bumpy ground the horizon moves indeed.
+  for (const auto& [place, most] : {std::pair{"road", 30}, {"trail light=drift motion=bumpy", 75}}) {
+    constexpr int frames = 150;
+    auto pipeline = make_element(std::string("terrainscenesrc name=src num-buffers=150 scene=") + place +
+                                 " ! video/x-raw,format=I420,width=320,height=180,framerate=30/1 ! "
+                                 "terrainseg post-messages=true ! fakesink signal-handoffs=true name=sink");
+    Owned<GstElement> sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "sink"));
+    Owned<GstBus> bus(gst_element_get_bus(pipeline.get()));
+    struct Watch {
+      Told last;
+      int messages = 0, frames = 0, away = 0;
+      guint64 silence = 0;
+    } watch;
+    // In the thread that sends: each frame's message comes before the frame.
+    gst_bus_set_sync_handler(
+        bus.get(),
+        [](GstBus*, GstMessage* message, gpointer data) -> GstBusSyncReply {
+          if (GST_MESSAGE_TYPE(message) != GST_MESSAGE_ELEMENT)
+            return GST_BUS_PASS;
+          auto* w = static_cast<Watch*>(data);
+          w->last = told_by(message);
+          ++w->messages;
+          gst_message_unref(message);
+          return GST_BUS_DROP;
+        },
+        &watch, nullptr);
+    g_signal_connect(
+        sink.get(), "handoff", G_CALLBACK(+[](GstElement*, GstBuffer* buffer, GstPad*, Watch* w) {
+          const EstimateReader reader(buffer);
+          const Estimate& e = reader.estimate();
+          ++w->frames;
+          w->silence = std::max(w->silence, GST_BUFFER_PTS(buffer) - w->last.timestamp);
+          EXPECT_LT(std::abs(e.traversable_permille - w->last.permille), 25);
+          EXPECT_TRUE(w->last.blocked || !(e.flags & flag_blocked)) << "the rover has to stop at once";
+          const bool horizon_differs = (e.horizon_row < 0) != (w->last.horizon < 0);
+          w->away = horizon_differs ? w->away + 1 : 0;
+          EXPECT_LT(w->away, 5);
+          EXPECT_TRUE(horizon_differs || std::abs(e.horizon_row - w->last.horizon) < 4); // 180 rows / 40
+        }),
+        &watch);
+    EXPECT_EQ(run_pipeline(pipeline.get()), "");
+    EXPECT_EQ(watch.frames, frames);
+    EXPECT_GE(watch.messages, 5) << "one a second at least";
+    EXPECT_LE(watch.messages, most) << place;
+    EXPECT_LE(watch.silence, GST_SECOND);
+    RecordProperty(std::string("messages-") + std::string(place).substr(0, 5), watch.messages);
   }
-  while (GstMessage* message = gst_bus_pop_filtered(rig.bus(), GST_MESSAGE_ELEMENT)) {
-    const GstStructure* s = gst_message_get_structure(message);
-    EXPECT_STREQ(gst_structure_get_name(s), GST_TERRAIN_SEG_MESSAGE);
-    guint permille = 0;
-    gint horizon = 0;
-    gboolean blocked = FALSE;
-    guint64 time = 0;
-    EXPECT_TRUE(gst_structure_get(s, "traversable-permille", G_TYPE_UINT, &permille, "horizon-row",
-                                  G_TYPE_INT, &horizon, "blocked", G_TYPE_BOOLEAN, &blocked, "timestamp",
-                                  G_TYPE_UINT64, &time, "running-time", G_TYPE_UINT64, &time, "stream-time",
-                                  G_TYPE_UINT64, &time, nullptr));
-    told.push_back({static_cast<int>(permille), horizon, blocked != FALSE});
-    gst_message_unref(message);
-  }
-  EXPECT_EQ(told, shown);
-  EXPECT_FALSE(told.empty());
+}
+
+TEST(Terrainseg, NoMessagesWhenTheyAreOff) {
+  Rig rig("terrainseg post-messages=true", caps_text("I420", 160, 120));
+  rig.step();
+  EXPECT_TRUE(Owned<GstMessage>(gst_bus_pop_filtered(rig.bus(), GST_MESSAGE_ELEMENT)));
   g_object_set(rig.element(), "post-messages", FALSE, nullptr);
   rig.step();
   EXPECT_FALSE(gst_bus_have_pending(rig.bus()));
+}
+
+// Steps of one frame at 40 ms; an estimate of 400 rows: the horizon's least change is 10.
+class Announced : public testing::Test {
+ protected:
+  Estimate e;
+  Announcer announcer;
+  GstClockTime now = 0;
+
+  Announced() {
+    e.frame_height = 400;
+    e.traversable_permille = 500;
+    e.horizon_row = 100;
+    e.flags = 0;
+    EXPECT_TRUE(announcer.consider(e, now)) << "the first is told";
+  }
+  std::optional<News> next(GstClockTime step = 40 * GST_MSECOND) {
+    return announcer.consider(e, now += step);
+  }
+};
+
+TEST_F(Announced, TheShareAndTheHorizonByAStepFromWhatWasTold) {
+  for (int drift = 1; drift < 25; ++drift) {
+    e.traversable_permille = 500 + drift;
+    EXPECT_FALSE(next(GST_MSECOND)) << drift;
+  }
+  e.traversable_permille = 525;
+  ASSERT_TRUE(next());
+  e.traversable_permille = 501;
+  EXPECT_FALSE(next());
+  e.horizon_row = 109;
+  EXPECT_FALSE(next());
+  e.horizon_row = 110;
+  const auto told = next();
+  ASSERT_TRUE(told);
+  EXPECT_EQ(told->horizon_row, 110);
+  EXPECT_EQ(told->traversable_permille, 501);
+}
+
+TEST_F(Announced, BlockedAtOnceAndFreeWhenItStays) {
+  e.flags = flag_blocked;
+  ASSERT_TRUE(next());
+  e.flags = 0;
+  for (int frame = 1; frame < 5; ++frame)
+    EXPECT_FALSE(next()) << frame;
+  e.flags = flag_blocked; // it flickered
+  EXPECT_FALSE(next());
+  e.flags = 0;
+  for (int frame = 1; frame < 5; ++frame)
+    EXPECT_FALSE(next()) << frame;
+  e.traversable_permille = 900; // other news meanwhile does not say free either
+  e.flags = flag_blocked;
+  auto told = next();
+  ASSERT_TRUE(told && told->blocked);
+  e.flags = 0;
+  for (int frame = 1; frame < 5; ++frame)
+    EXPECT_FALSE(next()) << frame;
+  told = next();
+  ASSERT_TRUE(told);
+  EXPECT_FALSE(told->blocked);
+}
+
+TEST_F(Announced, AHorizonThatFlickersIsNoNews) {
+  for (int i = 0; i < 12; ++i) {
+    e.horizon_row = i % 4 == 3 ? 100 : -1;
+    EXPECT_FALSE(next(GST_MSECOND)) << i;
+  }
+  e.horizon_row = -1;
+  for (int frame = 1; frame < 5; ++frame)
+    EXPECT_FALSE(next(GST_MSECOND));
+  const auto told = next(GST_MSECOND);
+  ASSERT_TRUE(told);
+  EXPECT_EQ(told->horizon_row, -1);
+}
+
+TEST_F(Announced, OnceASecondInAnyCase) {
+  EXPECT_FALSE(next(999 * GST_MSECOND));
+  EXPECT_TRUE(next(GST_MSECOND));
+  EXPECT_FALSE(next(999 * GST_MSECOND));
+  now = 0; // a seek
+  EXPECT_TRUE(next(GST_MSECOND));
+  for (int i = 0; i < 100; ++i) // without times there are no seconds
+    EXPECT_FALSE(announcer.consider(e, GST_CLOCK_TIME_NONE));
 }
 
 TEST(Terrainseg, BlockedWhenNothingIsFree) {
@@ -364,6 +514,185 @@ TEST(Terrainseg, StatsCountFramesAndTimes) {
   EXPECT_TRUE(gst_structure_get_uint(stats, "generation", &generation));
   EXPECT_GT(generation, 0u);
   gst_structure_free(stats);
+}
+
+TEST(Terrainseg, ConsumersChooseBetweenTwoInOneChain) {
+  const std::string caps = caps_text("I420", 320, 240);
+  const std::string two = "terrainseg instance=left window-x=20 window-width=60 ! "
+                          "terrainseg instance=right window-x=220 window-width=60 ! ";
+  const auto through = [&](const std::string& elements) {
+    const Owned<GstHarness> h(gst_harness_new_parse(elements.c_str()));
+    gst_harness_set_src_caps(h.get(), gst_caps_from_string(caps.c_str()));
+    return bytes_of(Owned<GstBuffer>(gst_harness_push_and_pull(h.get(), new_frame(info_of(caps)))).get());
+  };
+  const auto line = [&](const std::string& source) {
+    const auto bytes = through(two + "terrainextract " + source + " ! capsfilter caps=application/x-ndjson");
+    return std::string(bytes.begin(), bytes.end());
+  };
+  const std::string left = line("source=left"), right = line("source=right");
+  EXPECT_NE(left, right);
+  EXPECT_EQ(line(""), right) << "the last";
+  const auto left_alone = through("terrainseg window-x=20 window-width=60 ! terrainoverlay");
+  EXPECT_EQ(through(two + "terrainoverlay source=left"), left_alone);
+  EXPECT_NE(through(two + "terrainoverlay"), left_alone);
+  EXPECT_EQ(through(two + "terrainoverlay source=nobody"), through("identity"));
+}
+
+/// Debug messages of a category while it lives.
+class Listener {
+ public:
+  explicit Listener(GstDebugLevel level, const char* category = "terrainseg") : category_(category) {
+    gst_debug_set_threshold_for_name(category, level);
+    (gst_debug_remove_log_function)(gst_debug_log_default);
+    (gst_debug_add_log_function)(note, this, nullptr);
+  }
+  ~Listener() {
+    gst_debug_remove_log_function_by_data(this);
+    (gst_debug_add_log_function)(gst_debug_log_default, nullptr, nullptr);
+    gst_debug_unset_threshold_for_name(category_.c_str());
+  }
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+
+  std::vector<std::string> with(GstDebugLevel level, const char* text) const {
+    std::vector<std::string> found;
+    for (const auto& [message_level, line] : lines)
+      if (message_level == level && line.find(text) != std::string::npos)
+        found.push_back(line);
+    return found;
+  }
+  std::vector<std::pair<GstDebugLevel, std::string>> lines;
+
+ private:
+  static void note(GstDebugCategory* category, GstDebugLevel level, const gchar*, const gchar*, gint,
+                   GObject*, GstDebugMessage* message, gpointer data) {
+    auto* self = static_cast<Listener*>(data);
+    if (self->category_ == gst_debug_category_get_name(category)) {
+      const std::lock_guard lock(self->mutex_);
+      self->lines.emplace_back(level, gst_debug_message_get(message));
+    }
+  }
+
+  std::string category_;
+  std::mutex mutex_; // elements have threads of their own
+};
+
+TEST(Terrainseg, DebugTellsOnceASecondWhatIsLearnedAndWhyNot) {
+  const Listener listener(GST_LEVEL_DEBUG);
+  Rig rig("terrainseg", caps_text("I420", 320, 240));
+  for (int i = 0; i < 5; ++i)
+    rig.step();
+  auto lines = listener.with(GST_LEVEL_DEBUG, "learned ");
+  ASSERT_EQ(lines.size(), 1u) << "of the first frame";
+  EXPECT_NE(lines[0].find("learned 1 of 1 frame from window 96x36 at 112,204"), std::string::npos)
+      << lines[0];
+  EXPECT_EQ(lines[0].find(", not "), std::string::npos) << lines[0];
+  g_object_set(rig.element(), "near-clear", FALSE, nullptr);
+  rig.step();
+  g_object_set(rig.element(), "near-clear", TRUE, "learning", FALSE, nullptr);
+  rig.step();
+  g_usleep(G_USEC_PER_SEC);
+  rig.step();
+  lines = listener.with(GST_LEVEL_DEBUG, "learned ");
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_NE(lines[1].find("learned 4 of 7 frames"), std::string::npos) << lines[1];
+  EXPECT_NE(lines[1].find("not 1 (near-clear=false)"), std::string::npos) << lines[1];
+  EXPECT_NE(lines[1].find("not 2 (learning off"), std::string::npos) << lines[1];
+  EXPECT_NE(lines[1].find(" us a frame"), std::string::npos) << lines[1];
+  EXPECT_TRUE(listener.with(GST_LEVEL_LOG, "").empty());
+}
+
+TEST(Terrainseg, DebugLevelSixTellsOfEveryFrameAndNoneTellsNothing) {
+  {
+    const Listener listener(GST_LEVEL_LOG);
+    Rig rig("terrainseg", caps_text("I420", 320, 240));
+    for (int i = 0; i < 5; ++i)
+      rig.step();
+    EXPECT_EQ(listener.with(GST_LEVEL_LOG, "frame ").size(), 5u);
+  }
+  const Listener listener(GST_LEVEL_WARNING);
+  Rig rig("terrainseg", caps_text("I420", 320, 240));
+  rig.step();
+  EXPECT_TRUE(listener.lines.empty());
+}
+
+/// Lines of level 6 that an element wrote of ten frames which went through all of ours.
+std::size_t lines_of_ten_frames(const char* category) {
+  const Listener listener(GST_LEVEL_LOG, category);
+  const std::string reference = have("terrainreference") ? "terrainreference ! " : "";
+  const auto pipeline = make_element(
+      "terrainscenesrc num-buffers=10 ! video/x-raw,format=I420,width=160,height=120,framerate=30/1 ! " +
+      reference + "terrainseg ! tee name=t t. ! queue ! c.sink t. ! queue ! terrainextract ! " +
+      "meta/x-klv,parsed=true ! c.meta terraincombine name=c ! terrainoverlay ! fakesink");
+  EXPECT_EQ(run_pipeline(pipeline.get()), "");
+  return listener.with(GST_LEVEL_LOG, "").size();
+}
+
+TEST(Terrainseg, EveryElementTellsOfEveryFrameAtLevelSix) {
+  for (const char* name :
+       {"terrainseg", "terrainoverlay", "terrainextract", "terrainscenesrc", "terraincombine"})
+    EXPECT_GE(lines_of_ten_frames(name), 10u) << name;
+  if (have("terrainreference")) {
+    EXPECT_GE(lines_of_ten_frames("terrainreference"), 10u);
+  }
+}
+
+/// Loading a preset sets every property, and what was set explicitly stands above `preset`, file and default
+/// for ever: settings-location does what it would be for.
+TEST(Terrainseg, NoElementOffersGstPreset) {
+  for (const char* name : {"terrainseg", "terrainoverlay", "terrainextract", "terrainscenesrc",
+                           "terraincombine", "terrainreference"})
+    if (have(name)) {
+      const auto element = make_element(name); // the macro keeps a pointer beyond its argument
+      EXPECT_FALSE(GST_IS_PRESET(element.get())) << name;
+    }
+}
+
+TEST(Terrainseg, EnumerationsAreMarkedForTheDocumentation) {
+  int enumerations = 0;
+  for (const char* name : {"terrainseg", "terrainoverlay", "terrainextract", "terrainscenesrc",
+                           "terraincombine", "terrainreference"}) {
+    if (!have(name))
+      continue;
+    const auto element = make_element(name);
+    guint count = 0;
+    GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element.get()), &count);
+    for (guint i = 0; i < count; ++i)
+      if (specs[i]->owner_type == G_OBJECT_TYPE(element.get()) &&
+          (G_IS_PARAM_SPEC_ENUM(specs[i]) || G_IS_PARAM_SPEC_FLAGS(specs[i]))) {
+        EXPECT_TRUE(gst_type_is_plugin_api(specs[i]->value_type, nullptr)) << name << " " << specs[i]->name;
+        ++enumerations;
+      }
+    g_free(specs);
+  }
+  EXPECT_GE(enumerations, 13);
+}
+
+TEST(Terrainseg, AnApplicationsSubclassWorksWithoutAFactory) {
+  for (const char* name :
+       {"terrainseg", "terrainoverlay", "terrainextract", "terrainscenesrc", "terraincombine"}) {
+    const GType type = G_OBJECT_TYPE(make_element(name).get());
+    GTypeQuery sizes;
+    g_type_query(type, &sizes);
+    const GType derived =
+        g_type_register_static_simple(type, (std::string("Derived_") + name).c_str(), sizes.class_size,
+                                      nullptr, sizes.instance_size, nullptr, static_cast<GTypeFlags>(0));
+    Owned<GstElement> element(GST_ELEMENT(gst_object_ref_sink(g_object_new(derived, nullptr))));
+    EXPECT_EQ(gst_element_get_factory(element.get()), nullptr);
+    guint count = 0;
+    GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element.get()), &count);
+    for (guint i = 0; i < count; ++i) {
+      if (specs[i]->owner_type != type || !(specs[i]->flags & G_PARAM_READABLE))
+        continue;
+      GValue value = G_VALUE_INIT;
+      g_object_get_property(G_OBJECT(element.get()), specs[i]->name, &value);
+      if (specs[i]->flags & G_PARAM_WRITABLE)
+        g_object_set_property(G_OBJECT(element.get()), specs[i]->name, &value);
+      g_value_unset(&value);
+    }
+    g_free(specs);
+    EXPECT_NE(gst_element_set_state(element.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << name;
+  }
 }
 
 // ---- the learned terrain as a file -----------------------------------------------------------------------
@@ -480,8 +809,11 @@ TEST_F(ModelFile, AModelOfAnotherColourSpaceIsNamed) {
   }
   Rig rig("terrainseg preset=paper model-location=" + path_, caps_text("I420", 160, 120));
   EXPECT_NE(rig.push(new_frame(rig.info())), GST_FLOW_OK);
+  rig.set_caps(caps_text("I420", 176, 128)); // upstream tries again
+  EXPECT_NE(rig.push(new_frame(rig.info())), GST_FLOW_OK);
   const auto errors = rig.errors();
-  ASSERT_FALSE(errors.empty());
+  const auto of_terrain = [this](const auto& error) { return error.contains(path_.c_str()); };
+  ASSERT_EQ(std::count_if(errors.begin(), errors.end(), of_terrain), 1) << "said more than once";
   EXPECT_TRUE(errors[0].contains(path_.c_str()));
   EXPECT_TRUE(errors[0].contains("RGB"));
 }
@@ -523,6 +855,62 @@ TEST_F(ModelFile, ANewStreamStartsFromTheLoadedTerrain) {
     rig.set_caps(caps_text("I420", 160, 120));
     EXPECT_FALSE(EstimateReader(rig.step().get()).estimate().flags & flag_unknown) << id;
   }
+}
+
+TEST_F(ModelFile, ALoadedTerrainStaysUntilReset) {
+  learn_and_save();
+  const std::string caps = caps_text("I420", 160, 120);
+  const auto knows = [](Rig& rig) {
+    return !(EstimateReader(rig.step().get()).estimate().flags & flag_unknown);
+  };
+  for (const GstState through : {GST_STATE_NULL, GST_STATE_READY})
+    for (const char* reset_on : {"stream", "never", "discont"}) {
+      Rig rig(std::string("terrainseg learning=false reset-on=") + reset_on, caps);
+      EXPECT_FALSE(knows(rig));
+      EXPECT_TRUE(call(rig, "load-model", path_));
+      for (int again = 0; again < 2; ++again) {
+        rig.restart(through, caps);
+        EXPECT_TRUE(knows(rig)) << reset_on << ", time " << again;
+      }
+      g_signal_emit_by_name(rig.element(), "reset");
+      rig.restart(through, caps);
+      EXPECT_FALSE(knows(rig)) << reset_on;
+    }
+}
+
+TEST_F(ModelFile, LoadModelStandsAboveTheLocationUntilReset) {
+  learn_and_save();
+  const std::string caps = caps_text("I420", 160, 120), gone = path_ + ".gone";
+  std::filesystem::copy_file(path_, gone);
+  Rig rig("terrainseg learning=false model-location=" + gone, caps);
+  EXPECT_TRUE(call(rig, "load-model", path_));
+  std::filesystem::remove(gone); // not read any more
+  rig.restart(GST_STATE_NULL, caps);
+  EXPECT_FALSE(EstimateReader(rig.step().get()).estimate().flags & flag_unknown);
+  EXPECT_TRUE(rig.errors().empty());
+  g_signal_emit_by_name(rig.element(), "reset");
+  gst_element_set_state(rig.element(), GST_STATE_NULL);
+  EXPECT_EQ(gst_element_set_state(rig.element(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  EXPECT_EQ(rig.errors().size(), 1u);
+}
+
+TEST_F(ModelFile, ResetOnNeverKeepsWhatWasLearnedOnTopOfTheFile) {
+  learn_and_save();
+  const std::string caps = caps_text("I420", 160, 120);
+  Rig rig("terrainseg reset-on=never model-location=" + path_, caps);
+  rig.generation_after(5);
+  const auto mass = [&] {
+    const auto out = rig.step();
+    std::uint64_t sum = 0;
+    const EstimateReader reader(out.get());
+    for (const ModelSummary& model : reader.estimate().models)
+      sum += model.mass;
+    return sum;
+  };
+  g_object_set(rig.element(), "learning", FALSE, nullptr);
+  const std::uint64_t learned = mass();
+  rig.restart(GST_STATE_READY, caps);
+  EXPECT_EQ(mass(), learned);
 }
 
 /// Who handles a message in the streaming thread may use every signal and property: nothing is locked then.

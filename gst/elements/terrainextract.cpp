@@ -1,0 +1,807 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "elements/terrainextract.hpp"
+
+#include <gst/video/video.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "exchange/counted.hpp"
+#include "exchange/json_lines.hpp"
+#include "exchange/mavlink_stream.hpp"
+#include "exchange/uas_datalink.hpp"
+#include "exchange/vmti_klv.hpp"
+#include "support/estimate_meta.hpp"
+#include "support/guarded.hpp"
+#include "support/instance_state.hpp"
+#include "support/mask_picture.hpp"
+#include "support/metric_meta.hpp"
+#include "support/name_property.hpp"
+#include "support/object.hpp"
+#include "support/plugin_api.hpp"
+#include "support/properties.hpp"
+#include "support/wall_clock.hpp"
+
+GST_DEBUG_CATEGORY_STATIC(terrainextract_debug);
+#define GST_CAT_DEFAULT terrainextract_debug
+
+#define GRAY_CAPS                                                                                            \
+  "video/x-raw, format = (string) GRAY8, width = (int) [ 1, 32767 ], height = (int) [ 1, 32767 ], "          \
+  "framerate = (fraction) [ 0, max ]"
+
+namespace terrainseg {
+namespace {
+
+enum class Output : std::uint8_t { gray, lines, klv, mavlink };
+
+/// What is known of the video from its caps.
+struct Video {
+  bool known = false;
+  int width = 0, height = 0; ///< 0 = the caps do not say (encoded video that was not parsed)
+  int fps_n = -1, fps_d = 1; ///< -1 = the caps do not say
+  int par_n = 1, par_d = 1;
+};
+
+enum class KlvForm : std::uint8_t { vmti, uas_datalink };
+
+/// Properties of one output.
+struct ExtractSettings {
+  KlvForm klv_form = KlvForm::vmti;
+  std::string klv_position;
+  MavlinkLayout mavlink_layout = MavlinkLayout::portable;
+  MavlinkUnknown mavlink_unknown = MavlinkUnknown::obstacle;
+  std::uint32_t system_id = 1, component_id = 196;
+};
+
+GType form_type() {
+  static const GEnumValue values[] = {
+      {static_cast<int>(KlvForm::vmti), "A VMTI Local Set (ST 0903) alone", "vmti"},
+      {static_cast<int>(KlvForm::uas_datalink),
+       "A VMTI Local Set in a UAS Datalink Local Set (ST 0601), with attitude and position where they are "
+       "known",
+       "uas-datalink"},
+      {0, nullptr, nullptr}};
+  static const GType type = g_enum_register_static("GstTerrainKlvForm", values);
+  return type;
+}
+
+GType layout_type() {
+  static const GEnumValue values[] = {
+      {static_cast<int>(MavlinkLayout::portable), "72 sectors of 5 degrees all around: ArduPilot and PX4",
+       "portable"},
+      {static_cast<int>(MavlinkLayout::fine), "72 sectors over the field of view: ArduPilot only", "fine"},
+      {0, nullptr, nullptr}};
+  static const GType type = g_enum_register_static("GstTerrainMavlinkLayout", values);
+  return type;
+}
+
+GType unknown_type() {
+  static const GEnumValue values[] = {
+      {static_cast<int>(MavlinkUnknown::obstacle), "An obstacle at the least distance", "obstacle"},
+      {static_cast<int>(MavlinkUnknown::nothing), "No word (65535), which ArduPilot takes for a free way",
+       "nothing"},
+      {0, nullptr, nullptr}};
+  static const GType type = g_enum_register_static("GstTerrainMavlinkUnknown", values);
+  return type;
+}
+
+const Property<ExtractSettings> output_table[] = {
+    {"klv-form", "KLV form", "What a unit of meta/x-klv is", property_playing,
+     TERRAINSEG_CHOICE(ExtractSettings, klv_form, form_type)},
+    {"klv-position", "KLV position",
+     "Where the camera is, for klv-form=uas-datalink: latitude,longitude,altitude in degrees and metres "
+     "above mean sea level, and as a fourth the vehicle's heading in degrees where it is known",
+     property_playing,
+     PlainField<ExtractSettings, std::string>{TERRAINSEG_FIELD(ExtractSettings, klv_position)}},
+    {"mavlink-layout", "MAVLink layout", "How the 72 sectors of application/x-mavlink lie around the vehicle",
+     property_playing, TERRAINSEG_CHOICE(ExtractSettings, mavlink_layout, layout_type)},
+    {"mavlink-unknown", "MAVLink unknown",
+     "What application/x-mavlink says of directions in view of which nothing is known", property_playing,
+     TERRAINSEG_CHOICE(ExtractSettings, mavlink_unknown, unknown_type)},
+    {"system-id", "System id", "MAVLink system that application/x-mavlink is sent as: the vehicle's",
+     property_playing,
+     NumberField<ExtractSettings, std::uint32_t>{TERRAINSEG_FIELD(ExtractSettings, system_id), 1, 255}},
+    {"component-id", "Component id",
+     "MAVLink component that application/x-mavlink is sent as, 196 = obstacle avoidance", property_playing,
+     NumberField<ExtractSettings, std::uint32_t>{TERRAINSEG_FIELD(ExtractSettings, component_id), 1, 255}},
+};
+
+} // namespace
+
+/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
+/// none.
+struct ExtractState {
+  std::atomic<bool> json_mask = false;
+  NameProperty source;
+
+  Video video;                      // streaming
+  bool negotiated = false;          // streaming
+  Output output = Output::gray;     // streaming
+  GstVideoInfo picture;             // streaming; of the GRAY8 output
+  bool video_meta_welcome = false;  // streaming; downstream reads GstVideoMeta, any stride will do
+  GstBufferPool* pool = nullptr;    // streaming; pictures that are not the mask's own memory
+  GstEvent* held_segment = nullptr; // streaming; waits for the caps
+  bool warned = false;              // streaming
+  std::uint64_t bare_frames = 0;    // streaming; those before the first with metadata
+  bool bare_is_over = false;        // streaming; metadata came, or its absence was told
+  MaskScaler scaler;                // streaming
+  KlvEncoder klv;                   // streaming
+  UasPlatform place;                // streaming; what klv-position says
+  std::string place_text;           // streaming; the klv-position that was read
+  std::string line;                 // streaming
+  MavlinkStream mavlink;            // streaming
+  bool warned_unmeasured = false;   // streaming
+  ExtractSettings settings;         // under the object lock
+
+  ExtractState() noexcept { gst_video_info_init(&picture); }
+  ~ExtractState() { reset(); }
+  void drop_pool() {
+    if (!pool)
+      return;
+    gst_buffer_pool_set_active(pool, FALSE);
+    gst_object_unref(pool);
+    pool = nullptr;
+  }
+  void reset() {
+    drop_pool();
+    gst_clear_event(&held_segment);
+    video = {};
+    negotiated = false;
+    warned = warned_unmeasured = false;
+    place = {};
+    place_text.clear();
+    mavlink = {};
+    bare_frames = 0;
+    bare_is_over = false;
+  }
+};
+
+} // namespace terrainseg
+
+using namespace terrainseg;
+
+/**
+ * SECTION:element-terrainextract
+ * @title: terrainextract
+ * @short_description: terrain metadata as masks, JSON lines, KLV or MAVLink
+ *
+ * Turns the terrain metadata of video, raw or encoded, into mask pictures, JSON lines or MISB ST 0903 KLV,
+ * one unit a frame, or MAVLink for autopilots, up to 15 messages a second. What comes out is chosen by the
+ * caps behind it.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 terrainscenesrc num-buffers=60 ! terrainseg ! terrainextract ! application/x-ndjson !
+ * filesink location=terrain.jsonl
+ * ]|
+ *
+ * Since: 0.1
+ */
+struct GstTerrainExtract {
+  GstElement parent;
+  GstPad *sink, *src;
+  ExtractState* state; // in `memory`
+  InstanceMemory<ExtractState> memory;
+};
+struct GstTerrainExtractClass {
+  GstElementClass parent_class;
+};
+
+G_DEFINE_TYPE(GstTerrainExtract, gst_terrain_extract, GST_TYPE_ELEMENT)
+GST_ELEMENT_REGISTER_DEFINE(terrainextract, "terrainextract", GST_RANK_NONE, gst_terrain_extract_get_type())
+
+namespace {
+
+enum { property_json_mask = 1, property_source, property_output };
+
+GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS_ANY);
+GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
+    "src", GST_PAD_SRC, GST_PAD_ALWAYS,
+    GST_STATIC_CAPS(GRAY_CAPS "; application/x-ndjson; meta/x-klv, parsed = (boolean) true; "
+                              "application/x-mavlink"));
+
+GstTerrainExtract* self_of(gpointer object) {
+  return reinterpret_cast<GstTerrainExtract*>(object);
+}
+
+// ---- negotiation -----------------------------------------------------------------------------------------
+
+bool is_video(const GstCaps* caps) {
+  const gchar* name = gst_structure_get_name(gst_caps_get_structure(caps, 0));
+  return g_str_has_prefix(name, "video/") || g_str_has_prefix(name, "image/");
+}
+
+Video video_of(const GstCaps* caps) {
+  const GstStructure* fields = gst_caps_get_structure(caps, 0);
+  Video v;
+  v.known = true;
+  if (!gst_structure_get_int(fields, "width", &v.width) ||
+      !gst_structure_get_int(fields, "height", &v.height) || v.width < 1 || v.height < 1)
+    v.width = v.height = 0;
+  gst_structure_get_fraction(fields, "framerate", &v.fps_n, &v.fps_d);
+  gst_structure_get_fraction(fields, "pixel-aspect-ratio", &v.par_n, &v.par_d);
+  return v;
+}
+
+/// The size that downstream asks for, as near to the frame's as it lets; a side that is free follows the
+/// other.
+void fixate_size(GstStructure* s, const Video& v) {
+  int width = 0, height = 0;
+  const bool width_set = gst_structure_get_int(s, "width", &width);
+  const bool height_set = gst_structure_get_int(s, "height", &height);
+  if (width_set && !height_set)
+    height = static_cast<int>(gst_util_uint64_scale_int_round(width, v.height, v.width));
+  else
+    height = height_set ? height : v.height;
+  if (height_set && !width_set)
+    width = static_cast<int>(gst_util_uint64_scale_int_round(height, v.width, v.height));
+  else
+    width = width_set ? width : v.width;
+  gst_structure_fixate_field_nearest_int(s, "height", std::max(height, 1));
+  gst_structure_fixate_field_nearest_int(s, "width", std::max(width, 1));
+}
+
+/// A pixel is as wide as it makes the picture show the frame's proportions.
+void fixate_aspect(GstStructure* s, const Video& v) {
+  int width = 1, height = 1;
+  gst_structure_get_int(s, "width", &width);
+  gst_structure_get_int(s, "height", &height);
+  int n = 1, d = 1;
+  if (!gst_util_fraction_multiply(v.width, v.height, height, width, &n, &d) ||
+      !gst_util_fraction_multiply(n, d, v.par_n, v.par_d, &n, &d))
+    n = d = 1;
+  if (gst_structure_has_field(s, "pixel-aspect-ratio"))
+    gst_structure_fixate_field_nearest_fraction(s, "pixel-aspect-ratio", n, d);
+  else
+    gst_structure_set(s, "pixel-aspect-ratio", GST_TYPE_FRACTION, n, d, nullptr);
+}
+
+/// What downstream takes first of what is there; nullptr with a posted error when it takes nothing.
+GstCaps* choose_caps(GstTerrainExtract* self, Output& output) {
+  const Video& v = self->state->video;
+  GstCaps* offer = gst_pad_get_pad_template_caps(self->src);
+  offer = gst_caps_make_writable(offer);
+  if (v.fps_n >= 0) // the rate is the video's: it cannot be converted here
+    gst_structure_set(gst_caps_get_structure(offer, 0), "framerate", GST_TYPE_FRACTION, v.fps_n, v.fps_d,
+                      nullptr);
+  GstCaps* taken = gst_pad_peer_query_caps(self->src, offer);
+  if (gst_caps_is_empty(taken)) {
+    if (!GST_PAD_IS_FLUSHING(self->src))
+      GST_ELEMENT_ERROR(
+          self, CORE, NEGOTIATION,
+          ("What comes after terrainextract takes none of its outputs: GRAY8 video at the frame rate of its "
+           "input, application/x-ndjson, meta/x-klv,parsed=true, or application/x-mavlink."),
+          ("offered %" GST_PTR_FORMAT, printable(offer)));
+    gst_caps_unref(taken);
+    gst_caps_unref(offer);
+    return nullptr;
+  }
+  gst_caps_unref(offer);
+  GstCaps* chosen = gst_caps_copy_nth(taken, 0);
+  gst_caps_unref(taken);
+  GstStructure* s = gst_caps_get_structure(chosen, 0);
+  output = gst_structure_has_name(s, "video/x-raw")            ? Output::gray
+           : gst_structure_has_name(s, "application/x-ndjson") ? Output::lines
+           : gst_structure_has_name(s, "meta/x-klv")           ? Output::klv
+                                                               : Output::mavlink;
+  return chosen;
+}
+
+/// Asks downstream whether masks may be passed on with their own stride.
+void ask_allocation(GstTerrainExtract* self, GstCaps* caps) {
+  ExtractState& s = *self->state;
+  s.drop_pool();
+  GstQuery* query = gst_query_new_allocation(caps, TRUE);
+  s.video_meta_welcome = gst_pad_peer_query(self->src, query) &&
+                         gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+  gst_query_unref(query);
+  s.pool = gst_video_buffer_pool_new();
+  GstStructure* config = gst_buffer_pool_get_config(s.pool);
+  gst_buffer_pool_config_set_params(config, caps, static_cast<guint>(GST_VIDEO_INFO_SIZE(&s.picture)), 0, 0);
+  if (!gst_buffer_pool_set_config(s.pool, config) || !gst_buffer_pool_set_active(s.pool, TRUE))
+    s.drop_pool();
+}
+
+/// Settles the output. True also when it has to wait for a frame that tells its size.
+bool negotiate(GstTerrainExtract* self) {
+  ExtractState& s = *self->state;
+  s.negotiated = false;
+  Output output = Output::gray;
+  GstCaps* caps = choose_caps(self, output);
+  if (!caps)
+    return false;
+  if (output == Output::gray && s.video.width == 0) {
+    gst_caps_unref(caps);
+    return true;
+  }
+  GstStructure* fields = gst_caps_get_structure(caps, 0);
+  if (output == Output::gray) {
+    fixate_size(fields, s.video);
+    fixate_aspect(fields, s.video);
+    gst_structure_fixate_field_nearest_fraction(fields, "framerate", std::max(s.video.fps_n, 0),
+                                                s.video.fps_d);
+  }
+  caps = gst_caps_fixate(caps);
+  if (output == Output::gray && !gst_video_info_from_caps(&s.picture, caps)) {
+    GST_ELEMENT_ERROR(self, CORE, NEGOTIATION,
+                      ("terrainextract cannot make masks as downstream asks for them."),
+                      ("caps %" GST_PTR_FORMAT, printable(caps)));
+    gst_caps_unref(caps);
+    return false;
+  }
+  GST_DEBUG_OBJECT(self, "output %" GST_PTR_FORMAT, printable(caps));
+  GstCaps* old = gst_pad_get_current_caps(self->src);
+  const bool pushed =
+      (old && gst_caps_is_equal(old, caps)) || gst_pad_push_event(self->src, gst_event_new_caps(caps));
+  gst_clear_caps(&old);
+  if (pushed && output == Output::gray)
+    ask_allocation(self, caps);
+  gst_caps_unref(caps);
+  if (!pushed)
+    return false;
+  s.output = output;
+  s.negotiated = true;
+  if (s.held_segment)
+    gst_pad_push_event(self->src, std::exchange(s.held_segment, nullptr));
+  return true;
+}
+
+// ---- units -----------------------------------------------------------------------------------------------
+
+/// The mask's own memory as a picture: the buffer stays alive, and out of its pool, as long as the picture.
+GstBuffer* share_mask(GstTerrainExtract* self, GstBuffer* mask) {
+  ExtractState& s = *self->state;
+  const GstVideoMeta* layout = gst_buffer_get_video_meta(mask);
+  const bool plain = layout->offset[0] == 0 &&
+                     layout->stride[0] == GST_VIDEO_INFO_PLANE_STRIDE(&s.picture, 0) &&
+                     gst_buffer_get_size(mask) == GST_VIDEO_INFO_SIZE(&s.picture);
+  if (!plain && !s.video_meta_welcome)
+    return nullptr;
+  GstBuffer* picture = gst_buffer_new();
+  if (!gst_buffer_copy_into(picture, mask, GST_BUFFER_COPY_MEMORY, 0, static_cast<gsize>(-1))) {
+    gst_buffer_unref(picture);
+    return nullptr;
+  }
+  gst_buffer_add_parent_buffer_meta(picture, mask);
+  gsize offset[GST_VIDEO_MAX_PLANES] = {layout->offset[0]};
+  gint stride[GST_VIDEO_MAX_PLANES] = {layout->stride[0]};
+  gst_buffer_add_video_meta_full(picture, GST_VIDEO_FRAME_FLAG_NONE, GST_VIDEO_FORMAT_GRAY8, layout->width,
+                                 layout->height, 1, offset, stride);
+  return picture;
+}
+
+GstBuffer* make_picture(GstTerrainExtract* self, const EstimateReader& reader) {
+  ExtractState& s = *self->state;
+  const Estimate& e = reader.estimate();
+  if (e.mask.empty())
+    return nullptr;
+  const int width = GST_VIDEO_INFO_WIDTH(&s.picture), height = GST_VIDEO_INFO_HEIGHT(&s.picture);
+  if (MaskScaler::is_identity(e, width, height))
+    if (GstBuffer* shared = share_mask(self, reader.mask()))
+      return shared;
+  GstBuffer* picture = nullptr;
+  if (s.pool)
+    gst_buffer_pool_acquire_buffer(s.pool, &picture, nullptr);
+  GstVideoFrame frame;
+  if (!picture || !gst_video_frame_map(&frame, &s.picture, picture, GST_MAP_WRITE)) {
+    gst_clear_buffer(&picture);
+    return nullptr;
+  }
+  s.scaler.draw(e,
+                {static_cast<std::uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, 0)),
+                 GST_VIDEO_FRAME_PLANE_STRIDE(&frame, 0)},
+                width, height);
+  gst_video_frame_unmap(&frame);
+  return picture;
+}
+
+/// Microseconds since 1970 when upstream knows the time of day, else the PTS, so that a run can be repeated.
+std::uint64_t precision_time(GstBuffer* buffer) {
+  if (const auto utc = utc_of(buffer))
+    return *utc / 1000;
+  return GST_BUFFER_PTS_IS_VALID(buffer) ? GST_BUFFER_PTS(buffer) / 1000 : 0;
+}
+
+/// The times that upstream noted (a camera's clock, NTP) are the unit's too.
+void copy_reference_timestamps(GstBuffer* unit, GstBuffer* frame) {
+  GstMetaTransformCopy whole = {FALSE, 0, static_cast<gsize>(-1)};
+  gpointer state = nullptr;
+  while (GstMeta* meta =
+             gst_buffer_iterate_meta_filtered(frame, &state, GST_REFERENCE_TIMESTAMP_META_API_TYPE))
+    if (meta->info->transform_func)
+      meta->info->transform_func(unit, meta, frame, _gst_meta_transform_copy, &whole);
+}
+
+GstBuffer* copy_of(const void* data, std::size_t size) {
+  GstBuffer* buffer = gst_buffer_new_allocate(nullptr, size, nullptr);
+  if (buffer)
+    gst_buffer_fill(buffer, 0, data, size);
+  return buffer;
+}
+
+void warn_once(GstTerrainExtract* self, const char* error) {
+  GST_WARNING_OBJECT(self, "unreadable metadata: %s", error);
+  if (std::exchange(self->state->warned, true))
+    return;
+  GST_ELEMENT_WARNING(self, STREAM, DECODE,
+                      ("Frames carry metadata that makes no sense and is passed over: %s.", error),
+                      ("%s", error));
+}
+
+/// Without a calibration nothing is known, and an autopilot is told so: that must not go unnoticed.
+void warn_unmeasured(GstTerrainExtract* self, const char* error) {
+  GST_LOG_OBJECT(self, "no metres: %s", error ? error : "no metadata");
+  if (std::exchange(self->state->warned_unmeasured, true))
+    return;
+  GST_ELEMENT_WARNING(self, STREAM, FORMAT,
+                      ("The autopilot is told that nothing is known: %s.",
+                       error ? error : "frames carry no metres (set camera-info and mount of terrainseg)"),
+                      ("GstTerrainMetricMeta is missing or cannot be read"));
+}
+
+ExtractSettings settings_of(GstTerrainExtract* self) {
+  ObjectLock lock(self);
+  return self->state->settings;
+}
+
+/// The messages of a frame; nullptr when it is not time for one.
+GstBuffer* make_messages(GstTerrainExtract* self, GstBuffer* frame) {
+  ExtractState& s = *self->state;
+  const ExtractSettings set = settings_of(self);
+  const MetricReader metres(frame, s.source.name());
+  if (!metres)
+    warn_unmeasured(self, metres.error());
+  const std::int64_t time = GST_BUFFER_PTS_IS_VALID(frame) ? static_cast<std::int64_t>(GST_BUFFER_PTS(frame))
+                                                           : g_get_monotonic_time() * 1000;
+  const auto bytes =
+      s.mavlink.at(time, precision_time(frame), metres ? &metres.metric() : nullptr,
+                   {set.mavlink_layout,
+                    set.mavlink_unknown,
+                    {static_cast<std::uint8_t>(set.system_id), static_cast<std::uint8_t>(set.component_id)}});
+  return bytes.empty() ? nullptr : copy_of(bytes.data(), bytes.size());
+}
+
+/// Position and heading of klv-position, which is read, and told when it cannot be, each time that it
+/// changes.
+void read_place(GstTerrainExtract* self, const std::string& text) {
+  ExtractState& s = *self->state;
+  if (text == s.place_text)
+    return;
+  s.place_text = text;
+  s.place = {};
+  if (text.empty())
+    return;
+  if (const char* flaw = read_position(text, s.place))
+    GST_ELEMENT_WARNING(
+        self, RESOURCE, SETTINGS,
+        ("The units carry no position, for klv-position=\"%s\" cannot be read: %s. It is "
+         "latitude,longitude,altitude or latitude,longitude,altitude,heading, such as 52.5163,13.3777,34.",
+         text.c_str(), flaw),
+        ("%s", flaw));
+}
+
+/// What is known of the camera, which is the platform of ST 0601: the attitude that the metres were measured
+/// with, and where klv-position has it.
+UasPlatform platform_of(GstTerrainExtract* self, GstBuffer* frame, const std::string& position) {
+  ExtractState& s = *self->state;
+  read_place(self, position);
+  UasPlatform platform = s.place;
+  const MetricReader metres(frame, s.source.name());
+  if (metres.error())
+    warn_once(self, metres.error());
+  if (!metres)
+    return platform;
+  // Ours are radians, pitch positive = down, yaw positive = left.
+  constexpr double degrees = 180 / G_PI;
+  const MetricEstimate& metric = metres.metric();
+  platform.attitude = UasAttitude{-metric.pitch * degrees, metric.roll * degrees};
+  if (platform.heading)
+    *platform.heading -= metric.yaw * degrees;
+  return platform;
+}
+
+GstBuffer* make_klv(GstTerrainExtract* self, GstBuffer* frame, const EstimateReader& reader) {
+  ExtractState& s = *self->state;
+  const ExtractSettings set = settings_of(self);
+  std::optional<UasPlatform> platform;
+  if (set.klv_form == KlvForm::uas_datalink)
+    platform = platform_of(self, frame, set.klv_position);
+  const auto unit = s.klv.encode(reader.estimate(), precision_time(frame), platform ? &*platform : nullptr);
+  return unit.empty() ? nullptr : copy_of(unit.data(), unit.size());
+}
+
+/// The unit of a frame; nullptr when its metadata holds nothing that this output could show.
+GstBuffer* make_unit(GstTerrainExtract* self, GstBuffer* frame, const EstimateReader& reader) {
+  ExtractState& s = *self->state;
+  if (s.output == Output::gray)
+    return make_picture(self, reader);
+  if (s.output == Output::klv)
+    return make_klv(self, frame, reader);
+  s.line.clear();
+  const std::int64_t pts =
+      GST_BUFFER_PTS_IS_VALID(frame) ? static_cast<std::int64_t>(GST_BUFFER_PTS(frame)) : -1;
+  const MetricReader metres(frame, s.source.name());
+  if (metres.error())
+    warn_once(self, metres.error());
+  LineExtras extras;
+  extras.metric = metres ? &metres.metric() : nullptr;
+  extras.utc = utc_of(frame);
+  append_json_line(s.line, reader.estimate(), pts, s.json_mask, extras);
+  return copy_of(s.line.data(), s.line.size());
+}
+
+GstFlowReturn push_gap(GstTerrainExtract* self, GstBuffer* frame) {
+  GST_LOG_OBJECT(self, "no unit for %" GST_PTR_FORMAT, printable(frame));
+  // Without a time there is nothing to say, and before the caps nobody to say it to.
+  if (self->state->negotiated && GST_BUFFER_PTS_IS_VALID(frame))
+    gst_pad_push_event(self->src, gst_event_new_gap(GST_BUFFER_PTS(frame), GST_BUFFER_DURATION(frame)));
+  return GST_PAD_IS_FLUSHING(self->src) ? GST_FLOW_FLUSHING : GST_FLOW_OK;
+}
+
+/// Says once that nothing can come out, when no frame had metadata.
+void warn_bare(GstTerrainExtract* self) {
+  ExtractState& s = *self->state;
+  if (s.bare_frames == 0 || std::exchange(s.bare_is_over, true))
+    return;
+  const std::string frames = counted(s.bare_frames, "frame");
+  const char* source = s.source.name();
+  const std::string named = source && *source ? std::string(" of source=") + source : "";
+  GST_ELEMENT_WARNING(
+      self, STREAM, FAILED,
+      ("No terrain metadata%s on the first %s, so nothing is written. Put terrainseg in front of "
+       "terrainextract, and no element between them that drops metadata (videocrop, videobox, "
+       "videoflip, compositor).",
+       named.c_str(), frames.c_str()),
+      ("no GstTerrainSegMeta%s", named.c_str()));
+}
+
+/// The first metadata ends the wait for it; a second of frames without is told.
+void watch_for_metadata(GstTerrainExtract* self, bool has_metadata) {
+  ExtractState& s = *self->state;
+  if (s.bare_is_over)
+    return;
+  constexpr std::uint64_t patience = 25;
+  if (has_metadata)
+    s.bare_is_over = true;
+  else if (++s.bare_frames == patience)
+    warn_bare(self);
+}
+
+GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
+  ExtractState& s = *self->state;
+  const EstimateReader reader(frame, s.source.name());
+  const Estimate& e = reader.estimate();
+  watch_for_metadata(self, reader || reader.error());
+  bool renegotiate = gst_pad_check_reconfigure(self->src) || !s.negotiated;
+  // Where the caps hold no size the metadata tells it.
+  if (reader && (s.video.width == 0 || !s.video.known) &&
+      (s.video.width != e.frame_width || s.video.height != e.frame_height)) {
+    s.video.width = e.frame_width;
+    s.video.height = e.frame_height;
+    s.video.known = false;
+    renegotiate = true;
+  }
+  if (renegotiate && !negotiate(self)) {
+    gst_pad_mark_reconfigure(self->src);
+    return GST_PAD_IS_FLUSHING(self->src) ? GST_FLOW_FLUSHING : GST_FLOW_NOT_NEGOTIATED;
+  }
+  if (reader.error())
+    warn_once(self, reader.error());
+  // An autopilot takes silence for a free way: it hears of frames that nothing is known of, too.
+  const bool to_autopilot = s.negotiated && s.output == Output::mavlink;
+  if (!to_autopilot && (!reader || !s.negotiated))
+    return push_gap(self, frame);
+  GstBuffer* unit = to_autopilot ? make_messages(self, frame) : make_unit(self, frame, reader);
+  if (!unit)
+    return push_gap(self, frame);
+  GST_LOG_OBJECT(self, "frame %" G_GUINT64_FORMAT " as a unit of %" G_GSIZE_FORMAT " bytes", e.frame,
+                 gst_buffer_get_size(unit));
+  GST_BUFFER_PTS(unit) = GST_BUFFER_PTS(frame);
+  GST_BUFFER_DURATION(unit) = GST_BUFFER_DURATION(frame);
+  // Behind an encoder with B-frames units come in coding order, which muxers need to be told.
+  GST_BUFFER_DTS(unit) = s.output == Output::gray ? GST_CLOCK_TIME_NONE : GST_BUFFER_DTS(frame);
+  copy_reference_timestamps(unit, frame);
+  if (GST_BUFFER_IS_DISCONT(frame))
+    GST_BUFFER_FLAG_SET(unit, GST_BUFFER_FLAG_DISCONT);
+  return gst_pad_push(self->src, unit);
+}
+
+GstFlowReturn chain(GstPad*, GstObject* parent, GstBuffer* frame) {
+  GstTerrainExtract* self = self_of(parent);
+  const GstFlowReturn flow = guarded(self, GST_FLOW_ERROR, [&] { return extract(self, frame); });
+  gst_buffer_unref(frame);
+  return flow;
+}
+
+// ---- events and queries ----------------------------------------------------------------------------------
+
+gboolean take_caps(GstTerrainExtract* self, GstEvent* event) {
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
+  if (!is_video(caps)) {
+    GST_ELEMENT_ERROR(self, STREAM, WRONG_TYPE,
+                      ("terrainextract takes video, raw or encoded, and this is %s.",
+                       gst_structure_get_name(gst_caps_get_structure(caps, 0))),
+                      ("caps %" GST_PTR_FORMAT, printable(caps)));
+    gst_event_unref(event);
+    return FALSE;
+  }
+  self->state->video = video_of(caps);
+  gst_event_unref(event);
+  gst_pad_check_reconfigure(self->src); // done now
+  // A failure here may be one of the moment (a flush); the next frame tries again and reports.
+  if (!negotiate(self))
+    gst_pad_mark_reconfigure(self->src);
+  return TRUE;
+}
+
+/// The units are a stream of their own beside the video.
+GstEvent* own_stream(GstTerrainExtract* self, GstEvent* event) {
+  gchar* id = gst_pad_create_stream_id(self->src, GST_ELEMENT(self), "terrain");
+  GstEvent* own = gst_event_new_stream_start(id);
+  g_free(id);
+  guint group = 0;
+  if (gst_event_parse_group_id(event, &group))
+    gst_event_set_group_id(own, group);
+  GstStreamFlags flags = GST_STREAM_FLAG_NONE;
+  gst_event_parse_stream_flags(event, &flags);
+  gst_event_set_stream_flags(own, flags);
+  gst_event_set_seqnum(own, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  return own;
+}
+
+gboolean sink_event(GstPad* pad, GstObject* parent, GstEvent* event) {
+  GstTerrainExtract* self = self_of(parent);
+  ExtractState& s = *self->state;
+  switch (GST_EVENT_TYPE(event)) {
+  case GST_EVENT_STREAM_START:
+    return gst_pad_push_event(self->src, own_stream(self, event));
+  case GST_EVENT_CAPS:
+    return guarded<gboolean>(self, FALSE, [&] { return take_caps(self, event); });
+  case GST_EVENT_SEGMENT:
+    if (gst_pad_has_current_caps(self->src))
+      break;
+    gst_clear_event(&s.held_segment);
+    s.held_segment = event;
+    return TRUE;
+  case GST_EVENT_EOS:
+    warn_bare(self);
+    break;
+  case GST_EVENT_GAP:
+    if (s.negotiated)
+      break;
+    gst_event_unref(event);
+    return TRUE;
+  case GST_EVENT_TAG: {
+    // The video's codec and bitrate say nothing of the units.
+    GstTagList* tags = nullptr;
+    gst_event_parse_tag(event, &tags);
+    if (gst_tag_list_get_scope(tags) == GST_TAG_SCOPE_GLOBAL)
+      break;
+    gst_event_unref(event);
+    return TRUE;
+  }
+  case GST_EVENT_FLUSH_STOP:
+    gst_clear_event(&s.held_segment);
+    s.mavlink.restart();
+    break;
+  default:
+    break;
+  }
+  return gst_pad_event_default(pad, parent, event);
+}
+
+/// Of a plain FALSE the pad that sends a sticky event again makes an error, also while this element is only
+/// being stopped: its output goes first.
+GstFlowReturn sink_event_full(GstPad* pad, GstObject* parent, GstEvent* event) {
+  const bool caps = GST_EVENT_TYPE(event) == GST_EVENT_CAPS;
+  if (sink_event(pad, parent, event))
+    return GST_FLOW_OK;
+  return GST_PAD_IS_FLUSHING(self_of(parent)->src) ? GST_FLOW_FLUSHING
+         : caps                                    ? GST_FLOW_NOT_NEGOTIATED
+                                                   : GST_FLOW_ERROR;
+}
+
+gboolean sink_query(GstPad* pad, GstObject* parent, GstQuery* query) {
+  if (GST_QUERY_TYPE(query) != GST_QUERY_ALLOCATION)
+    return gst_pad_query_default(pad, parent, query);
+  // No pixel is read here, so whatever the other branches of a tee want is right.
+  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+  return TRUE;
+}
+
+gboolean src_event(GstPad* pad, GstObject* parent, GstEvent* event) {
+  switch (GST_EVENT_TYPE(event)) {
+  case GST_EVENT_QOS:         // a slow reader of masks must not make the camera's branch drop frames
+  case GST_EVENT_RECONFIGURE: // settled here: the pad has noted it
+    gst_event_unref(event);
+    return TRUE;
+  default:
+    return gst_pad_event_default(pad, parent, event);
+  }
+}
+
+// ---- the object ------------------------------------------------------------------------------------------
+
+GstStateChangeReturn change_state(GstElement* element, GstStateChange transition) {
+  const GstStateChangeReturn result =
+      GST_ELEMENT_CLASS(gst_terrain_extract_parent_class)->change_state(element, transition);
+  if (transition == GST_STATE_CHANGE_PAUSED_TO_READY)
+    self_of(element)->state->reset();
+  return result;
+}
+
+void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  if (id == property_json_mask)
+    self_of(object)->state->json_mask = g_value_get_boolean(value);
+  else if (id == property_source)
+    self_of(object)->state->source.set(value);
+  else if (id < property_output + std::size(output_table)) {
+    ObjectLock lock(object);
+    set_field(output_table[id - property_output], self_of(object)->state->settings, value);
+  } else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+}
+
+void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
+  if (id == property_json_mask)
+    g_value_set_boolean(value, self_of(object)->state->json_mask);
+  else if (id == property_source)
+    self_of(object)->state->source.get(value);
+  else if (id < property_output + std::size(output_table)) {
+    ObjectLock lock(object);
+    get_field(output_table[id - property_output], self_of(object)->state->settings, value);
+  } else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+}
+
+void finalize(GObject* object) {
+  std::destroy_at(self_of(object)->state);
+  G_OBJECT_CLASS(gst_terrain_extract_parent_class)->finalize(object);
+}
+
+} // namespace
+
+static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
+  GST_DEBUG_CATEGORY_INIT(terrainextract_debug, "terrainextract", 0,
+                          "terrain masks, lines, KLV and MAVLink from metadata");
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = set_property;
+  object_class->get_property = get_property;
+  object_class->finalize = finalize;
+  g_object_class_install_property(
+      object_class, property_json_mask,
+      g_param_spec_boolean(
+          "json-mask", "JSON mask", "Adds the mask as run lengths to the lines of application/x-ndjson",
+          FALSE,
+          static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
+  NameProperty::install_source(object_class, property_source);
+  install_properties<ExtractSettings>(object_class, property_output, output_table);
+  mark_enums_as_plugin_api(object_class);
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->change_state = change_state;
+  gst_element_class_add_static_pad_template(element_class, &sink_template);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_set_static_metadata(element_class, "Terrain extractor", "Formatter/Metadata/Video",
+                                        "Turns the terrain metadata of video into mask pictures, JSON lines, "
+                                        "MISB ST 0903 KLV or MAVLink",
+                                        "terrainseg maintainers");
+}
+
+static void gst_terrain_extract_init(GstTerrainExtract* self) {
+  self->state = self->memory.make();
+  self->sink = gst_pad_new_from_static_template(&sink_template, "sink");
+  gst_pad_set_chain_function(self->sink, chain);
+  gst_pad_set_event_full_function(self->sink, sink_event_full);
+  gst_pad_set_query_function(self->sink, sink_query);
+  gst_element_add_pad(GST_ELEMENT(self), self->sink);
+  self->src = gst_pad_new_from_static_template(&src_template, "src");
+  gst_pad_set_event_function(self->src, src_event);
+  gst_element_add_pad(GST_ELEMENT(self), self->src);
+}

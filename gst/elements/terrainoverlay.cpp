@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "elements/terrainoverlay.hpp"
+
+#include <gst/base/gstbasetransform.h>
+
+#include "support/estimate_meta.hpp"
+#include "support/guarded.hpp"
+#include "support/instance_state.hpp"
+#include "support/metric_drawing.hpp"
+#include "support/metric_meta.hpp"
+#include "support/name_property.hpp"
+#include "support/object.hpp"
+#include "support/overlay_properties.hpp"
+#include "support/plugin_api.hpp"
+#include "support/transform.hpp"
+#include "support/video_frame.hpp"
+
+GST_DEBUG_CATEGORY_STATIC(terrainoverlay_debug);
+#define GST_CAT_DEFAULT terrainoverlay_debug
+
+namespace terrainseg {
+
+/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
+/// none.
+struct OverlayState {
+  OverlaySettings settings; // object lock
+  NameProperty source;
+  GstVideoInfo info;     // streaming
+  bool warned = false;   // streaming; damaged metadata is told once a stream
+  MetricDrawing drawing; // streaming
+
+  OverlayState() noexcept { gst_video_info_init(&info); }
+};
+
+} // namespace terrainseg
+
+using namespace terrainseg;
+
+/**
+ * SECTION:element-terrainoverlay
+ * @title: terrainoverlay
+ * @short_description: draws traversable terrain from metadata
+ *
+ * Draws the metadata of terrainseg onto the frames that carry it: after a tee, after a decoder, at a ground
+ * station.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 terrainscenesrc num-buffers=60 ! terrainseg ! terrainoverlay overlay-style=contour !
+ * videoconvert ! autovideosink
+ * ]|
+ *
+ * Since: 0.1
+ */
+struct GstTerrainOverlay {
+  GstBaseTransform parent;
+  OverlayState* state; // in `memory`
+  InstanceMemory<OverlayState> memory;
+};
+struct GstTerrainOverlayClass {
+  GstBaseTransformClass parent_class;
+};
+
+G_DEFINE_TYPE(GstTerrainOverlay, gst_terrain_overlay, GST_TYPE_BASE_TRANSFORM)
+GST_ELEMENT_REGISTER_DEFINE(terrainoverlay, "terrainoverlay", GST_RANK_NONE, gst_terrain_overlay_get_type())
+
+namespace {
+
+constexpr guint first_property = 1, property_source = first_property + overlay_property_count;
+
+GstTerrainOverlay* self_of(gpointer object) {
+  return reinterpret_cast<GstTerrainOverlay*>(object);
+}
+
+void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  if (id == property_source) {
+    self_of(object)->state->source.set(value);
+    return;
+  }
+  if (id < first_property || id >= first_property + overlay_property_count) {
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+    return;
+  }
+  ObjectLock lock(object);
+  set_overlay_property(self_of(object)->state->settings, id - first_property, value);
+}
+
+void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
+  if (id == property_source) {
+    self_of(object)->state->source.get(value);
+    return;
+  }
+  if (id < first_property || id >= first_property + overlay_property_count) {
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+    return;
+  }
+  ObjectLock lock(object);
+  get_overlay_property(self_of(object)->state->settings, id - first_property, value);
+}
+
+gboolean start(GstBaseTransform* transform) {
+  self_of(transform)->state->warned = false;
+  return TRUE;
+}
+
+gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
+  GstVideoInfo info;
+  if (!gst_video_info_from_caps(&info, caps)) {
+    GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("The video format cannot be understood."),
+                      ("caps %" GST_PTR_FORMAT, printable(caps)));
+    return FALSE;
+  }
+  GST_DEBUG_OBJECT(transform, "caps %" GST_PTR_FORMAT, printable(caps));
+  self_of(transform)->state->info = info;
+  return TRUE;
+}
+
+gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query, GstQuery* query) {
+  if (!GST_BASE_TRANSFORM_CLASS(gst_terrain_overlay_parent_class)
+           ->propose_allocation(transform, decide_query, query))
+    return FALSE;
+  propose_video_allocation(query);
+  return TRUE;
+}
+
+void before_transform(GstBaseTransform* transform, GstBuffer* buffer) {
+  sync_controlled(transform, buffer);
+}
+
+PaintStyle style_of(gpointer object, const OverlayState& s) {
+  ObjectLock lock(object);
+  return s.settings.paint();
+}
+
+GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buffer) {
+  const PaintStyle style = style_of(transform, s);
+  const EstimateReader reader(buffer, s.source.name());
+  GST_LOG_OBJECT(transform, "%s: %" GST_PTR_FORMAT,
+                 reader           ? "draws on"
+                 : reader.error() ? reader.error()
+                                  : "no metadata of that source on",
+                 printable(buffer));
+  if (!reader) {
+    if (reader.error() && !s.warned) {
+      s.warned = true;
+      GST_ELEMENT_WARNING(
+          transform, STREAM, FAILED,
+          ("Metadata that makes no sense was not drawn: %s. Frames like this pass as they are.",
+           reader.error()),
+          ("buffer %" GST_PTR_FORMAT ": %s", printable(buffer), reader.error()));
+    }
+    return GST_FLOW_OK;
+  }
+  const bool invisible = style.style != OverlayStyle::mask && (style.alpha == 0 || style.color >> 24 == 0);
+  if (invisible)
+    return GST_FLOW_OK;
+  // Mapping for writing copies the pixels when somebody else holds them too; a frame that is not drawn on is
+  // never mapped.
+  const MappedFrame frame(s.info, buffer, GST_MAP_READWRITE);
+  if (!frame) {
+    report_unusable(transform, buffer, frame);
+    return GST_FLOW_ERROR;
+  }
+  const MutableFrame view = frame.mutable_view();
+  paint(view, reader.estimate(), style);
+  if (const MetricReader metres(buffer, s.source.name()); metres)
+    paint_metres(view,
+                 s.drawing.make(reader.estimate(), metres.metric(), style.style, view.width, view.height),
+                 style);
+  return GST_FLOW_OK;
+}
+
+GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
+  return guarded(transform, GST_FLOW_ERROR,
+                 [&] { return draw(transform, *self_of(transform)->state, buffer); });
+}
+
+void finalize(GObject* object) {
+  std::destroy_at(self_of(object)->state);
+  G_OBJECT_CLASS(gst_terrain_overlay_parent_class)->finalize(object);
+}
+
+} // namespace
+
+static void gst_terrain_overlay_init(GstTerrainOverlay* self) {
+  self->state = self->memory.make();
+  auto* transform = GST_BASE_TRANSFORM(self);
+  gst_base_transform_set_in_place(transform, TRUE);
+  gst_base_transform_set_gap_aware(transform, TRUE);
+}
+
+static void gst_terrain_overlay_class_init(GstTerrainOverlayClass* klass) {
+  GST_DEBUG_CATEGORY_INIT(terrainoverlay_debug, "terrainoverlay", 0,
+                          "Draws traversable terrain from metadata");
+  auto* object_class = G_OBJECT_CLASS(klass);
+  auto* element_class = GST_ELEMENT_CLASS(klass);
+  auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
+
+  object_class->set_property = set_property;
+  object_class->get_property = get_property;
+  object_class->finalize = finalize;
+  install_overlay_properties(object_class, first_property);
+  NameProperty::install_source(object_class, property_source);
+
+  mark_enums_as_plugin_api(object_class);
+  gst_element_class_set_static_metadata(element_class, "Traversable terrain overlay", "Filter/Editor/Video",
+                                        "Draws the metadata of terrainseg onto the frames that carry it",
+                                        "The terrainseg developers");
+  add_video_pad_templates(element_class);
+
+  transform_class->start = start;
+  transform_class->set_caps = set_caps;
+  transform_class->propose_allocation = propose_allocation;
+  transform_class->before_transform = before_transform;
+  transform_class->transform_ip = transform_ip;
+}

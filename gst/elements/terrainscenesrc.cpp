@@ -1,0 +1,511 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "elements/terrainscenesrc.hpp"
+
+#include <gst/base/gstpushsrc.h>
+#include <gst/terrainseg/terrainsegmeta.h>
+
+#include <iterator>
+#include <memory>
+
+#include "scene/scene.hpp"
+#include "support/estimate_meta.hpp"
+#include "support/guarded.hpp"
+#include "support/instance_state.hpp"
+#include "support/object.hpp"
+#include "support/plugin_api.hpp"
+#include "support/properties.hpp"
+#include "support/video_frame.hpp"
+
+GST_DEBUG_CATEGORY_STATIC(terrainscenesrc_debug);
+#define GST_CAT_DEFAULT terrainscenesrc_debug
+
+namespace terrainseg {
+
+/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
+/// none.
+struct SceneSourceState {
+  scene::Settings settings; // object lock
+
+  GstVideoInfo info;        // written by streaming under the object lock, which others read under
+  scene::Settings rendered; // streaming; what the renderer was made for
+  std::unique_ptr<scene::Renderer> renderer; // streaming
+  std::uint64_t frame = 0;                   // streaming; number of the next frame
+  std::uint64_t first_frame = 0;             // streaming; since the frame rate is what it is
+  GstClockTime first_time = 0;               // streaming; of first_frame
+  bool reverse = false;                      // streaming; `frame` is one more than the next
+  bool skipped = false;                      // streaming; the next buffer is a discontinuity
+  GstClockTimeDiff punctual = G_MAXINT64;    // streaming; least lateness of a live frame
+
+  SceneSourceState() noexcept { gst_video_info_init(&info); }
+
+  bool still() const { return GST_VIDEO_INFO_FPS_N(&info) == 0; }
+  /// When frame n is shown; valid only with a frame rate.
+  GstClockTime time_of(std::uint64_t n) const {
+    return first_time + gst_util_uint64_scale(n - first_frame, GST_VIDEO_INFO_FPS_D(&info) * GST_SECOND,
+                                              GST_VIDEO_INFO_FPS_N(&info));
+  }
+};
+
+} // namespace terrainseg
+
+using namespace terrainseg;
+
+/**
+ * SECTION:element-terrainscenesrc
+ * @title: terrainscenesrc
+ * @short_description: a rendered view of a rover with its truth
+ *
+ * Renders the view of a moving rover. The true label of every pixel and the true horizon go with each frame
+ * as `GstTerrainTruthMeta`.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 terrainscenesrc num-buffers=60 scene=trail ! videoconvert ! autovideosink
+ * ]|
+ *
+ * Since: 0.1
+ */
+struct GstTerrainSceneSrc {
+  GstPushSrc parent;
+  SceneSourceState* state; // in `memory`
+  InstanceMemory<SceneSourceState> memory;
+};
+struct GstTerrainSceneSrcClass {
+  GstPushSrcClass parent_class;
+};
+
+G_DEFINE_TYPE(GstTerrainSceneSrc, gst_terrain_scene_src, GST_TYPE_PUSH_SRC)
+GST_ELEMENT_REGISTER_DEFINE(terrainscenesrc, "terrainscenesrc", GST_RANK_NONE,
+                            gst_terrain_scene_src_get_type())
+
+namespace {
+
+constexpr int default_width = 640, default_height = 360, default_rate = 30;
+
+SceneSourceState& state_of(gpointer object) {
+  return *reinterpret_cast<GstTerrainSceneSrc*>(object)->state;
+}
+
+template <class E> constexpr int number_of(E value) {
+  return static_cast<int>(value);
+}
+
+GType plugin_enum(const char* name, const GEnumValue* values) {
+  const GType type = g_enum_register_static(name, values);
+  gst_type_mark_as_plugin_api(type, static_cast<GstPluginAPIFlags>(0));
+  return type;
+}
+
+GType scene_type() {
+  static const GEnumValue values[] = {
+      {number_of(scene::Kind::road), "Asphalt with markings, cars, houses or verges", "road"},
+      {number_of(scene::Kind::trail), "A dirt path through grass, bushes and trees", "trail"},
+      {number_of(scene::Kind::corridor), "Floor, walls, doors and furniture", "corridor"},
+      {number_of(scene::Kind::plain), "Sand or regolith with rocks and far hills", "plain"},
+      {0, nullptr, nullptr}};
+  static const GType type = plugin_enum("GstTerrainSceneSrcScene", values);
+  return type;
+}
+
+GType light_type() {
+  static const GEnumValue values[] = {
+      {number_of(scene::Light::day), "Sun or bright lamps", "day"},
+      {number_of(scene::Light::dusk), "A dark picture from a noisy sensor", "dusk"},
+      {number_of(scene::Light::drift), "Day, while exposure and white balance wander", "drift"},
+      {0, nullptr, nullptr}};
+  static const GType type = plugin_enum("GstTerrainSceneSrcLight", values);
+  return type;
+}
+
+GType motion_type() {
+  static const GEnumValue values[] = {
+      {number_of(scene::Motion::straight), "Along a straight path", "straight"},
+      {number_of(scene::Motion::turn), "Along a winding path, now and then turning in place", "turn"},
+      {number_of(scene::Motion::bumpy), "Over rough ground: the horizon pitches and rolls", "bumpy"},
+      {number_of(scene::Motion::still), "The rover stands", "still"},
+      {0, nullptr, nullptr}};
+  static const GType type = plugin_enum("GstTerrainSceneSrcMotion", values);
+  return type;
+}
+
+// ---- properties ------------------------------------------------------------------------------------------
+
+const Property<scene::Settings> table[] = {
+    {"scene", "Scene", "Kind of place that the rover drives through", property_playing,
+     TERRAINSEG_CHOICE(scene::Settings, kind, scene_type)},
+    {"light", "Light", "Light, and how steady exposure and white balance are", property_playing,
+     TERRAINSEG_CHOICE(scene::Settings, light, light_type)},
+    {"motion", "Motion", "How the rover moves; each frame is 1/30 s of its world, whatever the frame rate",
+     property_playing, TERRAINSEG_CHOICE(scene::Settings, motion, motion_type)},
+    {"seed", "Seed", "Chooses the place: another number, another road, trail, corridor or plain",
+     property_playing,
+     NumberField<scene::Settings, std::uint32_t>{TERRAINSEG_FIELD(scene::Settings, seed), 0, G_MAXUINT32}},
+    {"obstacles", "Obstacles", "Share of the places for an obstacle that have one, in percent",
+     property_playing,
+     NumberField<scene::Settings, int>{TERRAINSEG_FIELD(scene::Settings, obstacles), 0, 100}},
+};
+constexpr guint id_is_live = std::size(table) + 1;
+
+void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  if (id == id_is_live) {
+    gst_base_src_set_live(GST_BASE_SRC(object), g_value_get_boolean(value));
+    return;
+  }
+  ObjectLock lock(object);
+  if (id >= 1 && id < id_is_live)
+    set_field(table[id - 1], state_of(object).settings, value);
+  else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+}
+
+scene::Settings settings_of(gpointer object) {
+  ObjectLock lock(object);
+  return state_of(object).settings;
+}
+
+void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
+  if (id == id_is_live)
+    g_value_set_boolean(value, gst_base_src_is_live(GST_BASE_SRC(object)));
+  else if (id >= 1 && id < id_is_live)
+    get_field(table[id - 1], settings_of(object), value);
+  else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+}
+
+// ---- negotiation -----------------------------------------------------------------------------------------
+
+GstCaps* fixate(GstBaseSrc* source, GstCaps* caps) {
+  caps = gst_caps_make_writable(caps);
+  GstStructure* fields = gst_caps_get_structure(caps, 0);
+  gst_structure_fixate_field_nearest_int(fields, "width", default_width);
+  gst_structure_fixate_field_nearest_int(fields, "height", default_height);
+  gst_structure_fixate_field_nearest_fraction(fields, "framerate", default_rate, 1);
+  if (gst_structure_has_field(fields, "pixel-aspect-ratio"))
+    gst_structure_fixate_field_nearest_fraction(fields, "pixel-aspect-ratio", 1, 1);
+  if (gst_structure_has_field(fields, "interlace-mode"))
+    gst_structure_fixate_field_string(fields, "interlace-mode", "progressive");
+  return GST_BASE_SRC_CLASS(gst_terrain_scene_src_parent_class)->fixate(source, caps);
+}
+
+gboolean set_caps(GstBaseSrc* source, GstCaps* caps) {
+  SceneSourceState& s = state_of(source);
+  GstVideoInfo info;
+  if (!gst_video_info_from_caps(&info, caps) || !pixel_format_of(GST_VIDEO_INFO_FORMAT(&info))) {
+    GST_ELEMENT_ERROR(source, CORE, NEGOTIATION, ("The video format cannot be rendered."),
+                      ("caps %" GST_PTR_FORMAT, printable(caps)));
+    return FALSE;
+  }
+  if (GST_VIDEO_INFO_IS_INTERLACED(&info)) {
+    GST_ELEMENT_ERROR(source, CORE, NEGOTIATION,
+                      ("terrainscenesrc renders progressive video only: put \"interlace\" behind it."),
+                      ("caps %" GST_PTR_FORMAT, printable(caps)));
+    return FALSE;
+  }
+  // Time goes on where the old rate left it.
+  if (GST_VIDEO_INFO_FORMAT(&s.info) != GST_VIDEO_FORMAT_UNKNOWN && !s.still())
+    s.first_time = s.time_of(s.frame);
+  s.first_frame = s.frame;
+  s.punctual = G_MAXINT64;
+  if (GST_VIDEO_INFO_WIDTH(&info) != GST_VIDEO_INFO_WIDTH(&s.info) ||
+      GST_VIDEO_INFO_HEIGHT(&info) != GST_VIDEO_INFO_HEIGHT(&s.info))
+    s.renderer.reset();
+  const bool other_rate = GST_VIDEO_INFO_FPS_N(&info) != GST_VIDEO_INFO_FPS_N(&s.info) ||
+                          GST_VIDEO_INFO_FPS_D(&info) != GST_VIDEO_INFO_FPS_D(&s.info);
+  {
+    ObjectLock lock(source);
+    s.info = info;
+  }
+  if (other_rate && gst_base_src_is_live(source)) // a frame is another time now
+    gst_element_post_message(GST_ELEMENT(source), gst_message_new_latency(GST_OBJECT(source)));
+  return TRUE;
+}
+
+gboolean decide_allocation(GstBaseSrc* source, GstQuery* query) {
+  SceneSourceState& s = state_of(source);
+  GstCaps* caps = nullptr;
+  gst_query_parse_allocation(query, &caps, nullptr);
+  GstBufferPool* pool = nullptr;
+  guint size = static_cast<guint>(GST_VIDEO_INFO_SIZE(&s.info)), least = 0, most = 0;
+  const bool offered = gst_query_get_n_allocation_pools(query) > 0;
+  if (offered) {
+    guint wanted = 0;
+    gst_query_parse_nth_allocation_pool(query, 0, &pool, &wanted, &least, &most);
+    size = MAX(size, wanted);
+  }
+  if (!pool)
+    pool = gst_video_buffer_pool_new();
+  GstStructure* config = gst_buffer_pool_get_config(pool);
+  gst_buffer_pool_config_set_params(config, caps, size, least, most);
+  if (gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr))
+    gst_buffer_pool_config_add_option(config, GST_BUFFER_POOL_OPTION_VIDEO_META);
+  if (!gst_buffer_pool_set_config(pool, config)) {
+    // A pool that insists on its own: not ours.
+    gst_object_unref(pool);
+    pool = gst_video_buffer_pool_new();
+    config = gst_buffer_pool_get_config(pool);
+    gst_buffer_pool_config_set_params(config, caps, size, 0, 0);
+    gst_buffer_pool_set_config(pool, config);
+  }
+  if (offered)
+    gst_query_set_nth_allocation_pool(query, 0, pool, size, least, most);
+  else
+    gst_query_add_allocation_pool(query, pool, size, least, most);
+  gst_object_unref(pool);
+  return GST_BASE_SRC_CLASS(gst_terrain_scene_src_parent_class)->decide_allocation(source, query);
+}
+
+// ---- time ------------------------------------------------------------------------------------------------
+
+gboolean start(GstBaseSrc* source) {
+  SceneSourceState& s = state_of(source);
+  s.frame = s.first_frame = 0;
+  s.first_time = 0;
+  s.reverse = s.skipped = false;
+  s.punctual = G_MAXINT64;
+  ObjectLock lock(source);
+  gst_video_info_init(&s.info);
+  return TRUE;
+}
+
+gboolean stop(GstBaseSrc* source) {
+  state_of(source).renderer.reset();
+  return TRUE;
+}
+
+gboolean is_seekable(GstBaseSrc* source) {
+  return !gst_base_src_is_live(source);
+}
+
+gboolean do_seek(GstBaseSrc* source, GstSegment* segment) {
+  SceneSourceState& s = state_of(source);
+  segment->time = segment->start;
+  s.first_frame = 0;
+  s.first_time = 0;
+  s.reverse = segment->rate < 0;
+  if (s.reverse && !GST_CLOCK_TIME_IS_VALID(segment->stop) && !GST_CLOCK_TIME_IS_VALID(segment->duration))
+    return FALSE; // backwards from an end that there is not
+  const guint64 rate_n = static_cast<guint64>(GST_VIDEO_INFO_FPS_N(&s.info)),
+                rate_d = static_cast<guint64>(GST_VIDEO_INFO_FPS_D(&s.info)) * GST_SECOND;
+  if (rate_n == 0) {
+    s.frame = s.reverse ? 1 : 0;
+    return TRUE;
+  }
+  // Frame n starts at floor(n * rate_d / rate_n): forward the last frame that starts at or before the
+  // position, backward those that start before it.
+  if (s.reverse)
+    s.frame = gst_util_uint64_scale_ceil(segment->position, rate_n, rate_d);
+  else
+    s.frame = gst_util_uint64_scale_ceil(segment->position + 1, rate_n, rate_d) - 1;
+  return TRUE;
+}
+
+GstVideoInfo info_of(GstBaseSrc* source) {
+  ObjectLock lock(source);
+  return state_of(source).info;
+}
+
+gboolean query(GstBaseSrc* source, GstQuery* query) {
+  const GstVideoInfo info = info_of(source);
+  switch (GST_QUERY_TYPE(query)) {
+  case GST_QUERY_LATENCY: // a camera gives a frame when it is exposed, which takes as long as the frame
+    if (GST_VIDEO_INFO_FPS_N(&info) <= 0)
+      break;
+    gst_query_set_latency(
+        query, gst_base_src_is_live(source),
+        gst_util_uint64_scale(GST_SECOND, GST_VIDEO_INFO_FPS_D(&info), GST_VIDEO_INFO_FPS_N(&info)),
+        GST_CLOCK_TIME_NONE);
+    return TRUE;
+  case GST_QUERY_CONVERT: {
+    GstFormat from, to;
+    gint64 value = 0, converted = 0;
+    gst_query_parse_convert(query, &from, &value, &to, nullptr);
+    if (!gst_video_info_convert(&info, from, value, to, &converted))
+      return FALSE;
+    gst_query_set_convert(query, from, value, to, converted);
+    return TRUE;
+  }
+  case GST_QUERY_DURATION: {
+    GstFormat format;
+    gst_query_parse_duration(query, &format, nullptr);
+    gint frames = -1;
+    g_object_get(source, "num-buffers", &frames, nullptr);
+    if (frames < 0 || GST_VIDEO_INFO_FPS_N(&info) == 0)
+      break;
+    if (format == GST_FORMAT_DEFAULT) {
+      gst_query_set_duration(query, format, frames);
+      return TRUE;
+    }
+    if (format == GST_FORMAT_TIME) {
+      gst_query_set_duration(query, format,
+                             static_cast<gint64>(gst_util_uint64_scale(
+                                 static_cast<guint64>(frames), GST_VIDEO_INFO_FPS_D(&info) * GST_SECOND,
+                                 GST_VIDEO_INFO_FPS_N(&info))));
+      return TRUE;
+    }
+    break;
+  }
+  default:
+    break;
+  }
+  return GST_BASE_SRC_CLASS(gst_terrain_scene_src_parent_class)->query(source, query);
+}
+
+void get_times(GstBaseSrc* source, GstBuffer* buffer, GstClockTime* from, GstClockTime* to) {
+  if (!gst_base_src_is_live(source) || !GST_BUFFER_PTS_IS_VALID(buffer))
+    return;
+  *from = GST_BUFFER_PTS(buffer);
+  if (GST_BUFFER_DURATION_IS_VALID(buffer))
+    *to = *from + GST_BUFFER_DURATION(buffer);
+}
+
+/// A camera that is too slow loses frames, it does not fall behind. The base class shifts a live source's
+/// time stamps by what starting took, so that lateness is told by the most punctual frame so far.
+void skip_missed(GstBaseSrc* source, SceneSourceState& s) {
+  if (!gst_base_src_is_live(source) || s.still())
+    return;
+  GstClock* clock = gst_element_get_clock(GST_ELEMENT(source));
+  if (!clock)
+    return;
+  const GstClockTime running = gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(source));
+  gst_object_unref(clock);
+  const GstClockTimeDiff behind = GST_CLOCK_DIFF(s.time_of(s.frame), running);
+  s.punctual = MIN(s.punctual, behind);
+  const auto late = static_cast<GstClockTime>(behind - s.punctual),
+             duration = s.time_of(s.frame + 1) - s.time_of(s.frame);
+  if (late < 2 * duration)
+    return;
+  GST_DEBUG_OBJECT(source, "late by %" GST_TIME_FORMAT ": frames from %" G_GUINT64_FORMAT " on are lost",
+                   GST_TIME_ARGS(late), s.frame);
+  // Not late / duration, which is 0 with more frames than nanoseconds.
+  s.frame +=
+      gst_util_uint64_scale(late, GST_VIDEO_INFO_FPS_N(&s.info), GST_VIDEO_INFO_FPS_D(&s.info) * GST_SECOND);
+  s.skipped = true;
+}
+
+// ---- frames ----------------------------------------------------------------------------------------------
+
+/// Renders the next frame. False after an error was posted.
+void set_truth(GstStructure* truth, GstBuffer* labels, int horizon, const scene::View& view) {
+  gst_structure_set(truth, "labels", GST_TYPE_BUFFER, labels, "horizon-row", G_TYPE_INT, horizon,
+                    "camera-height", G_TYPE_DOUBLE, view.height, "focal-length", G_TYPE_DOUBLE, view.focal,
+                    "pitch", G_TYPE_DOUBLE, view.pitch, "roll", G_TYPE_DOUBLE, view.roll, "center-x",
+                    G_TYPE_DOUBLE, view.center_x, "center-y", G_TYPE_DOUBLE, view.center_y, nullptr);
+}
+
+bool render(GstBaseSrc* source, SceneSourceState& s, std::uint64_t number, GstBuffer* buffer) {
+  const scene::Settings wanted = settings_of(source);
+  const int width = GST_VIDEO_INFO_WIDTH(&s.info), height = GST_VIDEO_INFO_HEIGHT(&s.info);
+  if (!s.renderer || wanted != s.rendered) {
+    s.renderer.reset();
+    s.renderer = std::make_unique<scene::Renderer>(wanted, width, height);
+    s.rendered = wanted;
+  }
+  GstBuffer* labels = new_mask_buffer(width, height);
+  GstMapInfo map;
+  if (!labels || !gst_buffer_map(labels, &map, GST_MAP_WRITE)) {
+    gst_clear_buffer(&labels);
+    GST_ELEMENT_ERROR(source, RESOURCE, NO_SPACE_LEFT, ("There is no memory for the labels."),
+                      ("%d x %d", width, height));
+    return false;
+  }
+  int horizon = -1;
+  {
+    const MappedFrame frame(s.info, buffer, GST_MAP_WRITE);
+    if (!frame) {
+      gst_buffer_unmap(labels, &map);
+      gst_buffer_unref(labels);
+      report_unusable(source, buffer, frame);
+      return false;
+    }
+    horizon = s.renderer->render(number, frame.mutable_view(), {map.data, width});
+  }
+  gst_buffer_unmap(labels, &map);
+  if (GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, GST_TERRAIN_TRUTH_META_NAME))
+    set_truth(gst_custom_meta_get_structure(meta), labels, horizon, s.renderer->view_of(number));
+  gst_buffer_unref(labels);
+  return true;
+}
+
+GstFlowReturn fill(GstPushSrc* push, GstBuffer* buffer) {
+  auto* source = GST_BASE_SRC(push);
+  SceneSourceState& s = state_of(push);
+  if (GST_VIDEO_INFO_FORMAT(&s.info) == GST_VIDEO_FORMAT_UNKNOWN) {
+    GST_ELEMENT_ERROR(source, CORE, NEGOTIATION, ("No video format was negotiated."),
+                      ("fill() before set_caps()"));
+    return GST_FLOW_NOT_NEGOTIATED;
+  }
+  if (s.reverse ? s.frame == 0 : s.still() && s.frame == 1)
+    return GST_FLOW_EOS;
+  skip_missed(source, s);
+  const std::uint64_t number = s.reverse ? s.frame - 1 : s.frame;
+  if (!guarded(source, false, [&] { return render(source, s, number, buffer); }))
+    return GST_FLOW_ERROR;
+  GST_BUFFER_OFFSET(buffer) = number;
+  GST_BUFFER_OFFSET_END(buffer) = number + 1;
+  GST_BUFFER_DTS(buffer) = GST_CLOCK_TIME_NONE;
+  if (s.still()) {
+    GST_BUFFER_PTS(buffer) = 0;
+    GST_BUFFER_DURATION(buffer) = GST_CLOCK_TIME_NONE;
+  } else {
+    GST_BUFFER_PTS(buffer) = s.time_of(number);
+    GST_BUFFER_DURATION(buffer) = s.time_of(number + 1) - s.time_of(number);
+  }
+  if (s.skipped) {
+    GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_DISCONT);
+    s.skipped = false;
+  }
+  GST_LOG_OBJECT(source, "frame %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT, number, printable(buffer));
+  s.frame = s.reverse ? number : number + 1;
+  return GST_FLOW_OK;
+}
+
+void finalize(GObject* object) {
+  std::destroy_at(&state_of(object));
+  G_OBJECT_CLASS(gst_terrain_scene_src_parent_class)->finalize(object);
+}
+
+} // namespace
+
+static void gst_terrain_scene_src_init(GstTerrainSceneSrc* self) {
+  self->state = self->memory.make();
+  gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
+  gst_base_src_set_live(GST_BASE_SRC(self), FALSE);
+}
+
+static void gst_terrain_scene_src_class_init(GstTerrainSceneSrcClass* klass) {
+  GST_DEBUG_CATEGORY_INIT(terrainscenesrc_debug, "terrainscenesrc", 0,
+                          "A rendered rover's view with its truth");
+  auto* object_class = G_OBJECT_CLASS(klass);
+  auto* element_class = GST_ELEMENT_CLASS(klass);
+  auto* source_class = GST_BASE_SRC_CLASS(klass);
+
+  object_class->set_property = set_property;
+  object_class->get_property = get_property;
+  object_class->finalize = finalize;
+  install_properties<scene::Settings>(object_class, 1, table);
+  g_object_class_install_property(
+      object_class, id_is_live,
+      g_param_spec_boolean("is-live", "Is live",
+                           "Behaves as a camera: frames come by the clock, and are lost when nobody keeps up",
+                           FALSE, property_before_start));
+
+  mark_enums_as_plugin_api(object_class);
+  gst_element_class_set_static_metadata(
+      element_class, "Rover scene source", "Source/Video",
+      "Renders a moving rover's view, with the true label of every pixel as metadata",
+      "The terrainseg developers");
+  static GstStaticPadTemplate pad =
+      GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
+  gst_element_class_add_static_pad_template(element_class, &pad);
+
+  source_class->start = start;
+  source_class->stop = stop;
+  source_class->fixate = fixate;
+  source_class->set_caps = set_caps;
+  source_class->decide_allocation = decide_allocation;
+  source_class->is_seekable = is_seekable;
+  source_class->do_seek = do_seek;
+  source_class->query = query;
+  source_class->get_times = get_times;
+  GST_PUSH_SRC_CLASS(klass)->fill = fill;
+}

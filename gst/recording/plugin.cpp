@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// A plugin of its own: the main one needs no zstd.
+#include <gst/gst.h>
+
+#include "recording/terrainmcapsink.hpp"
+#include "support/meta.hpp"
+#include "terrainseg_config.h"
+
+namespace {
+
+gboolean plugin_init(GstPlugin* plugin) {
+  return terrainseg::register_metas() && GST_ELEMENT_REGISTER(terrainmcapsink, plugin);
+}
+
+} // namespace
+
+GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, terrainmcap,
+                  "Records what terrainseg knows, for Foxglove and ROS 2", plugin_init, TERRAINSEG_VERSION,
+                  "LGPL", "terrainseg", TERRAINSEG_ORIGIN)

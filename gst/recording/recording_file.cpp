@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "recording/recording_file.hpp"
+
+#include <fcntl.h>
+#include <glib.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <utility>
+
+#include "exchange/write_all.hpp"
+
+namespace terrainseg {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string quoted(const fs::path& path) {
+  return std::string("\"").append(path.string()).append("\"");
+}
+
+int create(const fs::path& path) {
+  return ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0666);
+}
+
+/// 0, or the errno. A pipe or a device has nothing to wait for.
+int sync_file(int fd) {
+  return fsync(fd) == 0 || errno == EINVAL || errno == EROFS ? 0 : errno;
+}
+
+} // namespace
+
+FileProblem RecordingFile::failed(const std::string& what, const fs::path& path, int error) const {
+  return {what + " " + quoted(path) + ": " + g_strerror(error), error};
+}
+
+std::optional<FileProblem> RecordingFile::open(const std::string& location) {
+  abandon();
+  error_ = 0;
+  path_ = location;
+  metadata_.clear();
+  if (path_.extension() != ".mcap") {
+    if (!path_.has_filename()) // a name that ends with a slash
+      path_ = path_.parent_path();
+    std::error_code error;
+    fs::create_directories(path_, error);
+    if (error)
+      return failed("Cannot make the folder", path_, error.value());
+    metadata_ = path_ / "metadata.yaml";
+    path_ /= path_.filename().string() + "_0.mcap";
+  }
+  part_ = path_;
+  part_ += ".part";
+  for (const fs::path& path : {path_, metadata_}) {
+    std::error_code ignored;
+    if (!path.empty() && fs::exists(fs::symlink_status(path, ignored)))
+      return FileProblem{quoted(path) +
+                             " is there already, and a recording replaces nothing. Choose another location "
+                             "or move it away",
+                         EEXIST};
+  }
+  fd_ = create(part_);
+  if (fd_ < 0 && errno == EEXIST)
+    return FileProblem{
+        quoted(part_) + " is there already: another recording writes it, or one that was killed left it "
+                        "behind. Choose another location, or move it away: it can be read to where it ends",
+        EEXIST};
+  if (fd_ < 0)
+    return failed("Cannot write", part_, errno);
+  return std::nullopt;
+}
+
+bool RecordingFile::write(recording::ByteView bytes) {
+  if (error_ == 0)
+    error_ = write_all(fd_, bytes);
+  return error_ == 0;
+}
+
+FileProblem RecordingFile::problem() const {
+  if (path_.empty())
+    return {g_strerror(error_), error_};
+  FileProblem problem = failed("Cannot write", part_, error_);
+  problem.text += ". It can be read to where it ends";
+  return problem;
+}
+
+std::optional<FileProblem> RecordingFile::finish(const std::string& metadata) {
+  if (path_.empty()) {
+    fd_ = -1;
+    return std::nullopt;
+  }
+  const int fd = std::exchange(fd_, -1);
+  error_ = sync_file(fd);
+  close(fd);
+  if (error_ != 0)
+    return problem();
+  if (rename(part_.c_str(), path_.c_str()) != 0)
+    return failed("Cannot give its name to", path_, errno);
+  if (metadata_.empty())
+    return std::nullopt;
+  const int list = create(metadata_);
+  if (list < 0)
+    return failed("Cannot write", metadata_, errno);
+  int error = write_all(list, recording::bytes_of(metadata));
+  if (error == 0)
+    error = sync_file(list);
+  close(list);
+  return error == 0 ? std::nullopt : std::optional(failed("Cannot write", metadata_, error));
+}
+
+void RecordingFile::abandon() {
+  if (fd_ >= 0 && !path_.empty())
+    close(fd_);
+  fd_ = -1;
+}
+
+} // namespace terrainseg

@@ -1,0 +1,426 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "recording/terrainmcapsink.hpp"
+
+#include <gst/base/gstbasesink.h>
+#include <gst/video/video.h>
+
+#include <cerrno>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "recording/recording_file.hpp"
+#include "recording/terrain_recording.hpp"
+#include "support/calibration_files.hpp"
+#include "support/estimate_meta.hpp"
+#include "support/guarded.hpp"
+#include "support/instance_state.hpp"
+#include "support/metric_meta.hpp"
+#include "support/name_property.hpp"
+#include "support/object.hpp"
+#include "support/properties.hpp"
+#include "support/wall_clock.hpp"
+
+GST_DEBUG_CATEGORY_STATIC(terrainmcapsink_debug);
+#define GST_CAT_DEFAULT terrainmcapsink_debug
+
+namespace terrainseg {
+namespace {
+
+struct SinkSettings {
+  std::string location;
+  int fd = -1;
+  std::string camera_info, mount;
+  std::string frame_id = recording::RecordingOptions().body_frame;
+  std::string camera_frame_id = recording::RecordingOptions().camera_frame;
+  double grid_resolution = recording::RecordingOptions().grid_resolution;
+};
+
+const Property<SinkSettings> table[] = {
+    {"location", "Location",
+     "File NAME.mcap, or a folder that becomes a bag of ROS 2 (NAME_0.mcap, metadata.yaml), *.part until it "
+     "is whole",
+     property_before_start, PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, location)}},
+    {"fd", "File descriptor", "Open descriptor to write to instead of a location, -1 = none",
+     property_before_start, NumberField<SinkSettings, int>{TERRAINSEG_FIELD(SinkSettings, fd), -1, G_MAXINT}},
+    {"camera-info", "Camera info",
+     "Calibration of the camera (ROS, Kalibr or OpenCV YAML) for the topic /camera/camera_info, none = no "
+     "such topic",
+     property_before_start,
+     PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, camera_info)}},
+    {"mount", "Mount",
+     "How the camera stands over the ground (a file, or height=..,pitch=..) for the topic /tf, none = no "
+     "such "
+     "topic",
+     property_before_start, PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, mount)}},
+    {"frame-id", "Frame id", "Name of the vehicle's coordinate frame in the messages", property_before_start,
+     PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, frame_id)}},
+    {"camera-frame-id", "Camera frame id", "Name of the camera's optical coordinate frame in the messages",
+     property_before_start,
+     PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, camera_frame_id)}},
+    {"grid-resolution", "Grid resolution",
+     "Metres a cell of /terrain/grid, doubled until a side has at most 512 cells", property_before_start,
+     NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, grid_resolution), 0.01, 10}},
+};
+
+/// One clock for a whole recording: that of its first frame.
+class RecordingClock {
+ public:
+  /// Nanoseconds; `utc` of the frame where it has one, `stream` its stream time.
+  std::uint64_t time_of(std::optional<GstClockTime> utc, GstClockTime stream) {
+    if (!wall_)
+      wall_ = utc.has_value();
+    if (!*wall_)
+      return stream;
+    if (!utc) // between frames that have it
+      return last_utc_ + (stream > last_stream_ ? stream - last_stream_ : 0);
+    last_utc_ = *utc;
+    last_stream_ = stream;
+    return *utc;
+  }
+  /// Whether a time of day came too late.
+  bool misses(std::optional<GstClockTime> utc) const { return wall_ && !*wall_ && utc; }
+
+ private:
+  std::optional<bool> wall_;
+  GstClockTime last_utc_ = 0, last_stream_ = 0;
+};
+
+} // namespace
+
+/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
+/// none.
+struct SinkState {
+  NameProperty source;
+  SinkSettings settings; // under the object lock
+  std::string metadata;  // under the object lock; of the last recording that was finished
+
+  RecordingFile file;                                   // streaming
+  std::optional<recording::TerrainRecording> recording; // streaming; nothing when it is over
+  RecordingClock clock;                                 // streaming
+  bool encoded = false;                                 // streaming; the video is H.264
+  std::uint64_t frames = 0, labelled = 0;               // streaming
+  bool warned_metadata = false, warned_clock = false;   // streaming
+
+  SinkState() noexcept {} // the names of frames are short enough to need no memory of their own
+};
+
+} // namespace terrainseg
+
+using namespace terrainseg;
+
+/**
+ * SECTION:element-terrainmcapsink
+ * @title: terrainmcapsink
+ * @short_description: video and terrain metadata as an MCAP recording
+ *
+ * Records the terrain metadata of video as ROS 2 messages, and the video with it when it is H.264, in a file
+ * that Foxglove and ROS 2 open.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 terrainscenesrc num-buffers=60 ! terrainseg ! videoconvert ! x264enc bframes=0 ! h264parse !
+ * terrainmcapsink location=drive.mcap
+ * ]|
+ *
+ * Since: 0.1
+ */
+struct GstTerrainMcapSink {
+  GstBaseSink parent;
+  SinkState* state; // in `memory`
+  InstanceMemory<SinkState> memory;
+};
+struct GstTerrainMcapSinkClass {
+  GstBaseSinkClass parent_class;
+};
+
+G_DEFINE_TYPE(GstTerrainMcapSink, gst_terrain_mcap_sink, GST_TYPE_BASE_SINK)
+GST_ELEMENT_REGISTER_DEFINE(terrainmcapsink, "terrainmcapsink", GST_RANK_NONE,
+                            gst_terrain_mcap_sink_get_type())
+
+namespace {
+
+enum { property_source = 1, property_metadata, property_table };
+
+GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
+    "sink", GST_PAD_SINK, GST_PAD_ALWAYS,
+    GST_STATIC_CAPS("video/x-h264, stream-format = (string) byte-stream, alignment = (string) au; "
+                    "video/x-raw(ANY)"));
+
+GstTerrainMcapSink* self_of(gpointer object) {
+  return reinterpret_cast<GstTerrainMcapSink*>(object);
+}
+
+// ---- the file --------------------------------------------------------------------------------------------
+
+void report(GstTerrainMcapSink* self, const FileProblem& problem, bool opening) {
+  const char* end = problem.text.empty() || problem.text.back() != '.' ? "." : "";
+  if (problem.error == ENOSPC || problem.error == EDQUOT)
+    GST_ELEMENT_ERROR(self, RESOURCE, NO_SPACE_LEFT, ("%s%s", problem.text.c_str(), end),
+                      ("errno %d", problem.error));
+  else if (opening)
+    GST_ELEMENT_ERROR(self, RESOURCE, OPEN_WRITE, ("%s%s", problem.text.c_str(), end),
+                      ("errno %d", problem.error));
+  else
+    GST_ELEMENT_ERROR(self, RESOURCE, WRITE, ("%s%s", problem.text.c_str(), end),
+                      ("errno %d", problem.error));
+}
+
+bool open_recording(GstTerrainMcapSink* self) {
+  SinkState& s = *self->state;
+  SinkSettings set;
+  {
+    ObjectLock lock(self);
+    set = s.settings;
+    s.metadata.clear();
+  }
+  if (set.location.empty() == (set.fd < 0)) {
+    GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND,
+                      ("A recording needs a location (or an fd, and not both): terrainmcapsink "
+                       "location=drive.mcap."),
+                      ("location \"%s\", fd %d", set.location.c_str(), set.fd));
+    return false;
+  }
+  recording::RecordingOptions options;
+  options.body_frame = set.frame_id;
+  options.camera_frame = set.camera_frame_id;
+  options.grid_resolution = set.grid_resolution;
+  if (const auto flaw = read_calibration(set.camera_info, set.mount, options.camera, options.mount)) {
+    post_error(GST_ELEMENT(self), *flaw);
+    return false;
+  }
+  if (set.location.empty()) {
+    s.file.open(set.fd);
+  } else if (const auto problem = s.file.open(set.location)) {
+    report(self, *problem, true);
+    return false;
+  }
+  s.clock = {};
+  s.frames = s.labelled = 0;
+  s.warned_metadata = s.warned_clock = false;
+  s.recording.emplace([self](recording::ByteView bytes) { return self->state->file.write(bytes); },
+                      std::move(options));
+  return true;
+}
+
+/// Gives up after something could not be written.
+void abandon(GstTerrainMcapSink* self) {
+  SinkState& s = *self->state;
+  report(self, s.file.problem(), false);
+  s.recording.reset();
+  s.file.abandon();
+}
+
+/// Ends the recording, if there is one. False after an error was posted.
+bool finish(GstTerrainMcapSink* self) {
+  SinkState& s = *self->state;
+  if (!s.recording)
+    return true;
+  if (!s.recording->finish()) {
+    abandon(self);
+    return false;
+  }
+  const std::string name = s.file.name();
+  std::string metadata = s.recording->bag_metadata(name.empty() ? "terrain.mcap" : name);
+  s.recording.reset();
+  const auto problem = s.file.finish(metadata);
+  if (problem) {
+    report(self, *problem, false);
+    return false;
+  }
+  if (s.frames > 0 && s.labelled == 0)
+    GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                        ("No frame had terrain metadata, so the recording holds none. Put terrainseg in "
+                         "front of terrainmcapsink, and no element between them that drops metadata "
+                         "(videocrop, videobox, videoflip, compositor)."),
+                        ("no GstTerrainSegMeta on %" G_GUINT64_FORMAT " frames", s.frames));
+  ObjectLock lock(self);
+  s.metadata = std::move(metadata);
+  return true;
+}
+
+// ---- frames ----------------------------------------------------------------------------------------------
+
+void warn_metadata(GstTerrainMcapSink* self, const char* reason) {
+  if (!reason || std::exchange(self->state->warned_metadata, true))
+    return;
+  GST_ELEMENT_WARNING(self, STREAM, FORMAT,
+                      ("Terrain metadata that makes no sense is not recorded: %s.", reason), (nullptr));
+}
+
+/// Nothing after an error was posted.
+std::optional<std::uint64_t> time_of(GstTerrainMcapSink* self, GstBuffer* buffer) {
+  SinkState& s = *self->state;
+  const GstSegment& segment = GST_BASE_SINK(self)->segment;
+  GstClockTime stream = GST_BUFFER_PTS(buffer);
+  if (segment.format == GST_FORMAT_TIME && GST_CLOCK_TIME_IS_VALID(stream))
+    stream = gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, stream);
+  if (!GST_CLOCK_TIME_IS_VALID(stream)) {
+    GST_ELEMENT_ERROR(self, STREAM, FORMAT,
+                      ("Frames without time stamps cannot be recorded. Put do-timestamp=true on the source."),
+                      (nullptr));
+    return std::nullopt;
+  }
+  const auto utc = utc_of(buffer);
+  if (s.clock.misses(utc) && !std::exchange(s.warned_clock, true))
+    GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                        ("The time of day became known after the recording had begun: it stays in stream "
+                         "time. Start the recording later, or set start-time on terrainseg."),
+                        (nullptr));
+  return s.clock.time_of(utc, stream);
+}
+
+/// A buffer's bytes for as long as it lives; none when it is not wanted.
+class MappedUnit {
+ public:
+  MappedUnit(GstBuffer* buffer, bool wanted) : buffer_(buffer) {
+    mapped_ = wanted && gst_buffer_map(buffer, &map_, GST_MAP_READ);
+  }
+  ~MappedUnit() {
+    if (mapped_)
+      gst_buffer_unmap(buffer_, &map_);
+  }
+  MappedUnit(const MappedUnit&) = delete;
+  MappedUnit& operator=(const MappedUnit&) = delete;
+  recording::ByteView bytes() const {
+    return mapped_ ? recording::ByteView(map_.data, map_.size) : recording::ByteView();
+  }
+
+ private:
+  GstBuffer* buffer_;
+  GstMapInfo map_{};
+  bool mapped_ = false;
+};
+
+GstFlowReturn record(GstTerrainMcapSink* self, GstBuffer* buffer) {
+  SinkState& s = *self->state;
+  if (!s.recording)
+    return GST_FLOW_EOS;
+  const auto time = time_of(self, buffer);
+  if (!time)
+    return GST_FLOW_ERROR;
+  const MappedUnit unit(buffer, s.encoded);
+  if (recording::inspect_h264(unit.bytes()).b_slice) {
+    GST_ELEMENT_ERROR(self, STREAM, FORMAT,
+                      ("The H.264 video has B-frames, which players of recordings do not show. Set bframes=0 "
+                       "on x264enc, or the like on another encoder."),
+                      (nullptr));
+    return GST_FLOW_ERROR;
+  }
+  const EstimateReader estimate(buffer, s.source.name());
+  const MetricReader metric(buffer, s.source.name());
+  warn_metadata(self, estimate.error());
+  warn_metadata(self, metric.error());
+  ++s.frames;
+  s.labelled += estimate ? 1 : 0;
+  recording::RecordedFrame frame;
+  frame.time = *time;
+  frame.estimate = estimate ? &estimate.estimate() : nullptr;
+  frame.metric = metric ? &metric.metric() : nullptr;
+  frame.video = unit.bytes();
+  if (s.recording->add(frame))
+    return GST_FLOW_OK;
+  abandon(self);
+  return GST_FLOW_ERROR;
+}
+
+GstFlowReturn render(GstBaseSink* sink, GstBuffer* buffer) {
+  return guarded(sink, GST_FLOW_ERROR, [&] { return record(self_of(sink), buffer); });
+}
+
+gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
+  self_of(sink)->state->encoded = gst_structure_has_name(gst_caps_get_structure(caps, 0), "video/x-h264");
+  return TRUE;
+}
+
+gboolean start(GstBaseSink* sink) {
+  return guarded<gboolean>(sink, FALSE, [&] { return open_recording(self_of(sink)); });
+}
+
+/// Also the end of a pipeline that is stopped without an end of its stream.
+gboolean stop(GstBaseSink* sink) {
+  return guarded<gboolean>(sink, FALSE, [&] { return finish(self_of(sink)); });
+}
+
+gboolean take_event(GstBaseSink* sink, GstEvent* event) {
+  const bool whole =
+      GST_EVENT_TYPE(event) != GST_EVENT_EOS || guarded(sink, false, [&] { return finish(self_of(sink)); });
+  if (!whole) { // no word of an end: the error is the last
+    gst_event_unref(event);
+    return FALSE;
+  }
+  return GST_BASE_SINK_CLASS(gst_terrain_mcap_sink_parent_class)->event(sink, event);
+}
+
+gboolean propose_allocation(GstBaseSink*, GstQuery* query) {
+  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr); // no pixel is read
+  return TRUE;
+}
+
+// ---- the object ------------------------------------------------------------------------------------------
+
+void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  if (id == property_source)
+    self_of(object)->state->source.set(value);
+  else if (id >= property_table && id < property_table + std::size(table)) {
+    ObjectLock lock(object);
+    set_field(table[id - property_table], self_of(object)->state->settings, value);
+  } else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+}
+
+void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
+  SinkState& s = *self_of(object)->state;
+  if (id == property_source)
+    s.source.get(value);
+  else if (id == property_metadata) {
+    ObjectLock lock(object);
+    g_value_set_string(value, s.metadata.empty() ? nullptr : s.metadata.c_str());
+  } else if (id >= property_table && id < property_table + std::size(table)) {
+    ObjectLock lock(object);
+    get_field(table[id - property_table], s.settings, value);
+  } else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+}
+
+void finalize(GObject* object) {
+  std::destroy_at(self_of(object)->state);
+  G_OBJECT_CLASS(gst_terrain_mcap_sink_parent_class)->finalize(object);
+}
+
+} // namespace
+
+static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
+  GST_DEBUG_CATEGORY_INIT(terrainmcapsink_debug, "terrainmcapsink", 0, "recordings of terrain metadata");
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = set_property;
+  object_class->get_property = get_property;
+  object_class->finalize = finalize;
+  NameProperty::install_source(object_class, property_source);
+  g_object_class_install_property(
+      object_class, property_metadata,
+      g_param_spec_string(
+          "bag-metadata", "Bag metadata",
+          "Text of the metadata.yaml that belongs to the last whole recording, under the name "
+          "terrain.mcap where it went to an fd",
+          nullptr, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  install_properties<SinkSettings>(object_class, property_table, table);
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  gst_element_class_add_static_pad_template(element_class, &sink_template);
+  gst_element_class_set_static_metadata(element_class, "Terrain recorder", "Sink/File/Metadata/Video",
+                                        "Records video and terrain metadata as MCAP, for Foxglove and ROS 2",
+                                        "terrainseg maintainers");
+  GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
+  sink_class->start = start;
+  sink_class->stop = stop;
+  sink_class->set_caps = set_caps;
+  sink_class->render = render;
+  sink_class->event = take_event;
+  sink_class->propose_allocation = propose_allocation;
+}
+
+static void gst_terrain_mcap_sink_init(GstTerrainMcapSink* self) {
+  self->state = self->memory.make();
+  gst_base_sink_set_sync(GST_BASE_SINK(self), FALSE); // a file takes frames as they come
+  gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
+}

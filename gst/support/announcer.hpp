@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Which results are worth a message on the bus.
+#pragma once
+
+#include <gst/gst.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <optional>
+
+#include "terrainseg/estimate.hpp"
+
+namespace terrainseg {
+
+/// What post-messages tells.
+struct News {
+  int traversable_permille = 0;
+  int horizon_row = -1; ///< -1 = none
+  bool blocked = false;
+};
+
+/// Tells a change once, and noise not at all: values are compared with what was told last and not with the
+/// frame before. That the way is blocked is told at once, that it is free only when it stays so. Once a
+/// second everything is told anyway: silence means that no frames come.
+class Announcer {
+ public:
+  static constexpr int permille_step = 25;  ///< least change of the traversable share that is told
+  static constexpr int rows_per_frame = 40; ///< the horizon's least change: this fraction of the frame height
+  static constexpr int settled_after =
+      5; ///< frames that the way has to stay free, or a horizon there or away
+
+  static constexpr GstClockTime longest_silence = GST_SECOND; ///< between the time stamps of two messages
+
+  /// What to tell after the frame of this time stamp (or NONE); nothing when it is no news.
+  std::optional<News> consider(const Estimate& estimate, GstClockTime timestamp) {
+    const News now{estimate.traversable_permille, estimate.horizon_row, (estimate.flags & flag_blocked) != 0};
+    if (!told_)
+      return tell(now, timestamp);
+    free_for_ = told_->blocked && !now.blocked ? free_for_ + 1 : 0;
+    const bool has_horizon = now.horizon_row >= 0, had_horizon = told_->horizon_row >= 0;
+    changed_for_ = has_horizon != had_horizon ? changed_for_ + 1 : 0;
+    News next = now;
+    next.blocked = now.blocked || (told_->blocked && free_for_ < settled_after);
+    if (has_horizon != had_horizon && changed_for_ < settled_after)
+      next.horizon_row = told_->horizon_row;
+    const int row_step = std::max(2, estimate.frame_height / rows_per_frame);
+    if (!is_silent_for_long(timestamp) && next.blocked == told_->blocked &&
+        (next.horizon_row < 0) == !had_horizon &&
+        std::abs(next.horizon_row - told_->horizon_row) < row_step &&
+        std::abs(next.traversable_permille - told_->traversable_permille) < permille_step)
+      return std::nullopt;
+    return tell(next, timestamp);
+  }
+  /// The next frame is told whatever it says.
+  void reset() { told_.reset(); }
+
+ private:
+  std::optional<News> tell(const News& news, GstClockTime timestamp) {
+    told_at_ = timestamp;
+    return told_ = news;
+  }
+  /// Also after a jump backwards.
+  bool is_silent_for_long(GstClockTime timestamp) const {
+    return GST_CLOCK_TIME_IS_VALID(timestamp) && GST_CLOCK_TIME_IS_VALID(told_at_) &&
+           (timestamp < told_at_ || timestamp - told_at_ >= longest_silence);
+  }
+
+  std::optional<News> told_;
+  GstClockTime told_at_ = GST_CLOCK_TIME_NONE;
+  int free_for_ = 0, changed_for_ = 0; ///< frames that differ from what was told
+};
+
+} // namespace terrainseg

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Whether video in a format that has colour shows any.
+#pragma once
+
+#include <gst/video/video.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <string>
+
+#include "support/guarded.hpp"
+
+namespace terrainseg {
+
+/// Looks at a lattice of pixels of each frame. A mono camera behind videoconvert, or one that has switched to
+/// infrared, has neutral chroma in all of them; a lens cap (one brightness everywhere) says nothing.
+class ColourWatch {
+ public:
+  static constexpr unsigned frames_before_news = 60; ///< without colour, one after another
+
+  /// True once, with the last of that many frames.
+  bool see(const GstVideoFrame& frame) {
+    if (told_ || GST_VIDEO_FRAME_N_COMPONENTS(&frame) < 3) // a format of grey promises no colour
+      return false;
+    switch (look(frame)) {
+    case Look::coloured:
+      grey_ = 0;
+      return false;
+    case Look::flat:
+      return false;
+    case Look::grey:
+      break;
+    }
+    told_ = ++grey_ >= frames_before_news;
+    return told_;
+  }
+
+ private:
+  enum class Look { coloured, grey, flat };
+  static constexpr int columns = 16, rows = 9;
+  static constexpr int tolerance = 2; ///< of 255, around neutral: rounding on the way from a grey picture
+  static constexpr int contrast = 16; ///< of 255, that a picture has at least
+
+  /// The upper 8 bits.
+  static int sample(const GstVideoFrame& frame, guint component, int column, int row) {
+    const int x = (2 * column + 1) * GST_VIDEO_FRAME_COMP_WIDTH(&frame, component) / (2 * columns);
+    const int y = (2 * row + 1) * GST_VIDEO_FRAME_COMP_HEIGHT(&frame, component) / (2 * rows);
+    const auto* at = static_cast<const guint8*>(GST_VIDEO_FRAME_COMP_DATA(&frame, component)) +
+                     std::ptrdiff_t{y} * GST_VIDEO_FRAME_COMP_STRIDE(&frame, component) +
+                     std::ptrdiff_t{x} * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, component);
+    const guint depth = GST_VIDEO_FRAME_COMP_DEPTH(&frame, component);
+    if (depth <= 8)
+      return *at;
+    // GStreamer 1.22 has P010's V one byte into the pair, in the middle of U; it is two.
+    at += GST_VIDEO_FRAME_COMP_POFFSET(&frame, component) % 2;
+    const int little_endian = at[0] | at[1] << 8; // a row may begin at an odd address
+    return little_endian >> GST_VIDEO_FORMAT_INFO_SHIFT(frame.info.finfo, component) >> (depth - 8);
+  }
+
+  static Look look(const GstVideoFrame& frame) {
+    const bool rgb = GST_VIDEO_INFO_IS_RGB(&frame.info);
+    int least = 255, most = 0;
+    for (int row = 0; row < rows; ++row)
+      for (int column = 0; column < columns; ++column) {
+        const int a = sample(frame, 0, column, row), b = sample(frame, 1, column, row),
+                  c = sample(frame, 2, column, row);
+        const bool neutral = rgb ? std::max({a, b, c}) - std::min({a, b, c}) <= tolerance
+                                 : std::abs(b - 128) <= tolerance && std::abs(c - 128) <= tolerance;
+        if (!neutral)
+          return Look::coloured;
+        least = std::min(least, a);
+        most = std::max(most, a);
+      }
+    return most - least >= contrast ? Look::grey : Look::flat;
+  }
+
+  unsigned grey_ = 0; ///< frames, since the last with colour
+  bool told_ = false;
+};
+
+/// Says on the bus and in the log that pictures in a format with colour have none.
+inline void warn_colourless(gpointer element, const GstVideoInfo& info) {
+  const char* format = gst_video_format_to_string(GST_VIDEO_INFO_FORMAT(&info));
+  const std::string text =
+      std::string("The video is ") + format + ", which has colour, but the last " +
+      std::to_string(ColourWatch::frames_before_news) +
+      " pictures have none: the ground is learned from brightness and texture alone, with more mistakes. If "
+      "the camera has colour, pin a colour format right behind it (video/x-raw,format=NV12) and switch its "
+      "infrared off; if it has none, give GRAY8, and this is not said";
+  GST_ELEMENT_WARNING(GST_ELEMENT(element), STREAM, FORMAT, ("%s.", text.c_str()),
+                      ("format %s, chroma within 2 of neutral in every pixel that was looked at", format));
+}
+
+} // namespace terrainseg

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Fields of a custom meta's structure, set without the cost of a variadic call and of looking the name up.
+#pragma once
+
+#include <gst/gst.h>
+
+#include <cstdint>
+
+namespace terrainseg::fields {
+
+template <class Store> void set(GstStructure* fields, GQuark name, GType type, Store store) {
+  GValue value = G_VALUE_INIT;
+  g_value_init(&value, type);
+  store(&value);
+  gst_structure_id_take_value(fields, name, &value);
+}
+inline void set_int(GstStructure* fields, GQuark name, int v) {
+  set(fields, name, G_TYPE_INT, [&](GValue* value) { g_value_set_int(value, v); });
+}
+inline void set_uint(GstStructure* fields, GQuark name, unsigned v) {
+  set(fields, name, G_TYPE_UINT, [&](GValue* value) { g_value_set_uint(value, v); });
+}
+inline void set_uint64(GstStructure* fields, GQuark name, std::uint64_t v) {
+  set(fields, name, G_TYPE_UINT64, [&](GValue* value) { g_value_set_uint64(value, v); });
+}
+inline void set_double(GstStructure* fields, GQuark name, double v) {
+  set(fields, name, G_TYPE_DOUBLE, [&](GValue* value) { g_value_set_double(value, v); });
+}
+/// The structure takes a reference of its own.
+inline void set_buffer(GstStructure* fields, GQuark name, GstBuffer* v) {
+  set(fields, name, GST_TYPE_BUFFER, [&](GValue* value) { g_value_set_boxed(value, v); });
+}
+/// `v` is never freed.
+inline void set_static_string(GstStructure* fields, GQuark name, const char* v) {
+  set(fields, name, G_TYPE_STRING, [&](GValue* value) { g_value_set_static_string(value, v); });
+}
+
+} // namespace terrainseg::fields

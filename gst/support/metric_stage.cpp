@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "support/metric_stage.hpp"
+
+#include <gst/terrainseg/terrainsegmeta.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+
+namespace terrainseg {
+namespace {
+
+/// To a thousandth of a unit of `unit`: metadata and text hold no more.
+double rounded(double value, double unit) {
+  return std::round(value / unit * 1000) * unit / 1000;
+}
+double rounded_angle(double value) {
+  return rounded(value, std::numbers::pi / 180);
+}
+
+} // namespace
+
+std::optional<SettingFlaw> MetricStage::start(const std::string& camera_info, const std::string& mount) {
+  camera_.reset();
+  mount_.reset();
+  fits_ = false;
+  monitor_.clear();
+  std::fill(std::begin(told_), std::end(told_), false);
+  notice_.reset();
+  {
+    const std::lock_guard lock(mutex_);
+    poses_.clear();
+    posed_ = false;
+  }
+  return read_calibration(camera_info, mount, camera_, mount_);
+}
+
+std::string MetricStage::fit(int width, int height) {
+  fits_ = false;
+  if (!is_calibrated())
+    return {};
+  // A picture that was scaled as a whole, its sides rounded to pixels.
+  const std::int64_t a = std::int64_t{width} * camera_->height, b = std::int64_t{height} * camera_->width;
+  fits_ = std::abs(a - b) <= std::max(camera_->width, camera_->height);
+  if (fits_)
+    return {};
+  return "the camera was calibrated on pictures of " + std::to_string(camera_->width) + " x " +
+         std::to_string(camera_->height) + " and these are " + std::to_string(width) + " x " +
+         std::to_string(height) +
+         ", which is another shape: calibrate on pictures of this shape, for a part of a picture is no "
+         "scaled one";
+}
+
+const char* MetricStage::take_pose(const GstStructure* fields) {
+  metric::Pose pose;
+  guint64 time = 0;
+  if (!gst_structure_get_double(fields, "roll", &pose.roll) ||
+      !gst_structure_get_double(fields, "pitch", &pose.pitch) ||
+      !gst_structure_get_uint64(fields, "running-time", &time))
+    return "it needs the doubles roll and pitch in radians and the uint64 running-time in nanoseconds";
+  if (time > static_cast<guint64>(G_MAXINT64))
+    return "the running time is missing";
+  pose.time = static_cast<std::int64_t>(time);
+  double number = 0;
+  if (gst_structure_get_double(fields, "yaw", &number))
+    pose.yaw = number;
+  if (gst_structure_get_double(fields, "height", &number))
+    pose.height = number;
+  if (const char* flaw = metric::flaw_of(pose))
+    return flaw;
+  const std::lock_guard lock(mutex_);
+  posed_ = true;
+  poses_.add(pose);
+  return nullptr;
+}
+
+void MetricStage::flush() {
+  monitor_.clear();
+  const std::lock_guard lock(mutex_);
+  poses_.clear();
+}
+
+const MetricEstimate* MetricStage::refuse(Notice why) {
+  if (!told_[why])
+    notice_ = why;
+  return nullptr;
+}
+
+/// The mount at this moment; nothing, and posed, when poses come and none of this moment is there.
+std::optional<metric::Mount> MetricStage::attitude(GstClockTime running_time, bool& posed) {
+  const std::lock_guard lock(mutex_);
+  posed = posed_;
+  if (!posed_)
+    return mount_;
+  if (!GST_CLOCK_TIME_IS_VALID(running_time))
+    return std::nullopt;
+  const auto time = static_cast<std::int64_t>(running_time);
+  poses_.forget_future(time);
+  const auto pose = poses_.at(time);
+  return pose ? std::optional(metric::with_pose(*mount_, *pose)) : std::nullopt;
+}
+
+const MetricEstimate* MetricStage::measure(const Estimate& e, GstClockTime running_time, double range_max) {
+  if (!is_calibrated() || !fits_ || e.boundary.empty())
+    return nullptr;
+  bool posed = false;
+  const auto mount = attitude(running_time, posed);
+  if (!mount)
+    return refuse(GST_CLOCK_TIME_IS_VALID(running_time) ? stale : no_time);
+  ranges_.adapt(*camera_, e.frame_width, e.frame_height, e.mask_region, static_cast<int>(e.boundary.size()));
+  const double limit =
+      range_max > 0 ? range_max : metric::expected_range_limit(*mount, *camera_, e.frame_height);
+  const double nearest = ranges_.nearest(*mount);
+  if (!(nearest < limit))
+    return refuse(short_range);
+  const metric::RangeColumns& columns =
+      ranges_.measure(e.boundary, (e.flags & flag_unknown) != 0, *mount, limit);
+  watch_horizon(e, *mount, running_time);
+  result_.ranges = columns.ranges;
+  result_.bearings = columns.bearings;
+  result_.low = columns.low;
+  result_.high = columns.high;
+  find_ticks(*mount, limit);
+  result_.height = rounded(mount->height, 1);
+  result_.pitch = rounded_angle(mount->pitch);
+  result_.roll = rounded_angle(mount->roll);
+  result_.yaw = rounded_angle(mount->yaw);
+  result_.range_min = rounded(nearest, 1);
+  result_.range_max = rounded(limit, 1);
+  result_.flags = (posed ? metric_flag_pose : 0U) | (monitor_.disagrees() ? metric_flag_horizon : 0U);
+  return &result_;
+}
+
+/// Whole metres straight ahead that the picture shows.
+void MetricStage::find_ticks(const metric::Mount& mount, double range_max) {
+  constexpr double marked[] = {1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50, 70, 100, 200, 500};
+  static_assert(std::size(marked) <= most_ticks);
+  const metric::Camera& camera = ranges_.camera();
+  const metric::GroundProjection ground(mount);
+  std::size_t count = 0;
+  for (const double range : marked) {
+    const auto ray = range <= range_max ? ground.ray_to({range, 0}) : std::nullopt;
+    if (!ray)
+      continue;
+    const metric::ImagePoint pixel = metric::distort(camera, *ray);
+    const double column = (pixel.x + 0.5) / camera.width, row = (pixel.y + 0.5) / camera.height;
+    if (column >= 0 && column <= 1 && row >= 0 && row <= 1)
+      ticks_[count++] = {static_cast<float>(range), static_cast<float>(column), static_cast<float>(row)};
+  }
+  result_.ticks = {ticks_.data(), count};
+}
+
+void MetricStage::watch_horizon(const Estimate& e, const metric::Mount& mount, GstClockTime running_time) {
+  constexpr int sure = 128;
+  if (e.horizon_row < 0 || e.horizon_confidence < sure || (e.flags & flag_horizon_held) ||
+      !GST_CLOCK_TIME_IS_VALID(running_time))
+    return;
+  const metric::Camera& camera = ranges_.camera();
+  if (const auto ray = metric::undistort(camera, camera.cx, e.horizon_row))
+    monitor_.add(static_cast<std::int64_t>(running_time), metric::horizon_offset(mount, *ray));
+  if (monitor_.disagrees())
+    refuse(horizon);
+}
+
+std::optional<std::string> MetricStage::take_notice() {
+  if (!notice_)
+    return std::nullopt;
+  const Notice notice = *notice_;
+  notice_.reset();
+  told_[notice] = true;
+  switch (notice) {
+  case no_time:
+    return "There are no metres while frames have no time stamps: a pose is of a moment. Put "
+           "do-timestamp=true on "
+           "the source.";
+  case stale:
+    return "There are no metres: the last " GST_TERRAIN_SEG_POSE_EVENT
+           " event is more than 100 ms away from the frame. Metres come back with the next pose; does its "
+           "running-time have the pipeline's clock?";
+  case short_range:
+    return "There are no metres: the nearest ground in the picture is beyond range-max. Tilt the camera "
+           "down, set "
+           "range-max higher, or check height and pitch of the mount.";
+  default: {
+    const double degrees = monitor_.median().value_or(0) * 180 / std::numbers::pi;
+    char text[200];
+    g_snprintf(
+        text, sizeof text,
+        "For ten seconds the horizon in the picture has been %.1f degrees %s than the mount has it: is the "
+        "mount's pitch still right? Ranges may be wrong.",
+        std::abs(degrees), degrees > 0 ? "higher" : "lower");
+    return text;
+  }
+  }
+}
+
+} // namespace terrainseg

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// A property that names an instance of terrainseg.
+#pragma once
+
+#include <gst/gst.h>
+
+#include <atomic>
+
+namespace terrainseg {
+
+/// The name as an interned string, which any thread may read without a lock; "" is none. Names that a program
+/// sets stay in memory: there are few.
+class NameProperty {
+ public:
+  void set(const GValue* value) {
+    const gchar* text = g_value_get_string(value);
+    name_ = text && *text ? g_intern_string(text) : "";
+  }
+  void get(GValue* value) const {
+    const char* name = name_;
+    g_value_set_static_string(value, *name ? name : nullptr);
+  }
+  const char* name() const { return name_; }
+
+  static void install(GObjectClass* object_class, guint id, const char* name, const char* nick,
+                      const char* blurb) {
+    g_object_class_install_property(
+        object_class, id,
+        g_param_spec_string(name, nick, blurb, nullptr,
+                            static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS |
+                                                     GST_PARAM_MUTABLE_PLAYING)));
+  }
+  /// Of a consumer of metadata.
+  static void install_source(GObjectClass* object_class, guint id) {
+    install(object_class, id, "source", "Source",
+            "Name (property instance) of the terrainseg whose metadata is read, none = the last that was "
+            "attached");
+  }
+
+ private:
+  std::atomic<const char*> name_ = "";
+};
+
+} // namespace terrainseg

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What the in-place filters do alike with times, flags and events.
+#pragma once
+
+#include <gst/base/gstbasetransform.h>
+
+namespace terrainseg {
+
+/// Whether an event from downstream ends here: a decoder that hears that frames are late drops some, and they
+/// would not be learned. The base class's property `qos` decides; it obeys it for its own frames only and
+/// sends the event on in any case.
+inline bool stops_qos(GstBaseTransform* transform, const GstEvent* event) {
+  return GST_EVENT_TYPE(event) == GST_EVENT_QOS && !gst_base_transform_is_qos_enabled(transform);
+}
+
+/// NONE where the segment counts bytes or frames, which have no stream time.
+inline GstClockTime stream_time_of(const GstSegment& segment, GstClockTime timestamp) {
+  return segment.format == GST_FORMAT_TIME ? gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, timestamp)
+                                           : GST_CLOCK_TIME_NONE;
+}
+
+inline GstClockTime running_time_of(const GstSegment& segment, GstClockTime timestamp) {
+  return segment.format == GST_FORMAT_TIME ? gst_segment_to_running_time(&segment, GST_FORMAT_TIME, timestamp)
+                                           : GST_CLOCK_TIME_NONE;
+}
+
+/// Gives properties that a GstController binds their values at the time of `buffer`.
+inline void sync_controlled(GstBaseTransform* transform, const GstBuffer* buffer) {
+  const GstClockTime time = stream_time_of(transform->segment, GST_BUFFER_PTS(buffer));
+  if (GST_CLOCK_TIME_IS_VALID(time))
+    gst_object_sync_values(GST_OBJECT(transform), time);
+}
+
+/// Whether a frame shows something new of the world in the order of its time: not a repeated frame (GAP), not
+/// one that the decoder knows to be damaged (CORRUPTED), and not backwards, played so or recorded so.
+inline bool is_learnable(const GstSegment& segment, const GstBuffer* buffer) {
+  return !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_GAP | GST_BUFFER_FLAG_CORRUPTED) &&
+         segment.rate > 0 && segment.applied_rate > 0;
+}
+
+} // namespace terrainseg

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The element terrainmcapsink in pipelines: names of its files, what it refuses, and its clock.
+#include <gst/gst.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "owned.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using terrainseg::test::Owned;
+
+const std::string scene =
+    "terrainscenesrc num-buffers=40 ! video/x-raw,width=160,height=120,framerate=30/1 ! ";
+const std::string h264 = "x264enc bframes=0 tune=zerolatency key-int-max=30 ! h264parse ! ";
+
+/// What a pipeline said: the first error, else empty; the first warning.
+struct Said {
+  std::string error, warning;
+};
+
+Said run(const std::string& text) {
+  GError* wrong = nullptr;
+  const Owned<GstElement> pipeline(gst_parse_launch(text.c_str(), &wrong));
+  EXPECT_EQ(wrong, nullptr) << (wrong ? wrong->message : "");
+  g_clear_error(&wrong);
+  Said said;
+  const Owned<GstBus> bus(gst_element_get_bus(pipeline.get()));
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  for (;;) {
+    const Owned<GstMessage> message(gst_bus_timed_pop_filtered(
+        bus.get(), 30 * GST_SECOND,
+        static_cast<GstMessageType>(GST_MESSAGE_ERROR | GST_MESSAGE_WARNING | GST_MESSAGE_EOS)));
+    if (!message) {
+      ADD_FAILURE() << "no end: " << text;
+      return said;
+    }
+    if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_EOS)
+      return said;
+    GError* error = nullptr;
+    const bool fatal = GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_ERROR;
+    if (fatal)
+      gst_message_parse_error(message.get(), &error, nullptr);
+    else
+      gst_message_parse_warning(message.get(), &error, nullptr);
+    std::string& kept = fatal ? said.error : said.warning;
+    kept = kept.empty() ? error->message : kept;
+    g_clear_error(&error);
+    if (fatal)
+      return said;
+  }
+}
+
+constexpr char magic[] = "\x89MCAP0\r\n";
+
+std::string bytes_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+bool is_whole(const std::string& bytes) {
+  return bytes.size() > 100 && bytes.compare(0, 8, magic) == 0 &&
+         bytes.compare(bytes.size() - 8, 8, magic) == 0;
+}
+
+/// Messages and the times of the first and the last, from the statistics in the summary.
+struct Statistics {
+  std::uint64_t messages = 0, start = 0, end = 0;
+};
+Statistics statistics_of(const std::string& bytes) {
+  const auto number = [&](std::size_t at) {
+    std::uint64_t value = 0;
+    if (at + 8 <= bytes.size())
+      std::memcpy(&value, bytes.data() + at, 8);
+    return value;
+  };
+  for (std::size_t at = number(bytes.size() - 8 - 20); at + 9 < bytes.size(); at += 9 + number(at + 1))
+    if (bytes[at] == 11)
+      return {number(at + 9), number(at + 9 + 26), number(at + 9 + 34)};
+  ADD_FAILURE() << "no statistics";
+  return {};
+}
+
+class McapSink : public testing::Test {
+ protected:
+  void SetUp() override {
+    char name[] = "/tmp/terrainmcapsink-XXXXXX";
+    ASSERT_NE(g_mkdtemp(name), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  std::string at(const char* name) const { return (folder_ / name).string(); }
+  fs::path folder_;
+};
+
+TEST_F(McapSink, AFileHasItsNameWhenItIsWholeAndIsNeverReplaced) {
+  const std::string pipeline =
+      scene + "terrainseg ! " + h264 + "terrainmcapsink location=" + at("drive.mcap");
+  EXPECT_EQ(run(pipeline).error, "");
+  const std::string bytes = bytes_of(at("drive.mcap"));
+  EXPECT_TRUE(is_whole(bytes));
+  EXPECT_EQ(statistics_of(bytes).messages, 80u) << "mask and video";
+  EXPECT_FALSE(fs::exists(at("drive.mcap.part")));
+  const std::string error = run(pipeline).error;
+  EXPECT_NE(error.find("drive.mcap\" is there already, and a recording replaces nothing"), std::string::npos)
+      << error;
+  EXPECT_EQ(bytes_of(at("drive.mcap")), bytes);
+  // Nor what a killed recorder left.
+  fs::rename(at("drive.mcap"), at("drive.mcap.part"));
+  const std::string left = run(pipeline).error;
+  EXPECT_NE(left.find("drive.mcap.part\" is there already"), std::string::npos) << left;
+  EXPECT_EQ(bytes_of(at("drive.mcap.part")), bytes);
+}
+
+TEST_F(McapSink, AFolderBecomesABag) {
+  EXPECT_EQ(run(scene + "terrainseg ! terrainmcapsink location=" + at("drive/")).error, "");
+  EXPECT_TRUE(is_whole(bytes_of(at("drive/drive_0.mcap"))));
+  const std::string metadata = bytes_of(at("drive/metadata.yaml"));
+  EXPECT_NE(metadata.find("- \"drive_0.mcap\"\n"), std::string::npos) << metadata;
+  EXPECT_NE(metadata.find("message_count: 40\n"), std::string::npos) << metadata;
+}
+
+TEST_F(McapSink, StoppingWithoutAnEndEndsTheFileToo) {
+  GError* wrong = nullptr;
+  const std::string text =
+      "terrainscenesrc is-live=true ! video/x-raw,width=160,height=120 ! terrainseg ! terrainmcapsink "
+      "name=sink location=" +
+      at("drive.mcap");
+  const Owned<GstElement> pipeline(gst_parse_launch(text.c_str(), &wrong));
+  ASSERT_EQ(wrong, nullptr);
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const gint64 deadline = g_get_monotonic_time() + 30 * G_TIME_SPAN_SECOND;
+  while ((!fs::exists(at("drive.mcap.part")) ||
+          fs::file_size(at("drive.mcap.part")) < 100) && // a chunk is there
+         g_get_monotonic_time() < deadline)
+    g_usleep(10000);
+  EXPECT_FALSE(fs::exists(at("drive.mcap")));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_TRUE(is_whole(bytes_of(at("drive.mcap"))));
+  EXPECT_GT(statistics_of(bytes_of(at("drive.mcap"))).messages, 5u);
+}
+
+TEST_F(McapSink, RefusesWhatItCannotRecord) {
+  const std::string sink = "terrainmcapsink location=" + at("drive.mcap");
+  EXPECT_NE(run(scene + "x264enc bframes=2 ! h264parse ! " + sink).error.find("B-frames"), std::string::npos);
+  fs::remove(at("drive.mcap.part"));
+  fs::remove(at("drive.mcap"));
+  EXPECT_NE(run(scene + "terrainmcapsink").error.find("needs a location"), std::string::npos);
+  EXPECT_NE(run(scene + "terrainmcapsink fd=1 location=x.mcap").error.find("not both"), std::string::npos);
+  EXPECT_NE(run(scene + sink + " mount=height=0").error.find("\"height=0\" of property mount cannot be used"),
+            std::string::npos);
+  EXPECT_NE(run(scene + sink + " camera-info=/nowhere").error.find("\"/nowhere\" of property camera-info"),
+            std::string::npos);
+  EXPECT_FALSE(fs::exists(at("drive.mcap.part"))) << "settings are read first";
+  EXPECT_NE(run(scene + "terrainmcapsink location=/proc/nowhere/a.mcap").error.find("Cannot write"),
+            std::string::npos);
+}
+
+TEST_F(McapSink, AFullDiskIsTold) {
+  std::FILE* full = std::fopen("/dev/full", "w");
+  ASSERT_NE(full, nullptr);
+  const std::string error =
+      run(scene + "terrainseg ! terrainmcapsink fd=" + std::to_string(fileno(full))).error;
+  std::fclose(full);
+  EXPECT_EQ(error, "No space left on device.");
+}
+
+TEST_F(McapSink, TheClockIsTheTimeOfDayWhereTheFirstFrameHasIt) {
+  EXPECT_EQ(run(scene + "terrainseg start-time=1700000000000000000 ! " + h264 +
+                "terrainmcapsink location=" + at("day.mcap"))
+                .error,
+            "");
+  const Statistics day = statistics_of(bytes_of(at("day.mcap")));
+  EXPECT_EQ(day.start, 1700000000000000000u);
+  EXPECT_EQ(day.end, 1700000000000000000u + 1300000000u) << "39 frames of a 30th of a second later";
+  EXPECT_EQ(run(scene + "terrainseg ! " + h264 + "terrainmcapsink location=" + at("stream.mcap")).error, "");
+  EXPECT_EQ(statistics_of(bytes_of(at("stream.mcap"))).start, 0u)
+      << "behind an encoder that moves its time stamps";
+}
+
+TEST_F(McapSink, SaysThatThereIsNoMetadata) {
+  const Said said = run(scene + "terrainmcapsink location=" + at("drive.mcap"));
+  EXPECT_EQ(said.error, "");
+  EXPECT_NE(said.warning.find("No frame had terrain metadata"), std::string::npos) << said.warning;
+  EXPECT_EQ(statistics_of(bytes_of(at("drive.mcap"))).messages, 0u);
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  gst_init(&argc, &argv);
+  return RUN_ALL_TESTS();
+}
