@@ -11,5 +11,5 @@ case "${1:-}" in
     exit ;;
   ?*) SOURCE="v4l2src device=$1 ! decodebin" ;;
 esac
-pipeline "$SOURCE ! videoconvert ! queue leaky=downstream max-size-buffers=1 \
+pipeline "$SOURCE ! videoconvert ! video/x-raw,format=NV12 ! queue leaky=downstream max-size-buffers=1 \
   ! terrainseg overlay=true post-messages=true $SETTINGS ! $VIEW"

@@ -7,10 +7,6 @@
 #   SETTINGS  properties of terrainseg, as in gst-launch-1.0        (default: none)
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
-# A build in the source tree is used when the plugin is not installed.
-if [ -z "${GST_PLUGIN_PATH:-}" ] && [ -e "$here/../build/gst/libgstterrainseg.so" ]; then
-  export GST_PLUGIN_PATH=$here/../build/gst
-fi
 SOURCE=${SOURCE:-v4l2src ! decodebin}
 VIEW=${VIEW:-videoconvert ! autovideosink}
 SETTINGS=${SETTINGS:-}
@@ -18,14 +14,45 @@ SETTINGS=${SETTINGS:-}
 fail() { echo "$(basename "$0"): $*" >&2; exit 1; }
 usage() { sed -n '3,/^[^#]/s/^# \{0,1\}//p' "$0"; exit "${1:-0}"; }
 
-# lines_branch: behind a tee named t, one JSON object per frame into the file LINES_TO, when that is set.
-lines_branch() {
-  [ -z "${LINES_TO:-}" ] || printf '%s' 't. ! queue ! terrainextract ! application/x-ndjson ! filesink location="\"$LINES_TO\"" \
-    buffer-mode=unbuffered sync=false async=false'
+# use_plugin: GST_PLUGIN_PATH as it is when it is set, else the newest build in the source tree, else what is installed.
+use_plugin() {
+  local plugin newest=""
+  [ -z "${GST_PLUGIN_PATH:-}" ] || return 0
+  for plugin in "$here"/../build{,-release,-quickstart}/gst/libgstterrainseg.so; do
+    if [ -e "$plugin" ] && { [ -z "$newest" ] || [ "$plugin" -nt "$newest" ]; }; then newest=$plugin; fi
+  done
+  if [ -n "$newest" ]; then
+    GST_PLUGIN_PATH=$(cd "$(dirname "$newest")" && pwd)
+    export GST_PLUGIN_PATH
+    echo "$(basename "$0"): uses the plugin in ${GST_PLUGIN_PATH#"$(dirname "$here")"/}" >&2
+  elif gst-inspect-1.0 --exists terrainseg; then
+    echo "$(basename "$0"): uses the plugin that is installed" >&2
+  else
+    fail "GStreamer knows no terrainseg, and no build of it is in $(dirname "$here"): run examples/quickstart.sh, install it, or set GST_PLUGIN_PATH"
+  fi
+}
+[[ " $* " == *" --help "* ]] || use_plugin
+
+# quoted TEXT: one word of a pipeline, whatever the text holds.
+quoted() {
+  local text=${1//\\/\\\\}
+  printf '"%s"' "${text//\"/\\\"}"
 }
 
-# pipeline TEXT: runs it; Ctrl-C ends it properly. The text is one string, so that it can be copied to a terminal.
-pipeline() { eval "exec gst-launch-1.0 -q -e $1"; }
+# lines_branch: behind a tee named t, one JSON object per frame into the file LINES_TO, when that is set.
+lines_branch() {
+  [ -z "${LINES_TO:-}" ] || printf '%s' "t. ! queue ! terrainextract ! application/x-ndjson ! filesink location=$(quoted "$LINES_TO") \
+    buffer-mode=unbuffered sync=false async=false"
+}
+
+# pipeline TEXT: runs it; Ctrl-C ends it properly. No shell reads the text: gst-launch-1.0 puts the words together again as
+# they were and reads the quotes in them itself.
+pipeline() {
+  local words
+  mapfile -d ' ' -t words <<<"${1//$'\n'/ }"
+  words[-1]=${words[-1]%$'\n'}
+  exec gst-launch-1.0 -q -e "${words[@]}"
+}
 
 # rover SINK: the rover's end of a link: H.264 and one KLV unit per frame in an MPEG transport stream, into SINK.
 # A leaky queue belongs before terrainseg only: behind it video and metadata must stay together.

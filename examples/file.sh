@@ -21,4 +21,4 @@ esac
 [ -r "$1" ] || fail "$1 cannot be read"
 pipeline "uridecodebin uri=$(uri_of "$1") ! deinterlace fields=top \
   ! videoflip video-direction=auto ! videoconvert ! terrainseg overlay=true $SETTINGS ! videoconvert \
-  ! video/x-raw,format=I420 ! x264enc pass=qual speed-preset=veryfast ! mp4mux ! filesink location=\"$2\""
+  ! video/x-raw,format=I420 ! x264enc pass=qual speed-preset=veryfast ! mp4mux ! filesink location=$(quoted "$2")"

@@ -10,10 +10,12 @@ case "${1:-}" in
   --self-test) exec "$here/stream_srt.sh" --self-test ;;
 esac
 uri=$1
-port=${uri##*:}
+# The words of the pipeline are those of this file; of the URI only what an address may hold gets into them.
+[[ $uri =~ ^(srt://[A-Za-z0-9._-]+|srt://\[[0-9A-Fa-f:.]+\]|udp://|rtp://):([0-9]{1,5})$ ]] || fail "$uri is no srt://ROVER:PORT, udp://:PORT or rtp://:PORT"
+port=${BASH_REMATCH[2]}
 case "$uri" in
   srt://*)
-    secret=${SRT_PASSPHRASE:+"passphrase=\"\$SRT_PASSPHRASE\" pbkeylen=16"}
+    secret=${SRT_PASSPHRASE:+"passphrase=$(quoted "$SRT_PASSPHRASE") pbkeylen=16"}
     input="srtsrc uri=$uri?mode=caller $secret ! tsdemux name=d  d. ! h264parse ! video.  d. ! meta/x-klv ! klv." ;;
   udp://*)
     input="udpsrc port=$port buffer-size=2000000 caps=video/mpegts,systemstream=true,packetsize=188 ! tsdemux name=d \
@@ -23,5 +25,6 @@ case "$uri" in
       ! rtpjitterbuffer latency=100 ! rtpmp2tdepay ! tsdemux name=d  d. ! h264parse ! video.  d. ! meta/x-klv ! klv." ;;
   *) usage 2 ;;
 esac
+echo "ground_station.sh: waits for video and KLV from $uri (the rover's end: examples/stream_*.sh); Ctrl-C ends it" >&2
 pipeline "$input queue name=video ! avdec_h264 ! c.sink  queue name=klv ! c.meta \
   terraincombine name=c ! tee name=t  t. ! queue ! terrainoverlay ! $VIEW  $(lines_branch)"

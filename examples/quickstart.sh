@@ -1,79 +1,111 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs what is missing, builds the filter and runs it once, on VIDEO or on a scene that it renders itself.
-# usage: examples/quickstart.sh [VIDEO]
+# usage: examples/quickstart.sh [VIDEO] [PROPERTY=VALUE...]      such as window-bottom=80: a property of terrainseg
 # leaves quickstart/annotated.mp4 (H.264), quickstart/masks.mkv (FFV1, GRAY8), quickstart/terrain.jsonl and
 # quickstart/preview.png, a contact sheet: annotated frames above, their masks below.
+# Of a damaged VIDEO what could be decoded is kept as quickstart/partial.*, and the exit status is 1.
+# (QUICKSTART_BUILD: a build that is there already, used as it is; QUICKSTART_RESULTS: another folder for the results.)
 set -euo pipefail
 top=$(cd "$(dirname "$0")/.." && pwd)
+. "$top/examples/heartbeat.sh"
 fail() { echo "quickstart: $*" >&2; exit 1; }
+usage() { sed -n '3,8s/^# //p' "$0"; exit "$1"; }
 
-usage() { sed -n '3,6s/^# //p' "$0"; exit "$1"; }
-case "${1:-}" in --help | -h) usage 0 ;; esac
-[ $# -le 1 ] || usage 2
-video=${1:-}
-if [ -n "$video" ]; then
-  [ -f "$video" ] && [ -r "$video" ] || fail "$video is not a file that can be read"
-  video=$(realpath "$video")
-fi
+video="" settings=()
+for argument in "$@"; do
+  case "$argument" in
+    --help | -h) usage 0 ;;
+    -*) usage 2 ;;
+  esac
+  if [ -e "$argument" ]; then
+    [ -z "$video" ] || usage 2
+    [ -f "$argument" ] && [ -r "$argument" ] || fail "$argument is not a file that can be read"
+    video=$(realpath "$argument")
+  elif [[ $argument =~ ^[a-z][a-z0-9-]*=. ]]; then
+    settings+=(--set "$argument")
+  else
+    fail "$argument: there is no such file, and it is no PROPERTY=VALUE"
+  fi
+done
 
+results=$(realpath -m "${QUICKSTART_RESULTS:-$top/quickstart}")
 cd "$top"
-./install-dependencies.sh plugin run preview
+begin=$SECONDS
+./install-dependencies.sh plugin process run preview
+installed=$((SECONDS - begin))
 
-build=$top/build-quickstart
-[ -f "$build/build.ninja" ] || meson setup "$build" -Dtests=false -Dtools=disabled -Dbench=disabled >"$build.log" 2>&1 ||
-  { tail -n 20 "$build.log" >&2; fail "could not configure the build; the whole log is $build.log"; }
-echo "building ..."
-ninja -C "$build" >"$build.log" 2>&1 || { tail -n 20 "$build.log" >&2; fail "could not build; the whole log is $build.log"; }
+# The plugin and terrainseg-process: nothing else is compiled.
+build=${QUICKSTART_BUILD:-$top/build-quickstart}
+process=$build/src/tools/terrainseg-process
+build_it() {
+  begin=$SECONDS
+  if [ ! -f "$build/build.ninja" ]; then
+    echo "configuring ..."
+    heartbeat "$build.log" meson setup "$build" -Dtests=disabled -Dbench=disabled ||
+      { tail -n 20 "$build.log" >&2; fail "could not configure the build; the whole log is $build.log"; }
+  fi
+  echo "building ..."
+  heartbeat "$build.log" ninja -C "$build" gst/libgstterrainseg.so src/tools/terrainseg-process ||
+    { grep -m 1 -A 20 FAILED "$build.log" >&2 || tail -n 20 "$build.log" >&2; fail "could not build; the whole log is $build.log"; }
+  echo "installed in $installed s, built in $((SECONDS - begin)) s"
+}
+[ -n "${QUICKSTART_BUILD:-}" ] || build_it
 export GST_PLUGIN_PATH=$build/gst GST_REGISTRY=$build/registry.bin
-gst-inspect-1.0 terrainseg >/dev/null || fail "GStreamer does not find the plugin in $build/gst"
-
-if [ -n "$video" ]; then
-  uri=$(/usr/bin/python3 -c 'import pathlib, sys; print(pathlib.Path(sys.argv[1]).as_uri())' "$video")
-  source=(uridecodebin "uri=$uri" ! deinterlace ! videoflip method=automatic
-          ! videoconvert)
-  echo "running the filter on $video ..."
-else
-  source=(terrainscenesrc num-buffers=250 ! video/x-raw,width=640,height=360,framerate=30/1)
-  echo "running the filter on a rendered scene ..."
-fi
 
 # Only what is whole gets its name: whatever stops this run, what the last one left is still there.
-results=$top/quickstart
 mkdir -p "$results"
 out=$(mktemp -d "$results/unfinished-XXXXXX")
 trap 'rm -rf "$out"' EXIT
-begin=$(date +%s%N)
-# One decoding, one filter, three ways out. The tee stands still until all three have begun: tune=zerolatency, or x264enc
-# would look 50 frames ahead before its first one. (async=false instead loses the end of the stream behind decodebin.)
-gst-launch-1.0 -q -e "${source[@]}" ! terrainseg ! tee name=t \
-  t. ! queue ! terrainoverlay ! videoconvert ! video/x-raw,format=I420 ! x264enc tune=zerolatency speed-preset=veryfast bitrate=6000 \
-     ! h264parse ! mp4mux ! filesink "location=\"$out/annotated.mp4\"" \
-  t. ! queue ! terrainextract ! video/x-raw,format=GRAY8 ! avenc_ffv1 ! matroskamux ! filesink "location=\"$out/masks.mkv\"" \
-  t. ! queue ! terrainextract ! application/x-ndjson ! filesink "location=\"$out/terrain.jsonl\"" ||
-  fail "the pipeline stopped: see the message above"
-end=$(date +%s%N)
+source=$video
+if [ -z "$source" ]; then
+  echo "rendering a scene ..."
+  source=$results/scene.mp4
+  heartbeat "$out/log" gst-launch-1.0 -q -e terrainscenesrc num-buffers=250 ! video/x-raw,format=I420,width=640,height=360,framerate=30/1 \
+    ! x264enc pass=qual quantizer=16 speed-preset=veryfast ! mp4mux ! filesink "location=\"$out/scene.mp4\"" ||
+    { tail -n 20 "$out/log" >&2; fail "the scene could not be rendered"; }
+  mv "$out/scene.mp4" "$source"
+fi
 
-frames=$(wc -l <"$out/terrain.jsonl")
-[ "$frames" -gt 0 ] || fail "no frame came out of ${video:-the scene}: is there a video stream in it?"
+echo "running the filter on ${source#"$top"/} ..."
+status=0
+"$process" --output-dir "$out" --name '' --outputs annotated,masks,json ${settings[@]+"${settings[@]}"} -- "$source" >"$out/line" || status=$?
+prefix=
+if [ -f "$out/partial.summary.json" ]; then
+  prefix=partial.
+elif [ "$status" -ne 0 ]; then
+  exit "$status" # terrainseg-process has said why
+fi
+/usr/bin/python3 - "$out/${prefix}summary.json" <<'PYTHON'
+import json, sys
+summary = json.load(open(sys.argv[1]))
+frames, own = summary['frames'], summary['filter_milliseconds']
+print(f'{frames} {"frame" if frames == 1 else "frames"} of {summary["width"]}x{summary["height"]} in {summary["seconds"]:.1f} s: '
+      f'{summary["fps"]:.0f} frames per second, with decoding and encoding')
+print(f'the filter itself: {own:.2f} ms a frame' + (f', {1000 / own:.0f} frames per second' if own > 0 else ''))
+print(f'traversable: {100 * summary["traversable"]:.0f} % of the view')
+if summary['still_rows']:
+    print(f'the lowest {summary["still_rows"]} rows never change: try window-bottom={summary["still_rows"]} behind this command')
+PYTHON
 
 # Six frames from all over the clip, and their masks.
+frames=$(wc -l <"$out/${prefix}terrain.jsonl")
 every=$(((frames + 5) / 6))
 pick="select='not(mod(n\\,$every))',scale=426:-2,tile=3x2:padding=4"
-ffmpeg -nostdin -v error -y -i "$out/annotated.mp4" -i "$out/masks.mkv" -filter_complex \
+ffmpeg -nostdin -v error -y -i "$out/${prefix}annotated.mp4" -i "$out/${prefix}masks.mkv" -filter_complex \
   "[0:v]${pick}[a];[1:v]format=gray,${pick/scale=426:-2/scale=426:-2:flags=neighbor},format=rgb24[b];[a]format=rgb24[c];[c][b]vstack" \
-  -frames:v 1 "$out/preview.png" || fail "ffmpeg could not make the contact sheet"
+  -frames:v 1 "$out/${prefix}preview.png" || fail "ffmpeg could not make the contact sheet"
 
-/usr/bin/python3 - "$out/terrain.jsonl" "$((end - begin))" <<'PYTHON'
-import json, sys
-lines = [json.loads(line) for line in open(sys.argv[1])]
-seconds = int(sys.argv[2]) / 1e9
-share = 100 * sum(line['traversable'] for line in lines) / len(lines)
-print(f'{len(lines)} frames of {lines[0]["width"]}x{lines[0]["height"]} in {seconds:.1f} s: '
-      f'{len(lines) / seconds:.0f} frames per second, with decoding and encoding')
-print(f'traversable: {share:.0f} % of the view')
-PYTHON
 for name in annotated.mp4 masks.mkv terrain.jsonl preview.png; do
-  mv "$out/$name" "$results/$name"
-  echo "$results/$name"
+  mv "$out/$prefix$name" "$results/$prefix$name"
+  echo "$results/$prefix$name"
 done
+
+quoted=$(printf '%q' "$source")
+cat <<NEXT
+What next, from $top:
+  examples/quickstart.sh $quoted caution=8    # another setting
+  ${process#"$top"/} -o out $quoted    # many files, CSV, resuming: docs/tasks/files.md
+  meson devenv -C ${build#"$top"/} gst-inspect-1.0 terrainseg    # every setting, and the filter in your own pipelines
+NEXT
+exit "$status"

@@ -182,9 +182,10 @@ int main(int argc, char** argv) {
   pad = gst_element_get_static_pad(entry, "src");
   gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, supervise, &self, NULL);
   well = play(pipeline);
-  g_print("%" G_GUINT64_FORMAT " frames, %" G_GUINT64_FORMAT " of them supervised, %" G_GUINT64_FORMAT
+  g_print("%" G_GUINT64_FORMAT " %s, %" G_GUINT64_FORMAT " of them supervised, %" G_GUINT64_FORMAT
           " training pixels each\n",
-          self.frames, self.supervised, self.supervised ? self.pixels / self.supervised : 0);
+          self.frames, self.frames == 1 ? "frame" : "frames", self.supervised,
+          self.supervised ? self.pixels / self.supervised : 0);
   gst_object_unref(pad);
   gst_object_unref(entry);
   gst_object_unref(depth);

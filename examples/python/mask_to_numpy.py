@@ -6,6 +6,7 @@ usage: mask_to_numpy.py [VIDEO]        without a video: a rendered scene of 60 f
 
 Copy frames() into your program. It reads the metadata of every frame; the picture itself comes with it when asked for.
 """
+import os
 import pathlib
 import sys
 
@@ -16,7 +17,9 @@ gi.require_version('GstVideo', '1.0')
 from gi.repository import Gst, GstVideo  # noqa: E402  (the versions must be chosen before)
 import numpy as np  # noqa: E402
 
-Gst.init(None)
+import find_plugin  # noqa: E402  (where the plugin is installed Gst.init(None) does)
+
+find_plugin.init()
 
 FLAGS = {1: 'learned', 2: 'frozen', 4: 'starved', 8: 'unknown', 16: 'horizon held', 32: 'blocked'}
 
@@ -26,7 +29,7 @@ def bytes_of(buffer):
 
 
 def array_of_mask(mask):
-    """The GRAY8 buffer of a mask as an array of (rows, columns); rows may be padded in memory."""
+    """The GRAY8 buffer of a mask or confidence map as an array of (rows, columns); rows may be padded in memory."""
     layout = GstVideo.buffer_get_video_meta(mask)
     pixels = np.frombuffer(bytes_of(mask), np.uint8, offset=layout.offset[0])
     rows = np.lib.stride_tricks.as_strided(pixels, (layout.height, layout.width), (layout.stride[0], 1))
@@ -41,6 +44,7 @@ def estimate_of(buffer):
     fields = meta.get_structure()
     flags = fields.get_value('flags')
     horizon = fields.get_value('horizon-row')
+    sureness = fields.get_value('confidence-map')
     return {
         'frame': fields.get_value('frame'),
         'pts': buffer.pts,
@@ -51,6 +55,8 @@ def estimate_of(buffer):
         'traversable': fields.get_value('traversable-permille') / 1000,
         # 0 not traversable, 128 doubtful or unknown, 255 traversable
         'mask': array_of_mask(fields.get_value('mask')),
+        # how sure the mask is, in coarse cells spread over it: 0 = a toss, 1 = certain; None with free-space=false
+        'confidence-map': None if sureness is None else array_of_mask(sureness) / 255,
         # per mask column the highest row of the free space ahead; the frame's height = none
         'boundary': np.frombuffer(bytes_of(fields.get_value('boundary')), '<u2'),
         'flags': {name for bit, name in FLAGS.items() if flags & bit},
@@ -107,7 +113,7 @@ def main():
     for each in frames(source_of(sys.argv[1:])):
         share = np.mean(each['mask'] == 255)
         print(f"frame {each['frame']}: {each['mask'].shape[1]}x{each['mask'].shape[0]} mask, "
-              f"{100 * share:.1f} % traversable, horizon {each['horizon']}")
+              f"{100 * share:.1f} % traversable, horizon {each['horizon']}", flush=True)
 
 
 if __name__ == '__main__':
@@ -115,3 +121,5 @@ if __name__ == '__main__':
         main()
     except RuntimeError as error:
         sys.exit(f'mask_to_numpy: {error}')
+    except BrokenPipeError:  # `| head` has seen enough; nothing may be flushed at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Publishes JSON lines to an MQTT broker, and loses none while the broker is away. Only Python's standard library.
+"""Publishes JSON lines to an MQTT broker, and loses none while the broker is away. Takes python3-paho-mqtt (1.6 or 2).
 
 usage: ... ! terrainextract ! application/x-ndjson ! fdsink | mqtt_publish.py --topic rover/terrain
        mqtt_publish.py --host BROKER --spool terrain.spool < lines.jsonl
@@ -14,89 +14,61 @@ import argparse
 import collections
 import os
 import select
-import socket
-import struct
 import sys
 import time
 
-CONNECT, CONNACK, PUBLISH, PUBACK, PINGREQ, PINGRESP = 1, 2, 3, 4, 12, 13
+import paho.mqtt.client as mqtt
+
 KEEP_ALIVE = 30  # seconds
 IN_FLIGHT = 32   # published, not yet acknowledged
 
 
-def text(value):
-    data = value.encode()
-    return struct.pack('!H', len(data)) + data
-
-
-def packet(kind, flags, body):
-    """MQTT 3.1.1, chapter 2: type and flags, the length in groups of 7 bits, the body."""
-    length, coded = len(body), bytearray()
-    while True:
-        length, group = divmod(length, 128)
-        coded.append(group | (0x80 if length else 0))
-        if not length:
-            return bytes([kind << 4 | flags]) + bytes(coded) + body
+def new_client(name):
+    """paho 2 wants to be told which callbacks it calls; those here take what either gives."""
+    if hasattr(mqtt, 'CallbackAPIVersion'):
+        return mqtt.Client(mqtt.CallbackAPIVersion.VERSION2, client_id=name)
+    return mqtt.Client(client_id=name)
 
 
 class Broker:
-    """One connection. Raises OSError when it is lost."""
+    """One connection, a clean session: the spool remembers, not the broker. Raises OSError when it is lost."""
 
     def __init__(self, options):
-        self.socket = socket.create_connection((options.host, options.port), timeout=5)
-        flags, payload = 0x02, text(options.client)  # clean session: the spool remembers, not the broker
+        self.acknowledged = set()  # message numbers
+        self.answer = None
+        self.client = new_client(options.client)
+        self.client.on_connect = lambda client, data, flags, code, *more: setattr(self, 'answer', code)
+        self.client.on_publish = lambda client, data, number, *more: self.acknowledged.add(number)
+        self.client.max_inflight_messages_set(IN_FLIGHT)
         if options.user:
-            flags |= 0x80 | (0x40 if options.password else 0)
-            payload += text(options.user) + (text(options.password) if options.password else b'')
-        self.received = bytearray()
-        self.last_sent = 0.0
-        self.send(packet(CONNECT, 0, text('MQTT') + struct.pack('!BBH', 4, flags, KEEP_ALIVE) + payload))
+            self.client.username_pw_set(options.user, options.password)
+        self.client.connect(options.host, options.port, KEEP_ALIVE)
         deadline = time.monotonic() + 5
-        while True:
-            for kind, body in self.read(max(0.0, deadline - time.monotonic())):
-                if kind == CONNACK and len(body) == 2 and body[1] == 0:
-                    return
-                raise ConnectionError(f'the broker refuses the connection (code {body[1] if len(body) > 1 else "?"})')
+        while self.answer is None:
+            self.exchange(0.1)
             if time.monotonic() >= deadline:
                 raise ConnectionError('the broker does not answer')
+        self.check_answer()
 
-    def send(self, data):
-        self.socket.sendall(data)
-        self.last_sent = time.monotonic()
+    def check_answer(self):
+        if getattr(self.answer, 'is_failure', self.answer != 0):
+            said = mqtt.connack_string(self.answer) if isinstance(self.answer, int) else self.answer
+            raise ConnectionError(f'the broker refuses the connection: {said}')
 
-    def publish(self, topic, number, payload, retain, again):
-        flags = 0x02 | (0x01 if retain else 0) | (0x08 if again else 0)
-        self.send(packet(PUBLISH, flags, text(topic) + struct.pack('!H', number) + payload))
+    def publish(self, topic, payload, retain):
+        """The message's number, which `acknowledged` will hold."""
+        return self.client.publish(topic, payload, qos=1, retain=retain).mid
 
-    def keep_alive(self):
-        if time.monotonic() - self.last_sent > KEEP_ALIVE / 2:
-            self.send(packet(PINGREQ, 0, b''))
-
-    def read(self, timeout):
-        """Packets that arrive within `timeout` seconds."""
-        if not select.select([self.socket], [], [], timeout)[0]:
-            return []
-        data = self.socket.recv(65536)
-        if not data:
-            raise ConnectionError('the broker closed the connection')
-        self.received += data
-        packets = []
-        while True:
-            length, shift, index = 0, 0, 1
-            while index < len(self.received) and index <= 4:
-                group = self.received[index]
-                length, shift, index = length | (group & 0x7f) << shift, shift + 7, index + 1
-                if not group & 0x80:
-                    break
-            else:
-                return packets
-            if len(self.received) < index + length:
-                return packets
-            packets.append((self.received[0] >> 4, bytes(self.received[index:index + length])))
-            del self.received[:index + length]
+    def exchange(self, timeout):
+        """Sends and receives for `timeout` seconds at most."""
+        code = self.client.loop(timeout)
+        if code != mqtt.MQTT_ERR_SUCCESS:
+            if self.answer is not None:
+                self.check_answer()
+            raise ConnectionError(f'the broker is gone: {mqtt.error_string(code)}')
 
     def close(self):
-        self.socket.close()
+        self.client.disconnect()
 
 
 class Spool:
@@ -155,9 +127,7 @@ class Publisher:
         self.spool = Spool(options.spool, options.limit)
         self.broker = None
         self.next_try = 0.0
-        self.in_flight = collections.deque()  # packet numbers and whether acknowledged, oldest first
-        self.next_number = 1
-        self.sent_before = 0  # of the oldest lines, sent over an earlier connection
+        self.in_flight = collections.deque()  # numbers of the messages that hold the oldest lines, oldest first
         self.input_open = True
         self.rest = b''
         self.delivered = 0
@@ -165,21 +135,24 @@ class Publisher:
     def say(self, message):
         print(f'mqtt_publish: {message}', file=sys.stderr, flush=True)
 
+    def waiting(self):
+        lines = len(self.spool.lines)
+        return '1 line waits' if lines == 1 else f'{lines} lines wait'
+
     def connect(self):
         if self.broker or time.monotonic() < self.next_try or not (self.spool.lines or self.input_open):
             return
         try:
             self.broker = Broker(self.options)
-            self.say(f'connected, {len(self.spool.lines)} lines waiting')
+            self.say(f'connected, {self.waiting()}')
         except OSError as error:
             self.say(f'{self.options.host}:{self.options.port}: {error}; trying again')
             self.next_try = time.monotonic() + self.options.retry
 
     def disconnect(self, error):
-        self.say(f'{error}; {len(self.spool.lines)} lines wait for the broker')
+        self.say(f'{error}; {self.waiting()} for the broker')
         self.broker.close()
         self.broker = None
-        self.sent_before = len(self.in_flight)
         self.in_flight.clear()
         self.next_try = time.monotonic() + self.options.retry
 
@@ -198,26 +171,15 @@ class Publisher:
             if self.spool.append(line):
                 if self.in_flight:
                     self.in_flight.popleft()
-                self.sent_before = max(0, self.sent_before - 1)
 
     def exchange(self, timeout):
         while len(self.in_flight) < min(IN_FLIGHT, len(self.spool.lines)):
-            index = len(self.in_flight)
-            self.broker.publish(self.options.topic, self.next_number, self.spool.lines[index], self.options.retain,
-                                again=index < self.sent_before)
-            self.in_flight.append([self.next_number, False])
-            self.next_number = self.next_number % 65535 + 1
-        self.broker.keep_alive()
-        for kind, body in self.broker.read(timeout):
-            if kind == PUBACK and len(body) >= 2:
-                number = struct.unpack('!H', body[:2])[0]
-                for entry in self.in_flight:
-                    if entry[0] == number:
-                        entry[1] = True
-        while self.in_flight and self.in_flight[0][1]:
-            self.in_flight.popleft()
+            line = self.spool.lines[len(self.in_flight)]
+            self.in_flight.append(self.broker.publish(self.options.topic, line, self.options.retain))
+        self.broker.exchange(timeout)
+        while self.in_flight and self.in_flight[0] in self.broker.acknowledged:
+            self.broker.acknowledged.discard(self.in_flight.popleft())
             self.spool.acknowledge()
-            self.sent_before = max(0, self.sent_before - 1)
             self.delivered += 1
 
     def run(self):
@@ -232,7 +194,6 @@ class Publisher:
             except OSError as error:
                 self.disconnect(error)
         if self.broker:
-            self.broker.send(packet(14, 0, b''))  # DISCONNECT
             self.broker.close()
         self.spool.remove()
         self.say(f'{self.delivered} lines delivered, {self.spool.dropped} dropped')

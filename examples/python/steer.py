@@ -3,15 +3,18 @@
 """Steers towards the widest free space ahead: one command per frame, from the boundary alone. No ROS, no numpy.
 
 usage: steer.py [--depth 0.25] [VIDEO]        without a video: a rendered scene of 90 frames
+       steer.py --link 'udpsrc ... ! tsdemux name=d ... terraincombine name=link'     over a link (docs/security.md)
 
 Prints   frame 12 steer +0.130 speed 0.72   (steer: -1 full left .. 1 full right; speed: 0 stop .. 1)
 and      frame 13 stop: blocked             when the way is blocked or nothing is known,
-         stop: no picture                  when none came for half a second: a camera that died sees nothing.
+         stop: no picture                  when none came for half a second: a camera that died sees nothing,
+and      frame - stop: stale ...           for half a second after the link lost or rejected metadata.
 
 A mask is no proof that the ground carries: the near-range sensor stays in charge of stopping.
 """
 import argparse
 import array
+import os
 import pathlib
 import sys
 
@@ -19,6 +22,8 @@ import gi
 
 gi.require_version('Gst', '1.0')
 from gi.repository import Gst  # noqa: E402
+
+import find_plugin  # noqa: E402  (where the plugin is installed Gst.init(None) does)
 
 BLOCKED = 32
 SILENCE = Gst.SECOND // 2
@@ -78,20 +83,41 @@ class Driver:
         return f'steer {self.angle:+.3f} speed {aim[1]:.2f}'
 
 
+class Link:
+    """Whether what came over a link may be steered by: not for half a second of frames after metadata was lost or
+    rejected. A unit that is missing is harmless, but one that somebody else sent tells itself this way too."""
+
+    def __init__(self, combine):
+        self.combine = combine
+        self.seen = (0, 0)
+        self.fresh_from = 0
+
+    def stale(self, time):
+        """What is wrong at this frame's time stamp, or None."""
+        stats = self.combine.get_property('stats')
+        counts = tuple(stats.get_uint64(name).value for name in ('lost', 'rejected'))
+        if counts != self.seen:
+            self.seen, self.fresh_from = counts, time + SILENCE
+        # A time stamp far before that is another stream's, not a fresh one.
+        return f'stale, {counts[0]} lost, {counts[1]} rejected' if time < self.fresh_from else None
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--depth', type=float, default=0.25, help='of the frame height that must be free (0.25)')
     parser.add_argument('--settings', default='', help='properties of terrainseg, as in gst-launch-1.0')
+    parser.add_argument('--link', help='instead of terrainseg: what ends in a terraincombine named link')
     parser.add_argument('video', nargs='?')
     options = parser.parse_args()
 
-    Gst.init(None)
+    find_plugin.init()
     source = 'terrainscenesrc num-buffers=90 ! video/x-raw,width=320,height=180'
     if options.video:
         source = f'uridecodebin uri="{pathlib.Path(options.video).resolve().as_uri()}" ! videoconvert'
     # On a rover the newest frame counts: there put  queue leaky=downstream max-size-buffers=1  before terrainseg.
-    pipeline = Gst.parse_launch(f'{source} ! terrainseg mask-level=2 {options.settings} ! '
-                                'appsink name=out sync=false max-buffers=1')
+    seen = options.link or f'{source} ! terrainseg mask-level=2 {options.settings}'
+    pipeline = Gst.parse_launch(f'{seen} ! appsink name=out sync=false max-buffers=1')
+    link = Link(pipeline.get_by_name('link')) if options.link else None
     out, bus = pipeline.get_by_name('out'), pipeline.get_bus()
     driver = Driver(options.depth)
     pipeline.set_state(Gst.State.PLAYING)
@@ -100,7 +126,10 @@ def main():
         if sample:
             meta = sample.get_buffer().get_custom_meta('GstTerrainSegMeta')
             fields = meta.get_structure() if meta else None
-            if fields:
+            problem = link.stale(sample.get_buffer().pts) if link else None
+            if problem or (link and not fields):
+                print(f"frame {fields.get_value('frame') if fields else '-'} stop: {problem or 'stale'}", flush=True)
+            elif fields:
                 print(f"frame {fields.get_value('frame')} {driver.command(fields)}", flush=True)
             continue
         message = bus.pop_filtered(Gst.MessageType.ERROR)
@@ -113,4 +142,7 @@ def main():
 
 
 if __name__ == '__main__':
-    main()
+    try:
+        main()
+    except BrokenPipeError:  # `| head` has seen enough; nothing may be flushed at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

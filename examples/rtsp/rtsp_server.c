@@ -2,13 +2,17 @@
 /* A rover as an RTSP server: stream 0 is H.264, stream 1 one KLV unit per frame. Any player shows the video;
  * terraincombine puts the two together again (see docs/tasks/streaming.md).
  *
- * cc rtsp_server.c -o rtsp_server $(pkg-config --cflags --libs gstreamer-rtsp-server-1.0)
- * ./rtsp_server [--port 8554] [--annotated] [--source 'v4l2src ! decodebin']
- * gst-play-1.0 rtsp://ROVER:8554/rover
+ * cc rtsp_server.c -o rtsp_server $(pkg-config --cflags --libs gstreamer-rtsp-server-1.0 gio-2.0)
+ * ./rtsp_server [--port 8554] [--annotated] [--source 'v4l2src ! decodebin']      this machine alone
+ * RTSP_USER=me RTSP_PASSWORD=... ./rtsp_server --address 0.0.0.0    the network, with a password
+ * gst-play-1.0 rtsp://me:PASSWORD@ROVER:8554/rover
+ *
+ * The password is checked (digest), the pictures are not encrypted: see docs/security.md.
  */
 #include <gst/rtsp-server/rtsp-server.h>
 #include <signal.h>
 
+#include <gio/gio.h>
 #include <glib-unix.h>
 
 typedef struct {
@@ -49,10 +53,11 @@ static void watch(GstElement* media, const gchar* payloader, gint* counter) {
 
 static void on_unprepared(GstRTSPMedia* media, gpointer data) {
   Server* server = data;
+  const gint frames = g_atomic_int_get(&server->frames), units = g_atomic_int_get(&server->units);
 
   (void)media;
-  g_print("media closed: %d frames and %d units went out\n", g_atomic_int_get(&server->frames),
-          g_atomic_int_get(&server->units));
+  g_print("media closed: %d frame%s and %d unit%s went out\n", frames, frames == 1 ? "" : "s", units,
+          units == 1 ? "" : "s");
 }
 
 static void on_media(GstRTSPMediaFactory* factory, GstRTSPMedia* media, gpointer data) {
@@ -68,6 +73,30 @@ static void on_media(GstRTSPMediaFactory* factory, GstRTSPMedia* media, gpointer
   gst_object_unref(element);
 }
 
+/* Nobody sees the stream who does not know the password. It comes from the environment: what stands on the
+ * command line every user of the machine can read. */
+static void ask_for_password(GstRTSPServer* rtsp, GstRTSPMediaFactory* factory, const gchar* user,
+                             const gchar* password) {
+  GstRTSPAuth* auth = gst_rtsp_auth_new();
+  GstRTSPToken* token = gst_rtsp_token_new(GST_RTSP_TOKEN_MEDIA_FACTORY_ROLE, G_TYPE_STRING, "viewer", NULL);
+
+  gst_rtsp_auth_set_supported_methods(auth, GST_RTSP_AUTH_DIGEST);
+  gst_rtsp_auth_add_digest(auth, user, password, token);
+  gst_rtsp_token_unref(token);
+  gst_rtsp_media_factory_add_role(factory, "viewer", GST_RTSP_PERM_MEDIA_FACTORY_ACCESS, G_TYPE_BOOLEAN, TRUE,
+                                  GST_RTSP_PERM_MEDIA_FACTORY_CONSTRUCT, G_TYPE_BOOLEAN, TRUE, NULL);
+  gst_rtsp_server_set_auth(rtsp, auth);
+  g_object_unref(auth);
+}
+
+static gboolean is_loopback(const gchar* address) {
+  GInetAddress* parsed = g_inet_address_new_from_string(address);
+  gboolean loopback = parsed ? g_inet_address_get_is_loopback(parsed) : g_str_equal(address, "localhost");
+
+  g_clear_object(&parsed);
+  return loopback;
+}
+
 static gboolean on_interrupt(gpointer data) {
   g_main_loop_quit(((Server*)data)->loop);
   return G_SOURCE_REMOVE;
@@ -76,11 +105,15 @@ static gboolean on_interrupt(gpointer data) {
 int main(int argc, char** argv) {
   Server server = {0};
   gint port = 8554;
-  gchar *source = NULL, *settings = NULL, *launch, *service;
-  gboolean annotated = FALSE;
+  gchar *source = NULL, *settings = NULL, *address = NULL, *launch, *service;
+  const gchar *user = g_getenv("RTSP_USER"), *password = g_getenv("RTSP_PASSWORD");
+  gboolean annotated = FALSE, open_to_all = FALSE;
   GError* error = NULL;
   GOptionEntry entries[] = {
       {"port", 0, 0, G_OPTION_ARG_INT, &port, "TCP port (8554)", "PORT"},
+      {"address", 0, 0, G_OPTION_ARG_STRING, &address,
+       "Address to listen on (127.0.0.1); others want RTSP_USER and RTSP_PASSWORD", "ADDRESS"},
+      {"open", 0, 0, G_OPTION_ARG_NONE, &open_to_all, "No password, whatever the address", NULL},
       {"source", 0, 0, G_OPTION_ARG_STRING, &source, "Piece of a pipeline that gives raw video (a camera)",
        "TEXT"},
       {"settings", 0, 0, G_OPTION_ARG_STRING, &settings, "Properties of terrainseg", "TEXT"},
@@ -99,6 +132,18 @@ int main(int argc, char** argv) {
   }
   g_option_context_free(context);
 
+  if (!address)
+    address = g_strdup("127.0.0.1");
+  if (!user != !password) {
+    g_printerr("rtsp_server: set both RTSP_USER and RTSP_PASSWORD, or neither\n");
+    return 2;
+  }
+  if (!user && !open_to_all && !is_loopback(address)) {
+    g_printerr("rtsp_server: on %s everybody could watch: set RTSP_USER and RTSP_PASSWORD, or say --open\n",
+               address);
+    return 2;
+  }
+
   /* The leaky queue stands before terrainseg: behind it video and metadata stay together. */
   launch = g_strdup_printf(
       "( %s ! videoconvert ! video/x-raw,format=I420 ! queue leaky=downstream max-size-buffers=2 ! "
@@ -113,9 +158,12 @@ int main(int argc, char** argv) {
   rtsp = gst_rtsp_server_new();
   service = g_strdup_printf("%d", port);
   gst_rtsp_server_set_service(rtsp, service);
+  gst_rtsp_server_set_address(rtsp, address);
   factory = gst_rtsp_media_factory_new();
   gst_rtsp_media_factory_set_launch(factory, launch);
   gst_rtsp_media_factory_set_shared(factory, TRUE); /* one camera, many viewers */
+  if (user)
+    ask_for_password(rtsp, factory, user, password);
   g_signal_connect(factory, "media-configure", G_CALLBACK(on_media), &server);
   mounts = gst_rtsp_server_get_mount_points(rtsp);
   gst_rtsp_mount_points_add_factory(mounts, "/rover", factory);
@@ -123,12 +171,12 @@ int main(int argc, char** argv) {
 
   server.loop = g_main_loop_new(NULL, FALSE);
   if (gst_rtsp_server_attach(rtsp, NULL) == 0) {
-    g_printerr("rtsp_server: port %d is in use\n", port);
+    g_printerr("rtsp_server: %s port %d is in use or not an address of this machine\n", address, port);
     return 1;
   }
   g_unix_signal_add(SIGINT, on_interrupt, &server);
   g_unix_signal_add(SIGTERM, on_interrupt, &server);
-  g_print("rtsp://127.0.0.1:%d/rover\n", port);
+  g_print("rtsp://%s:%d/rover\n", address, port);
   g_main_loop_run(server.loop);
 
   g_main_loop_unref(server.loop);
@@ -136,6 +184,7 @@ int main(int argc, char** argv) {
   g_free(service);
   g_free(launch);
   g_free(source);
+  g_free(address);
   g_free(settings);
   return 0;
 }

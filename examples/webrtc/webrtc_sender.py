@@ -2,15 +2,21 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The annotated view of a rover in a browser: WebRTC video, and one JSON object per frame over a data channel.
 
-usage: webrtc_sender.py [--port 8080] [--source 'v4l2src ! decodebin']        then open http://ROVER:8080/
+usage: webrtc_sender.py [--port 8080] [--source 'v4l2src ! decodebin']        then open http://127.0.0.1:8080/
+       WEB_USER=me WEB_PASSWORD=... webrtc_sender.py --host 0.0.0.0               then open http://ROVER:8080/
 
 Packages: gstreamer1.0-nice, gstreamer1.0-plugins-bad, gir1.2-gst-plugins-bad-1.0, python3-gi. Signalling is two HTTP
 requests, all candidates in one go: the page asks for an offer and posts its answer. For a network that blocks peers set
---stun. There is no password: put it behind a server that has one.
+--stun. The pictures are encrypted, the page and its password are not (HTTP): beyond a network that is yours put it
+behind a server with TLS (docs/security.md).
 """
 import argparse
+import base64
+import hmac
 import http.server
+import ipaddress
 import json
+import os
 import pathlib
 import sys
 import threading
@@ -21,6 +27,9 @@ gi.require_version('Gst', '1.0')
 gi.require_version('GstSdp', '1.0')
 gi.require_version('GstWebRTC', '1.0')
 from gi.repository import GLib, Gst, GstSdp, GstWebRTC  # noqa: E402
+
+sys.path.append(str(pathlib.Path(__file__).resolve().parent.parent / 'python'))
+import find_plugin  # noqa: E402
 
 PAGE = pathlib.Path(__file__).resolve().parent / 'page.html'
 ANSWER_LIMIT = 20  # seconds to an answer, then the viewer is given up
@@ -166,6 +175,7 @@ class Rover:
 
 class Handler(http.server.BaseHTTPRequestHandler):
     rover = None
+    secret = None   # what Authorization has to say; None = anybody may look
     reports = None  # where a test page leaves what it saw
 
     def log_message(self, *_):
@@ -179,6 +189,18 @@ class Handler(http.server.BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(body)
 
+    def is_allowed(self):
+        """Whether the password came; if not, the browser is asked for it."""
+        said = self.headers.get('Authorization') or ''
+        if self.secret is None or hmac.compare_digest(said.encode(), self.secret):
+            return True
+        self.send_response(401)
+        self.send_header('WWW-Authenticate', 'Basic realm="rover", charset="UTF-8"')
+        self.send_header('Content-Length', '0')
+        self.send_header('Connection', 'close')  # a body that was not read must not be taken for a request
+        self.end_headers()
+        return False
+
     def body(self):
         length = int(self.headers.get('Content-Length') or 0)
         if not 0 <= length <= 8_000_000:
@@ -186,12 +208,16 @@ class Handler(http.server.BaseHTTPRequestHandler):
         return self.rfile.read(length)
 
     def do_GET(self):
+        if not self.is_allowed():
+            return
         if self.path.split('?')[0] == '/':
             self.reply(200, PAGE.read_bytes(), 'text/html; charset=utf-8')
         else:
             self.reply(404)
 
     def do_POST(self):
+        if not self.is_allowed():
+            return
         try:
             body = self.body()
             if self.path == '/offer':
@@ -216,9 +242,26 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.reply(400, json.dumps({'error': str(error)}).encode())
 
 
+def secret_for(options, parser):
+    """The header that a browser has to send; None on this machine alone or with --open."""
+    user, password = os.environ.get('WEB_USER'), os.environ.get('WEB_PASSWORD')
+    if bool(user) != bool(password):
+        parser.error('set both WEB_USER and WEB_PASSWORD, or neither')
+    if user:
+        return b'Basic ' + base64.b64encode(f'{user}:{password}'.encode())
+    try:
+        loopback = options.host == 'localhost' or ipaddress.ip_address(options.host).is_loopback
+    except ValueError:
+        loopback = False
+    if not loopback and not options.open:
+        parser.error(f'on {options.host} everybody could watch: set WEB_USER and WEB_PASSWORD, or say --open')
+    return None
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--host', default='0.0.0.0', help='address to listen on')
+    parser.add_argument('--host', default='127.0.0.1', help='address to listen on (127.0.0.1); others want WEB_USER and WEB_PASSWORD')
+    parser.add_argument('--open', action='store_true', help='no password, whatever the address')
     parser.add_argument('--port', type=int, default=8080)
     parser.add_argument('--source', default='v4l2src ! decodebin', help='piece of a pipeline that gives raw video')
     parser.add_argument('--settings', default='', help='properties of terrainseg, as in gst-launch-1.0')
@@ -227,7 +270,9 @@ def main():
     parser.add_argument('--report', help='for tests: a file for what the page at /?report says it saw')
     options = parser.parse_args()
 
-    Gst.init(None)
+    Handler.secret = secret_for(options, parser)
+
+    find_plugin.init()
     loop = GLib.MainLoop()
     try:
         rover = Rover(options)
@@ -262,14 +307,15 @@ def main():
     server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()
     rover.pipeline.set_state(Gst.State.PLAYING)
-    print(f'http://127.0.0.1:{server.server_port}/', flush=True)
+    print(f'http://{options.host}:{server.server_port}/', flush=True)
     try:
         loop.run()
     except KeyboardInterrupt:
         pass
     server.shutdown()
     rover.pipeline.set_state(Gst.State.NULL)
-    print(f'{rover.frames} frames, {rover.next_number - 1} viewers', flush=True)
+    viewers = rover.next_number - 1
+    print(f'{rover.frames} {"frame" if rover.frames == 1 else "frames"}, {viewers} {"viewer" if viewers == 1 else "viewers"}', flush=True)
     sys.exit(result[0] if result else 0)
 
 

@@ -1,0 +1,69 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# A camera's free space as obstacles for an autopilot: MAVLink OBSTACLE_DISTANCE and HEARTBEAT by UDP.
+# usage: examples/ardupilot.sh [--scene] [HOST:PORT] | --self-test
+#   HOST:PORT   where the autopilot, or a router in front of it, listens (default: 127.0.0.1:14552)
+#   --scene     a rendered rover's view with its calibration in place of the camera: nothing is to be driven by it
+# Set CAMERA_INFO and MOUNT (docs/tasks/calibration.md): without them nothing is known, and all ahead is an obstacle.
+#   CAMERA_INFO   a ROS camera_info file          MOUNT   a mount file, or height=0.5,pitch=10deg
+#   ATTITUDE      HOST:PORT on which the autopilot's ATTITUDE arrives; MOUNT must then be text
+#   SYSTEM_ID     the vehicle's (default: 1)      LAYOUT  portable (default), or fine
+# Parameters of a Rover (ArduPilot 4.1 and later; PRX1_TYPE was PRX_TYPE before 4.2):
+#   PRX1_TYPE 2         proximity comes by MAVLink. Restart the autopilot after it
+#   AVOID_ENABLE 3      stop before what proximity sees (2), and fences (1), in Acro, Steering, Loiter and Guided
+#   AVOID_MARGIN 2      metres to keep
+#   OA_TYPE 1           BendyRuler: drive around it in Auto, Guided and RTL
+#   OA_BR_LOOKAHEAD 5   metres ahead that BendyRuler looks: not more than the range-max of the calibration
+#   OA_MARGIN_MAX 2     metres that BendyRuler keeps
+#   SERIAL2_PROTOCOL 2  MAVLink 2 on the port that leads here, with SERIAL2_BAUD 921
+#   SR2_EXTRA1 50       ATTITUDE at 50 Hz on that port
+. "$(dirname "$0")/common.sh"
+camera_info=${CAMERA_INFO:-} mount=${MOUNT:-} target=127.0.0.1:14552
+case "${1:-}" in
+  --help) usage ;;
+  --self-test)
+    /usr/bin/python3 - "$0" <<'PYTHON'
+import os, socket, subprocess, sys
+heard = socket.socket(type=socket.SOCK_DGRAM)
+heard.bind(('127.0.0.1', 0))
+heard.settimeout(20)
+sender = subprocess.Popen([sys.argv[1], '--scene', '127.0.0.1:%d' % heard.getsockname()[1]], env={**os.environ, 'ATTITUDE': ''})
+messages, metres = {0: 0, 330: 0}, 0
+while messages[330] < 40:  # of the 45 in three seconds
+    data = heard.recv(2048)
+    while data:
+        kind, length = int.from_bytes(data[7:10], 'little'), data[1]
+        messages[kind] += 1
+        if kind == 330:
+            distances = [int.from_bytes(data[18 + 2 * i:20 + 2 * i], 'little') for i in range(72)]
+            near, far = (int.from_bytes(data[i:i + 2], 'little') for i in (162, 164))
+            metres += any(near < d <= far + 1 for d in distances)
+        data = data[12 + length:]
+status = sender.wait(20)
+print(f'ardupilot.sh: {messages[330]} OBSTACLE_DISTANCE, {metres} of them with metres, {messages[0]} HEARTBEAT')
+sys.exit(status or metres < 20 or messages[0] < 2)
+PYTHON
+    exit ;;
+  --scene)
+    shift
+    scene_folder=$(mktemp -d)
+    camera_info=$scene_folder/camera.yaml mount=height=1.35,pitch=2.75deg
+    cat >"$camera_info" <<'YAML'
+image_width: 320
+image_height: 180
+camera_matrix: {rows: 3, cols: 3, data: [262.4, 0, 159.5, 0, 262.4, 89.5, 0, 0, 1]}
+YAML
+    SOURCE=${SCENE:-$test_source}
+    ;;
+esac
+[ -z "${1:-}" ] || target=$1
+[[ $target =~ ^[A-Za-z0-9._-]+:[0-9]+$ ]] || fail "'$target' is not HOST:PORT"
+[ -n "$camera_info" ] && [ -n "$mount" ] ||
+  echo "ardupilot.sh: CAMERA_INFO or MOUNT is not set: the autopilot will be told that nothing is known" >&2
+text="$SOURCE ! videoconvert ! video/x-raw,format=NV12 ! queue leaky=downstream max-size-buffers=1 ! terrainseg ${camera_info:+camera-info=$(quoted "$camera_info")} \
+  ${mount:+mount=$(quoted "$mount")} $SETTINGS ! terrainextract mavlink-layout=${LAYOUT:-portable} system-id=${SYSTEM_ID:-1} \
+  ! application/x-mavlink ! udpsink host=${target%:*} port=${target##*:} sync=false async=false"
+if [ -n "${ATTITUDE:-}" ]; then
+  exec /usr/bin/python3 "$here/python/attitude_to_pose.py" --listen "$ATTITUDE" --mount "$mount" "$text"
+fi
+pipeline "$text"

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Where the plugin is, for the programs in this folder: with it installed (or GST_PLUGIN_PATH set) Gst.init() is all it takes."""
+import pathlib
+import sys
+
+import gi
+
+gi.require_version('Gst', '1.0')
+from gi.repository import Gst  # noqa: E402
+
+BUILDS = ('build', 'build-release', 'build-quickstart')
+
+
+def init():
+    """Gst.init(), and when GStreamer knows no terrainseg the newest build in the source tree, which is named on stderr."""
+    Gst.init(None)
+    if Gst.ElementFactory.find('terrainseg'):
+        return
+    top = pathlib.Path(__file__).resolve().parent.parent.parent
+    plugins = [path for path in (top / name / 'gst' / 'libgstterrainseg.so' for name in BUILDS) if path.exists()]
+    name = pathlib.Path(sys.argv[0]).name
+    if not plugins:
+        sys.exit(f'{name}: GStreamer knows no terrainseg, and no build of it is in {top}: run examples/quickstart.sh, install it, '
+                 'or set GST_PLUGIN_PATH')
+    newest = max(plugins, key=lambda path: path.stat().st_mtime)
+    Gst.Registry.get().scan_path(str(newest.parent))
+    if not Gst.ElementFactory.find('terrainseg'):
+        sys.exit(f'{name}: {newest} cannot be loaded: GST_DEBUG=2 {name} says why')
+    print(f'{name}: uses the plugin in {newest.parent.relative_to(top)}', file=sys.stderr)

@@ -1,0 +1,447 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""A window to tune the filter in: examples/tune.sh starts this and says how it is used."""
+import argparse
+import collections
+import os
+import pathlib
+import re
+import shlex
+import sys
+
+import gi
+
+gi.require_version('Gst', '1.0')
+gi.require_version('GstVideo', '1.0')
+from gi.repository import GLib, GObject, Gst, GstVideo  # noqa: E402
+
+import find_plugin  # noqa: E402
+
+# The ten properties that keys choose (1 to 9, then 0) and what one press of + or - adds.
+KEYS = (('preset', 1), ('caution', 2), ('doubtful', 4), ('window-sigma', 0.25), ('forget-shift', 1), ('connected-ground', 1),
+        ('odd-spots', 1), ('motion', 1), ('temporal', 1), ('overlay-style', 1))
+# What is no setting of the filter on this camera: how it is shown, where it is in the graph, what is its own mirror.
+NOT_KEPT = {'name', 'parent', 'overlay', 'navigation', 'post-messages', 'settings-location', 'model-location', 'instance',
+            'stages', 'qos', 'learning', 'near-clear', 'n-threads', 'ignore-regions'}
+WINDOW_IN_PIXELS = ('window-x', 'window-bottom', 'window-width', 'window-height')
+PANEL, PANEL_HEIGHT = 380, 520  # pixels beside the picture
+HELP = '''1..9 0  choose    + -  change
+Backspace  as the preset has it
+left drag   training window
+right drag  region to ignore
+right click takes it away
+Space pause   . step   r forget
+l learning on/off   q leave'''
+FLAGS = ((1, 'learned'), (2, 'frozen'), (4, 'starved'), (8, 'unknown'), (16, 'horizon held'), (32, 'blocked'))
+
+
+def fail(message):
+    sys.exit(f'tune.sh: {message}')
+
+
+def text_of(element, name):
+    """The value of a property as gst-launch-1.0 and a settings file take it."""
+    spec = element.find_property(name)
+    value = element.get_property(name)
+    if spec.value_type.is_a(GObject.TYPE_ENUM):
+        return value.value_nick
+    if isinstance(value, float):
+        return f'{value:g}'
+    if isinstance(value, bool):
+        return 'true' if value else 'false'
+    return '' if value is None else str(value)
+
+
+def rectangles_of(text):
+    """<<x, y, width, height>, ...> as a list of tuples."""
+    numbers = [int(number) for number in re.findall(r'-?\d+', re.sub(r'\([a-z]+\)', '', text))]
+    return list(zip(*[iter(numbers)] * 4))
+
+
+def regions_text(regions):
+    return '<' + ','.join('<(int){},(int){},(int){},(int){}>'.format(*each) for each in regions) + '>'
+
+
+def settings_of(element, regions):
+    """What differs from the preset, as pairs of name and text, the preset first."""
+    stock = Gst.ElementFactory.make('terrainseg')
+    preset = text_of(element, 'preset')
+    Gst.util_set_object_arg(stock, 'preset', preset)
+    kept = [('preset', preset)] if preset != 'default' else []
+    for spec in element.list_properties():
+        writable = spec.flags & GObject.ParamFlags.WRITABLE
+        if spec.name in NOT_KEPT or spec.name == 'preset' or not writable:
+            continue
+        value = text_of(element, spec.name)
+        if value != text_of(stock, spec.name):
+            kept.append((spec.name, value))
+    if regions:
+        kept.append(('ignore-regions', regions_text(regions)))
+    return kept
+
+
+def read_group(path):
+    """The group [terrainseg] of a settings file as a dictionary; empty when there is no file."""
+    keys = GLib.KeyFile()
+    if not os.path.exists(path):
+        return {}
+    try:
+        keys.load_from_file(path, GLib.KeyFileFlags.NONE)
+        return {key: keys.get_value('terrainseg', key) for key in keys.get_keys('terrainseg')[0]}
+    except GLib.Error as error:
+        fail(f'{path}: {error.message}')
+
+
+def write_settings(path, settings):
+    """Other groups and comments of a file that is there stay; the file is whole or as it was."""
+    keys = GLib.KeyFile()
+    if os.path.exists(path):
+        keys.load_from_file(path, GLib.KeyFileFlags.KEEP_COMMENTS)
+        if keys.has_group('terrainseg'):
+            for key in keys.get_keys('terrainseg')[0]:
+                keys.remove_key('terrainseg', key)
+    for name, value in settings:
+        keys.set_value('terrainseg', name, value)
+    if not settings:
+        keys.set_value('terrainseg', 'preset', 'default')
+    part = pathlib.Path(f'{path}.part')
+    part.write_text(keys.to_data()[0])
+    os.replace(part, path)
+
+
+def source_of(what):
+    if what == 'scene':
+        return 'terrainscenesrc is-live=true ! video/x-raw,format=I420,width=640,height=360,framerate=30/1'
+    if what == 'camera':
+        return os.environ.get('SOURCE', 'v4l2src ! decodebin') + ' ! videoconvert ! video/x-raw,format=NV12 ! queue leaky=downstream max-size-buffers=1'
+    if not os.access(what, os.R_OK):
+        fail(f'{what} cannot be read; say a video, camera or scene')
+    uri = pathlib.Path(what).resolve().as_uri()
+    return f'uridecodebin uri={uri} ! deinterlace fields=top ! videoflip video-direction=auto ! videoconvert'
+
+
+def fields_of(buffer):
+    meta = buffer.get_custom_meta('GstTerrainSegMeta')
+    return meta.get_structure() if meta else None
+
+
+def set_text(element, name, value):
+    if not element.find_property(name):
+        fail(f'terrainseg has no property {name}; gst-inspect-1.0 terrainseg lists them')
+    Gst.util_set_object_arg(element, name, value)
+
+
+class Tuner:
+    """A pipeline with a window, what keys and pointer do to it, and what is written beside the picture."""
+
+    def __init__(self, options):
+        self.options = options
+        self.loop = GLib.MainLoop()
+        self.chosen = 0
+        self.paused = self.stepping = self.ended = False
+        self.status = 0
+        self.warned = set()
+        self.fields = None
+        self.live = options.what in ('camera', 'scene')
+        self.pipeline = Gst.parse_launch(
+            f'{source_of(options.what)} ! terrainseg name=terrain overlay=true navigation=true '
+            f'! videoconvert ! videoscale ! video/x-raw,format=BGRx,width={options.width},pixel-aspect-ratio=1/1 '
+            f'! videobox name=box right=-{PANEL} ! textoverlay name=text font-desc="Monospace 10" halignment=left valignment=top '
+            f'line-alignment=left xpad={options.width + 10} ypad=6 wrap-mode=none auto-resize=false '
+            f'! videoconvert ! {options.sink} name=sink')
+        self.terrain, self.text = (self.pipeline.get_by_name(name) for name in ('terrain', 'text'))
+        self.regions = []
+        self.apply_settings()
+        pad = self.terrain.get_static_pad('src')
+        pad.add_probe(Gst.PadProbeType.BUFFER, self.on_frame)
+        pad.add_probe(Gst.PadProbeType.EVENT_UPSTREAM, self.on_event)
+        pad.add_probe(Gst.PadProbeType.EVENT_DOWNSTREAM, self.on_caps)
+        bus = self.pipeline.get_bus()
+        bus.add_signal_watch()
+        bus.connect('message', self.on_message)
+
+    def apply_settings(self):
+        group = read_group(self.options.settings)
+        if group:
+            self.terrain.set_property('settings-location', self.options.settings)
+            print(f'tune.sh: begins with {self.options.settings}', file=sys.stderr)
+        self.regions = rectangles_of(group.get('ignore-regions', ''))
+        for name, value in self.options.properties:
+            set_text(self.terrain, name, value)
+            if name == 'ignore-regions':
+                self.regions = rectangles_of(value)
+
+    # What is seen
+
+    def on_frame(self, _pad, info):
+        self.fields = fields_of(info.get_buffer())
+        self.write_panel()
+        if self.stepping:
+            self.stepping = False
+            GLib.idle_add(self.hold)
+        return Gst.PadProbeReturn.OK
+
+    def make_room(self, caps):
+        """Below a picture that is lower than the panel; before the sink makes its window."""
+        read = GstVideo.VideoInfo.new_from_caps(caps)
+        if read:
+            height = self.options.width * read.height * read.par_d // (read.width * read.par_n)
+            self.pipeline.get_by_name('box').set_property('bottom', -max(0, PANEL_HEIGHT - height))
+
+    def write_panel(self):
+        self.text.set_property('text', '\n'.join([*self.value_lines(), '', *self.number_lines(), '', HELP]))
+
+    def value_lines(self):
+        stock = Gst.ElementFactory.make('terrainseg')
+        Gst.util_set_object_arg(stock, 'preset', text_of(self.terrain, 'preset'))
+        for index, (name, _) in enumerate(KEYS):
+            value = text_of(self.terrain, name)
+            changed = '*' if value != text_of(stock, name) else ' '
+            yield f"{'>' if index == self.chosen else ' '}{(index + 1) % 10} {name:<17}{value}{changed}"
+
+    def number_lines(self):
+        state = 'paused' if self.paused else 'end of the video' if self.ended else 'playing'
+        if self.fields is None:
+            return [state]
+        get = self.fields.get_value
+        of_stats = self.terrain.get_property('stats').get_value
+        horizon = 'none' if get('horizon-row') < 0 else f"row {get('horizon-row')}"
+        flags = ', '.join(word for bit, word in FLAGS if get('flags') & bit)
+        frames = of_stats('frames')
+        learned = f"learned {of_stats('learned')} of {frames} {'frame' if frames == 1 else 'frames'}"
+        window = ' '.join(str(get(f'window-{side}')) for side in 'xywh')
+        return [f"{state}, frame {get('frame')}, {get('frame-width')}x{get('frame-height')}",
+                f"horizon     {horizon}, sure {100 * get('horizon-confidence') // 255} %",
+                f"confidence  {100 * get('confidence') // 255} %",
+                f"traversable {get('traversable-permille') / 10:.1f} %",
+                f'window      {window}', f'ignored     {len(self.regions)}',
+                learned, f"model generation {get('model-generation')}",
+                f"skipped: starved {of_stats('skipped-starved')}, frozen {of_stats('skipped-frozen')}",
+                f'flags: {flags}', f"filter {of_stats('total-median-us') / 1000:.2f} ms a frame"]
+
+    # What is done
+
+    def on_caps(self, _pad, info):
+        event = info.get_event()
+        if event.type == Gst.EventType.CAPS:
+            self.make_room(event.parse_caps())
+        return Gst.PadProbeReturn.OK
+
+    def on_event(self, _pad, info):
+        fields = info.get_event().get_structure()
+        if fields and fields.get_name() == 'application/x-gst-navigation' and fields.get_string('event') == 'key-press':
+            GLib.idle_add(self.on_key, fields.get_string('key'))
+        return Gst.PadProbeReturn.OK
+
+    def on_key(self, key):
+        actions = {'plus': lambda: self.change(1), 'KP_Add': lambda: self.change(1), 'equal': lambda: self.change(1),
+                   'Up': lambda: self.change(1), 'minus': lambda: self.change(-1), 'KP_Subtract': lambda: self.change(-1),
+                   'Down': lambda: self.change(-1), 'BackSpace': self.unset, 'space': self.pause, 'period': self.step,
+                   'Right': self.step, 'r': self.forget, 'l': self.toggle_learning, 'q': self.loop.quit,
+                   'Escape': self.loop.quit}
+        if key in '0 1 2 3 4 5 6 7 8 9'.split():
+            self.chosen = (int(key) - 1) % 10
+            self.refresh()
+        elif key in actions:
+            actions[key]()
+        return False
+
+    def change(self, direction):
+        name, step = KEYS[self.chosen]
+        spec, value = self.terrain.find_property(name), self.terrain.get_property(name)
+        if isinstance(value, bool):
+            value = not value
+        elif spec.value_type.is_a(GObject.TYPE_ENUM):
+            values = sorted(spec.enum_class.__enum_values__)
+            value = values[(values.index(int(value)) + direction) % len(values)]
+        else:
+            value = min(spec.maximum, max(spec.minimum, value + direction * step))
+        self.terrain.set_property(name, value)
+        self.refresh()
+
+    def unset(self):
+        self.terrain.emit('unset-property', KEYS[self.chosen][0])
+        self.refresh()
+
+    def forget(self):
+        self.terrain.emit('reset')
+        self.refresh()
+
+    def toggle_learning(self):
+        self.terrain.set_property('learning', not self.terrain.get_property('learning'))
+        self.refresh()
+
+    def seek(self, position):
+        return self.pipeline.seek_simple(Gst.Format.TIME, Gst.SeekFlags.FLUSH | Gst.SeekFlags.ACCURATE, position)
+
+    def refresh(self):
+        """While nothing moves, the frame that is shown goes through the filter again; a camera has only the panel's words."""
+        if self.paused and not self.live:
+            known, position = self.pipeline.query_position(Gst.Format.TIME)
+            if known and self.seek(position):
+                return
+        self.write_panel()
+
+    def hold(self):
+        self.paused = True
+        self.write_panel()
+        self.pipeline.set_state(Gst.State.PAUSED)
+        return False
+
+    def pause(self):
+        if not self.paused:
+            self.hold()
+            self.refresh()
+        else:
+            self.paused = False
+            self.pipeline.set_state(Gst.State.PLAYING)
+
+    def step(self):
+        if self.live:
+            self.stepping = True
+            self.pipeline.set_state(Gst.State.PLAYING)
+            return
+        if not self.paused:
+            self.hold()
+        self.pipeline.get_by_name('sink').send_event(Gst.Event.new_step(Gst.Format.BUFFERS, 1, 1.0, True, False))
+
+    def on_message(self, _bus, message):
+        if message.type == Gst.MessageType.ERROR:
+            error, _ = message.parse_error()
+            closed = 'window was closed' in error.message
+            if not closed:
+                print(f'tune.sh: {message.src.get_name()}: {error.message}', file=sys.stderr)
+                self.status = 1
+            self.loop.quit()
+        elif message.type == Gst.MessageType.WARNING:
+            text = message.parse_warning()[0].message
+            if text not in self.warned:
+                print(f'tune.sh: {text}', file=sys.stderr)
+            self.warned.add(text)
+        elif message.type == Gst.MessageType.EOS:
+            self.ended = not self.seek(0)
+        elif message.type == Gst.MessageType.ELEMENT and message.has_name('terrainseg-region'):
+            self.on_region(message.get_structure())
+
+    def on_region(self, region):
+        if region.get_string('kind') == 'ignore':
+            place = tuple(region.get_value(name) for name in ('x', 'y', 'width', 'height'))
+            if region.get_value('removed'):
+                self.regions = [each for each in self.regions if each != place]
+            else:
+                self.regions.append(place)
+        self.refresh()
+
+    # From the first frame to the last
+
+    def run(self):
+        self.pipeline.set_state(Gst.State.PLAYING)
+        try:
+            self.loop.run()
+        except KeyboardInterrupt:
+            pass
+        settings = settings_of(self.terrain, self.regions)
+        self.pipeline.set_state(Gst.State.NULL)
+        if self.status == 0:
+            self.say_goodbye(settings)
+        return self.status
+
+    def say_goodbye(self, settings):
+        write_settings(self.options.settings, settings)
+        properties = ' '.join(f'{name}={shlex.quote(value)}' for name, value in settings)
+        print(f'gst-launch-1.0 {source_of(self.options.what)} ! terrainseg {properties}{" " if properties else ""}overlay=true '
+              '! videoconvert ! autovideosink')
+        print(f'tune.sh: {self.options.settings} has the same: terrainseg settings-location={shlex.quote(self.options.settings)}, '
+              f'terrainseg-process --set settings-location={shlex.quote(self.options.settings)}', file=sys.stderr)
+
+
+def picture_of(options):
+    """The last of some frames with the window drawn, once for each value that is tried, side by side, as PNG."""
+    name, values = options.attempt or ('', [''])
+    settings = [('settings-location', options.settings)] if read_group(options.settings) else []
+    heads, places = [], []
+    for index, value in enumerate(values):
+        label = f'{name}={value}' if name else options.what
+        heads.append(f't. ! queue ! terrainseg name=terrain{index} overlay=true ! videoconvert ! videoscale '
+                     f'! video/x-raw,format=BGRx,width={options.width},pixel-aspect-ratio=1/1 '
+                     f'! textoverlay text="{label}" font-desc="Monospace 12" auto-resize=false halignment=left valignment=top ! side.sink_{index}')
+        places.append(f'sink_{index}::xpos={index * options.width}')
+    source = source_of(options.what).replace(' is-live=true', '')
+    pipeline = Gst.parse_launch(f'{source} ! identity eos-after={options.frames + 1} ! tee name=t {" ".join(heads)} '
+                                f'compositor name=side {" ".join(places)} ! videoconvert ! video/x-raw,format=RGB '
+                                '! appsink name=out sync=false max-buffers=4')
+    for index, value in enumerate(values):
+        element = pipeline.get_by_name(f'terrain{index}')
+        for key, text in [*settings, *options.properties, *([(name, value)] if name else [])]:
+            set_text(element, key, text)
+    last = last_sample(pipeline)
+    png = GstVideo.video_convert_sample(last, Gst.Caps.from_string('image/png'), 10 * Gst.SECOND).get_buffer()
+    pathlib.Path(options.picture).write_bytes(png.extract_dup(0, png.get_size()))
+    print(options.picture)
+    return 0
+
+
+def last_sample(pipeline):
+    out, bus = pipeline.get_by_name('out'), pipeline.get_bus()
+    samples = collections.deque(maxlen=1)
+    pipeline.set_state(Gst.State.PLAYING)
+    try:
+        while True:
+            sample = out.emit('try-pull-sample', Gst.SECOND // 5)
+            if sample:
+                samples.append(sample)
+                continue
+            message = bus.pop_filtered(Gst.MessageType.ERROR)
+            if message:
+                fail(f'{message.src.get_name()}: {message.parse_error()[0].message}')
+            if out.get_property('eos'):
+                break
+    finally:
+        pipeline.set_state(Gst.State.NULL)
+    if not samples:
+        fail('no frame came')
+    return samples[0]
+
+
+def pair(text):
+    name, equal, value = text.partition('=')
+    if not (name and equal and value):
+        raise argparse.ArgumentTypeError(f'{text} is no PROPERTY=VALUE')
+    return name, value
+
+
+def attempt(text):
+    name, value = pair(text)
+    return name, value.split(':')
+
+
+def main():
+    parser = argparse.ArgumentParser(prog='tune.sh', description='A window to tune the filter in.')
+    parser.add_argument('what', metavar='VIDEO|camera|scene')
+    parser.add_argument('properties', metavar='PROPERTY=VALUE', nargs='*', type=pair, help='what to begin with')
+    parser.add_argument('--settings', default='terrainseg.settings', help='file that is read first and written last (%(default)s)')
+    parser.add_argument('--width', type=int, default=800, help='of the picture in the window, pixels (%(default)s)')
+    parser.add_argument('--sink', default='ximagesink', help='the window (%(default)s)')
+    parser.add_argument('--picture', metavar='FILE.png', help='no window: the last of some frames as a picture')
+    parser.add_argument('--try', dest='attempt', metavar='PROPERTY=A:B:C', type=attempt, help='with --picture: side by side')
+    parser.add_argument('--frames', type=int, default=60, help='with --picture: how many (%(default)s)')
+    options = parser.parse_args()
+    options.width -= options.width % 2
+    if not 64 <= options.width <= 4096:
+        parser.error('--width is 64 to 4096')
+    find_plugin.init()
+    for name in 'textoverlay', 'videobox', 'compositor':
+        if not Gst.ElementFactory.find(name):
+            fail(f'GStreamer has no {name}: ./install-dependencies.sh tune installs what this takes')
+    if options.picture:
+        return picture_of(options)
+    if not os.environ.get('DISPLAY') and options.sink == 'ximagesink':
+        fail('no display (DISPLAY is not set): --picture FILE.png draws into a file')
+    try:
+        return Tuner(options).run()
+    except GLib.Error as error:
+        return fail(error.message)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

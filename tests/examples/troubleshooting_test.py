@@ -1,0 +1,236 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Every row of docs/tasks/troubleshooting.md: what one sees is made to happen, then what the row says is done."""
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from tap import Skip, contains, equal, main  # noqa: E402
+
+EXAMPLES = pathlib.Path(os.environ['TERRAINSEG_EXAMPLES'])
+PAGE = EXAMPLES.parent / 'docs' / 'tasks' / 'troubleshooting.md'
+SCENE = 'terrainscenesrc num-buffers=30 ! video/x-raw,format=I420,width=320,height=180,framerate=30/1'
+TRIALS = {}
+
+
+def row(*beginnings):
+    """The trial of the rows whose first cell begins so."""
+    def keep(function):
+        for beginning in beginnings:
+            TRIALS[beginning] = function
+        return function
+    return keep
+
+
+def launch(text, code=0, limit=60, **environment):
+    result = subprocess.run(['gst-launch-1.0', '-e', *text.split()], capture_output=True, text=True, timeout=limit,
+                            stdin=subprocess.DEVNULL, env={**os.environ, **environment})
+    output = result.stdout + result.stderr
+    assert (result.returncode != 0) == (code != 0), f'{text}: exit {result.returncode}: {output}'
+    return output
+
+
+def lines(text):
+    launch(f'{text} ! application/x-ndjson ! filesink location=lines')
+    return [json.loads(line) for line in open('lines')]
+
+
+def masks(text):
+    """The last mask, rows of bytes; 320 x 180."""
+    launch(f'{text} ! terrainextract ! video/x-raw,format=GRAY8 ! filesink location=masks')
+    last = pathlib.Path('masks').read_bytes()[-320 * 180:]
+    return [last[at:at + 320] for at in range(0, len(last), 320)]
+
+
+def share(rows, value=255):
+    return sum(each.count(value) for each in rows) / sum(map(len, rows))
+
+
+@row('`no element "terrainseg"`')
+def no_element(folder):
+    plain = {'GST_PLUGIN_PATH': '', 'GST_REGISTRY': str(folder / 'registry')}
+    if not subprocess.run(['gst-inspect-1.0', '--exists', 'terrainseg'], env={**os.environ, **plain}).returncode:
+        raise Skip('the plugin is installed on this machine')
+    contains(launch('videotestsrc num-buffers=1 ! terrainseg ! fakesink', code=1, **plain), 'no element "terrainseg"')
+    launch('videotestsrc num-buffers=1 ! terrainseg ! fakesink')
+
+
+@row('`not-negotiated`')
+def not_negotiated(folder):
+    for caps, remedy in (('format=GRAY16_BE', 'videoconvert'), ('format=Y444_10LE', 'videoconvert'),
+                         ('format=I420,interlace-mode=interleaved', 'deinterlace')):
+        source = f'videotestsrc num-buffers=3 ! video/x-raw,{caps} ! identity'
+        output = launch(f'{source} ! terrainseg ! fakesink', code=1)
+        assert re.search('not-negotiated|could not link|interlaced', output), output
+        launch(f'{source} ! {remedy} ! terrainseg ! fakesink')
+
+
+@row('a warning that the training window')
+def window_does_not_fit(folder):
+    contains(launch(f'{SCENE} ! terrainseg window-bottom=5000 ! fakesink'), 'does not fit a frame of 320 x 180')
+    assert 'WARNING' not in launch(f'{SCENE} ! terrainseg window-rect=0.3,0.7,0.4,0.2 ! fakesink')
+
+
+@row('everything is grey')
+def everything_is_grey(folder):
+    for setting in 'learning=false', 'near-clear=false':
+        equal(share(masks(f'{SCENE} ! terrainseg {setting}'), 128), 1.0, setting)
+    assert share(masks(f'{SCENE} ! terrainseg'), 128) < 0.5
+
+
+@row('everything is green')
+def everything_is_green(folder):
+    source = 'videotestsrc num-buffers=30 pattern=snow ! video/x-raw,format=I420,width=320,height=180'
+    assert share(masks(f'{source} ! terrainseg')) > 0.9, 'everything looks like the window'
+    equal(share(masks(f'{source} ! terrainseg near-clear=false')), 0.0, 'with the sensor saying so')
+
+
+@row('a warning that the pictures have no colour')
+def pictures_without_colour(folder):
+    plugin = pathlib.Path(os.environ['GST_PLUGIN_PATH']) / 'libgstterrainseg.so'
+    if b'pictures have none' not in plugin.read_bytes():
+        raise Skip('this plugin does not warn of it')
+    camera = 'videotestsrc num-buffers=90 ! video/x-raw,format={},width=320,height=180,framerate=30/1 ! {}terrainseg ! fakesink'
+    contains(launch(camera.format('GRAY8', 'videoconvert ! video/x-raw,format=NV12 ! ')), 'pictures have none')
+    for format in 'NV12', 'GRAY8':
+        assert 'pictures have none' not in launch(camera.format(format, '')), format
+
+
+@row('the bonnet is green')
+def the_bonnet_is_green(folder):
+    source = f'{SCENE} ! videocrop bottom=40 ! videobox bottom=-40 fill=red ! video/x-raw,format=I420,width=320,height=180'
+    assert share(masks(f'{source} ! terrainseg')[150:]) > 0.5, 'learned as ground'
+    lifted = masks(f'{source} ! terrainseg window-bottom=42 ignore-regions=<<(int)0,(int)140,(int)320,(int)40>>')
+    equal(share(lifted[150:], 128), 1.0, 'ignored')
+    assert share(lifted[90:140]) > 0.3, 'the ground is learned'
+
+
+@row('frames are missing behind a slow sink')
+def missing_frames(folder):
+    # A sink that is slow beside a busy machine, too.
+    scene, slow = SCENE.replace('num-buffers=30', 'num-buffers=15'), 'terrainextract ! identity sleep-time=300000'
+    leak = 'queue leaky=downstream max-size-buffers=1'
+    assert len(lines(f'{scene} ! terrainseg ! {leak} ! {slow}')) < 15
+    equal(len(lines(f'{scene} ! terrainseg ! queue ! {slow}')), 15, 'lines')
+
+
+def frames_seen(setting):
+    """How many of 30 frames the filter saw in front of a sink that is always late."""
+    import gi
+    gi.require_version('Gst', '1.0')
+    from gi.repository import Gst
+    Gst.init(None)
+    pipeline = Gst.parse_launch(f'{SCENE} ! terrainseg name=t {setting} ! identity sleep-time=90000 ! '
+                                'fakesink sync=true qos=true max-lateness=20000000')
+    pipeline.set_state(Gst.State.PLAYING)
+    message = pipeline.get_bus().timed_pop_filtered(30 * Gst.SECOND, Gst.MessageType.EOS | Gst.MessageType.ERROR)
+    seen = pipeline.get_by_name('t').get_property('stats').get_value('frames')
+    pipeline.set_state(Gst.State.NULL)
+    equal(message.type, Gst.MessageType.EOS, 'end')
+    return seen
+
+
+@row('frames are missing with `qos=true`')
+def quality_of_service(folder):
+    equal(frames_seen(''), 30, 'qos is off')
+    assert frames_seen('qos=true') < 30, 'qos=true drops late frames'
+
+
+@row('no masks after `videocrop`', 'the file behind `terrainextract` is empty')
+def metadata_is_dropped(folder):
+    output = launch(f'{SCENE} ! terrainseg ! videocrop top=20 ! terrainextract ! application/x-ndjson ! filesink location=lines')
+    contains(output, 'No terrain metadata')
+    equal(os.path.getsize('lines'), 0, 'bytes')
+    equal(len(lines(f'{SCENE} ! videocrop top=20 ! terrainseg ! terrainextract')), 30, 'lines')
+
+
+@row('`mpegtsmux` waits for ever')
+def muxer_waits(folder):
+    def pipeline(queue):
+        return (f'{SCENE} ! terrainseg ! tee name=t t. ! {queue} x264enc ! mpegtsmux name=m ! fakesink '
+                f't. ! {queue} terrainextract ! meta/x-klv,parsed=true ! m.')
+    try:
+        launch(pipeline(''), limit=6)
+        raise AssertionError('it ended')
+    except subprocess.TimeoutExpired:
+        pass
+    launch(pipeline('queue max-size-buffers=0 max-size-time=0 max-size-bytes=0 !'))
+
+
+@row('`x264enc` makes a file')
+def players_refuse(folder):
+    for caps, wanted in (('', 'yuv444p'), ('! videoconvert ! video/x-raw,format=I420', 'yuv420p')):
+        launch(f'terrainscenesrc num-buffers=5 ! videoconvert ! video/x-raw,format=Y444 ! terrainseg {caps} ! x264enc ! mp4mux ! '
+               'filesink location=out.mp4')
+        found = subprocess.run('ffprobe -v error -show_entries stream=pix_fmt -of csv=p=0 out.mp4'.split(), capture_output=True,
+                               text=True, check=True).stdout.strip()
+        equal(found, wanted, caps)
+
+
+@row('the picture lies on its side')
+def turned(folder):
+    launch(f'{SCENE} ! x264enc ! mp4mux ! filesink location=flat.mp4')
+    text = subprocess.run(['ffmpeg', '-h', 'full'], capture_output=True, text=True).stdout
+    turn = ['-display_rotation', '90', '-i', 'flat.mp4'] if '-display_rotation' in text else \
+        ['-i', 'flat.mp4', '-metadata:s:v', 'rotate=90']
+    subprocess.run(['ffmpeg', '-nostdin', '-v', 'error', *turn, '-c', 'copy', 'phone.mp4'], check=True)
+    source = 'filesrc location=phone.mp4 ! decodebin'
+    size = [(line['width'], line['height']) for line in lines(f'{source} ! terrainseg ! terrainextract')][0]
+    equal(size, (320, 180), 'as it lies in the file')
+    size = [(line['width'], line['height']) for line in
+            lines(f'{source} ! videoflip video-direction=auto ! terrainseg ! terrainextract')][0]
+    equal(size, (180, 320), 'upright')
+
+
+@row('a property has no effect')
+def without_effect(folder):
+    contains(launch(f'{SCENE} ! terrainseg threshold=2 ! fakesink'), 'threshold')
+    assert 'WARNING' not in launch(f'{SCENE} ! terrainseg preset=paper threshold=2 ! fakesink')
+
+
+@row('an error that names the settings file')
+def settings_file(folder):
+    pathlib.Path('my.settings').write_text('[terrainseg]\nno-such=1\n')
+    output = launch(f'{SCENE} ! terrainseg settings-location=my.settings ! fakesink', code=1)
+    contains(output, 'my.settings')
+    contains(output, 'no-such')
+    pathlib.Path('my.settings').write_text('[terrainseg]\ncaution=1\n')
+    launch(f'{SCENE} ! terrainseg settings-location=my.settings ! fakesink')
+
+
+@row('the window of `tune.sh` does not open')
+def no_display(folder):
+    launch(f'{SCENE} ! x264enc ! mp4mux ! filesink location=drive.mp4')
+    plain = {key: value for key, value in os.environ.items() if key != 'DISPLAY'}
+    result = subprocess.run([EXAMPLES / 'tune.sh', 'drive.mp4'], capture_output=True, text=True, env=plain)
+    equal(result.returncode, 1, 'exit code')
+    contains(result.stderr, 'no display')
+    subprocess.run([EXAMPLES / 'tune.sh', 'drive.mp4', '--picture', 'look.png', '--frames', '5'], check=True, capture_output=True)
+    assert os.path.getsize('look.png') > 10000
+
+
+@row('the result differs between two machines')
+def the_same_everywhere(folder):
+    kept = []
+    for threads in 1, 4:
+        lines(f'{SCENE} ! terrainseg n-threads={threads} ! terrainextract json-mask=true')
+        kept.append(pathlib.Path('lines').read_bytes())
+    equal(kept[0] == kept[1], True, 'bytes')
+
+
+def every_row_has_a_trial(folder):
+    cells = [line.split('|')[1].strip() for line in PAGE.read_text().splitlines()
+             if line.startswith('|') and not line.startswith(('|---', '| what you see'))]
+    assert len(cells) > 10, cells
+    for cell in cells:
+        equal(len([begin for begin in TRIALS if cell.startswith(begin)]), 1, f'trials of the row "{cell}"')
+    for begin in TRIALS:
+        equal(len([cell for cell in cells if cell.startswith(begin)]), 1, f'rows of the trial "{begin}"')
+
+
+if __name__ == '__main__':
+    main([every_row_has_a_trial, *dict.fromkeys(TRIALS.values())])
