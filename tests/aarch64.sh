@@ -45,7 +45,7 @@ if [ ! -f "$root/usr/lib/aarch64-linux-gnu/libhwy.so" ]; then
     fail "cannot fetch libhwy for arm64 (see $folder/apt.log)"
 fi
 
-core=(src/*.cpp src/kernels/*.cpp src/exchange/*.cpp)
+mapfile -t core < <(find src -name '*.cpp' -not -path 'src/reference/*' -not -path 'src/scene/*' -not -path 'src/tools/*' -not -path 'src/metric/*' -not -path 'src/recording/*')
 gtest=/usr/src/googletest/googletest
 flags=(-std=c++20 -O2 -Iinclude -Isrc -I"$gtest" -I"$gtest/include" -pthread)
 
@@ -53,6 +53,7 @@ flags=(-std=c++20 -O2 -Iinclude -Isrc -I"$gtest" -I"$gtest/include" -pthread)
 build() {
   local out=$1 compiler=$2
   shift 2
+  rm -f "$out"/*.o # of sources that are gone
   {
     for source in "${core[@]}" tests/aarch64/hashes.cpp; do
       printf '%s/%s.o: %s\n\t%s %s -c $< -o $@\n' "$out" "$(tr / _ <<<"$source")" "$source" "$compiler" \

@@ -5,6 +5,6 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 ./install-dependencies.sh plugin run browser preview
-[ -f build-browser/build.ninja ] || meson setup build-browser -Dtests=false -Dtools=disabled -Dbench=disabled >/dev/null
+[ -f build-browser/build.ninja ] || meson setup build-browser -Dtests=disabled -Dtools=disabled -Dbench=disabled >/dev/null
 ninja -C build-browser >build-browser.log 2>&1 || { tail -n 20 build-browser.log >&2; exit 1; }
 exec /usr/bin/python3 tests/browser.py build-browser "$@"

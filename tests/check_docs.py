@@ -4,9 +4,10 @@
 
 usage: check_docs.py [--write] [--self-check] BUILD_FOLDER
 
-Each element of the plugins terrainseg and terrainreference needs a page with three generated parts, between
+Each element of the plugins terrainseg, terrainmcap and terrainreference needs a page with three generated parts, between
 <!-- pads --> <!-- properties --> <!-- signals --> and <!-- end -->. --write writes these parts (and a page that has only
-them where there is none). Without it, every difference is printed and the exit status is 1.
+them where there is none). Without it, every difference is printed and the exit status is 1, and so is every link between the
+pages that leads to no file or to no heading.
 """
 import os
 import pathlib
@@ -15,7 +16,7 @@ import sys
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
 PAGES = TOP / 'docs' / 'elements'
-PLUGINS = ('terrainseg', 'terrainreference')
+PLUGINS = ('terrainseg', 'terrainmcap', 'terrainreference')
 ONLY_IN_SOME_BUILDS = {'analytics-meta'}  # needs GStreamer 1.26: described in the prose
 
 
@@ -35,6 +36,15 @@ def enum_nicks(enum_class, GObject):
         return [value.value_nick for value in enum_class.__enum_values__.values()]
     values = (GObject.enum_get_value(enum_class, i) for i in range(enum_class.minimum, enum_class.maximum + 1))
     return [value.value_nick for value in values if value is not None]
+
+
+def flag_nicks(flags_class, GObject):
+    """In the order of their bits; of both kinds of class, as enum_nicks()."""
+    if hasattr(flags_class, '__flags_values__'):
+        values = flags_class.__flags_values__
+        return [values[bit].value_nicks[0] for bit in sorted(values) if bit]
+    values = (GObject.flags_get_first_value(flags_class, 1 << bit) for bit in range(32) if flags_class.mask >> bit & 1)
+    return [value.value_nick for value in values]
 
 
 class Describer:
@@ -59,6 +69,8 @@ class Describer:
         name = spec.value_type.name
         if self.GObject.type_is_a(spec.value_type, self.GObject.TYPE_ENUM):
             return 'enumeration', ', '.join(f'`{nick}`' for nick in enum_nicks(spec.enum_class, self.GObject))
+        if self.GObject.type_is_a(spec.value_type, self.GObject.TYPE_FLAGS):
+            return 'flags', ', '.join(f'`{nick}`' for nick in flag_nicks(spec.flags_class, self.GObject))
         plain = {'gint': 'integer', 'guint': 'unsigned integer', 'gint64': 'integer', 'guint64': 'unsigned integer',
                  'gdouble': 'number', 'gfloat': 'number', 'gboolean': 'boolean', 'gchararray': 'text',
                  'GstValueArray': 'array', 'GstStructure': 'structure', 'GstFraction': 'fraction',
@@ -74,6 +86,9 @@ class Describer:
             return 'none'
         if isinstance(value, bool):
             return 'true' if value else 'false'
+        if hasattr(value, 'value_nicks'):
+            every = len(value.value_nicks) == len(flag_nicks(spec.flags_class, self.GObject))
+            return 'all' if every else ' + '.join(value.value_nicks) or 'none'
         if hasattr(value, 'value_nick'):
             return value.value_nick
         if 'color' in spec.name and isinstance(value, int):
@@ -140,6 +155,9 @@ class Describer:
                 lines.append('  ANY')
             for i in range(caps.get_size()):
                 text = re.sub(r'\((string|int|fraction|boolean)\)', '', caps.get_structure(i).to_string())
+                features = caps.get_features(i)
+                if features and features.to_string() != 'memory:SystemMemory':
+                    text = text.replace(',', f'({features.to_string()}),', 1)
                 lines.append('  ' + text.rstrip(';'))
             lines.append('  ```')
         return lines
@@ -178,8 +196,29 @@ def differences(name, text, wanted):
     return found
 
 
+def headings(page):
+    """The anchors of a page, as its forge makes them."""
+    text = re.sub(r'^```.*?^```', '', page.read_text(), flags=re.M | re.S)
+    titles = (re.sub(r'\[([^]]*)\]\([^)]*\)', r'\1', title) for title in re.findall(r'^#+ (.*)$', text, re.M))
+    return {re.sub(r'[^\w\- ]', '', title.lower()).strip().replace(' ', '-') for title in titles}
+
+
+def broken_links(page, text):
+    for target in re.findall(r'\]\(([^)\s]+)\)', text):
+        path, _, anchor = target.partition('#')
+        there = page.parent / path if path else page
+        if '://' in target:
+            continue
+        if not there.exists() or (anchor and there.suffix == '.md' and anchor not in headings(there)):
+            yield f'{page.relative_to(TOP)}: the link {target} leads nowhere'
+
+
 def self_check(describer):
-    """The check must see a changed default, a lost row and a lost part."""
+    """The check must see a changed default, a lost row, a lost part and links that lead nowhere."""
+    readme = TOP / 'README.md'
+    links = {'docs/house.md': 0, '#elements': 0, 'docs/absent.md': 1, '#no-such-heading': 1, 'docs/house.md#no-such': 1}
+    if any(len(list(broken_links(readme, f'[a]({link})'))) != count for link, count in links.items()):
+        return False
     wanted = parts(describer, 'terrainseg')
     page = empty_page('terrainseg', describer.Gst.ElementFactory.find('terrainseg'))
     for part, lines in wanted.items():
@@ -214,8 +253,11 @@ def main():
             wrong.append(f'docs/elements/{name}.md is missing')
             continue
         wrong += differences(name, page.read_text(), wanted)
-    present = {p.stem for p in PAGES.glob('*.md')} - {'terrainreference'}  # which a build without tools does not have
+    present = {p.stem for p in PAGES.glob('*.md')} - {'terrainmcapsink', 'terrainreference'}  # which some builds do not have
     wrong += [f'docs/elements/{n}.md describes no element of the plugins' for n in sorted(present - set(names))]
+    for page in sorted([*TOP.glob('*.md'), *(TOP / 'docs').rglob('*.md')]):
+        if not page.name.endswith('.in.md'):  # a text before its figures and files are made
+            wrong += broken_links(page, page.read_text())
     for line in wrong:
         print('docs:', line)
     sys.exit(1 if wrong else 0)

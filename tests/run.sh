@@ -56,24 +56,26 @@ werror=-Dwerror=false
 
 if wants release; then
   step "GCC $(gcc -dumpversion), release"
-  configure_and_build build-release "$werror" -Dtests=true &&
-    run_tests build-release --num-processes 2 --no-suite slow
+  configure_and_build build-release "$werror" -Dtests=enabled &&
+    run_tests build-release --num-processes 3 --no-suite slow
 fi
 
 if wants sanitizers; then
   step "Clang, address and undefined behaviour sanitizers"
-  if CC=clang CXX=clang++ configure_and_build build-sanitizers --werror --buildtype=debugoptimized \
-      -Dcpp_args=-D_GLIBCXX_ASSERTIONS -Db_sanitize=address,undefined -Db_lundef=false -Dtools=disabled -Dbench=disabled; then
+  # Of debug information the lines, which is what a report names.
+  if CC=clang CXX=clang++ configure_and_build build-sanitizers --werror -Doptimization=2 -Ddebug=false \
+      -Dc_args=-gline-tables-only -Dcpp_args="-gline-tables-only -D_GLIBCXX_ASSERTIONS" -Db_sanitize=address,undefined -Db_lundef=false -Dtools=disabled -Dbench=disabled; then
     ASAN_OPTIONS=detect_leaks=0:detect_odr_violation=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 \
       GST_REGISTRY_FORK=no TERRAINSEG_SANITIZED=1 \
-      run_tests build-sanitizers --num-processes 2 --timeout-multiplier 4 --suite unit --suite element --suite golden
+      run_tests build-sanitizers --num-processes 3 --timeout-multiplier 4 --suite unit --suite element --suite golden
   fi
 fi
 
 if wants style; then
   step "style and the arrows of the house"
-  for check in tests/check_style.sh tests/check_house.py; do
-    if "$top/$check"; then count 1 0; else count 0 1; fi
+  for check in tests/check_style.sh tests/check_house.py "tests/check_house.py --self-check"; do
+    # shellcheck disable=SC2086
+    if "$top/"$check; then count 1 0; else count 0 1; fi
   done
 fi
 finish

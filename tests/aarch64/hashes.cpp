@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "pyramid.hpp"
+#include "coarse/pyramid.hpp"
 #include "terrainseg/segmenter.hpp"
 
 namespace {
@@ -47,7 +47,7 @@ struct Scene {
       frame.planes[p] = {memory[p].data(), stride};
     }
     std::uint32_t state = 12345U + static_cast<std::uint32_t>(number);
-    for (int c = 0; c < 3; ++c) {
+    for (int c = 0; c < layout.component_count; ++c) {
       const ComponentLayout& l = layout.components[c];
       for (int y = 0; y < subsampled(height, l.y_shift); ++y)
         for (int x = 0; x < subsampled(width, l.x_shift); ++x) {
@@ -57,9 +57,13 @@ struct Scene {
               py > height / 2 && py < height * 3 / 4 && px > width / 5 + 3 * number && px < width / 3;
           const bool sky = py < height / 3 + px * 8 / width;
           const int base = sky ? 190 - 20 * c : block ? 60 + 40 * c : 100 + 30 * py / height + 9 * c;
-          memory[l.plane]
-                [static_cast<std::size_t>(y * frame.planes[l.plane].stride + l.offset + x * l.step)] =
-                    static_cast<std::uint8_t>(base + static_cast<int>(state >> 29));
+          const unsigned value = static_cast<std::uint8_t>(base + static_cast<int>(state >> 29));
+          std::uint8_t* at = &memory[l.plane][static_cast<std::size_t>(y * frame.planes[l.plane].stride +
+                                                                       l.offset + x * l.step)];
+          const unsigned word = value << layout.upper_shift();
+          at[0] = static_cast<std::uint8_t>(word);
+          if (layout.sample_bytes() == 2)
+            at[1] = static_cast<std::uint8_t>(word >> 8);
         }
     }
   }

@@ -14,6 +14,7 @@
 #include <hwy/highway.h>
 #include <opencv2/imgproc.hpp>
 
+#include "coarse/pyramid.hpp"
 #include "frame_set.hpp"
 #include "kernels/blend.hpp"
 #include "kernels/cells.hpp"
@@ -22,7 +23,6 @@
 #include "kernels/score_parts.hpp"
 #include "lanes.hpp"
 #include "painter.hpp"
-#include "pyramid.hpp"
 #include "reference/reference_engine.hpp"
 #include "report.hpp"
 #include "scene/scene.hpp"
@@ -38,9 +38,10 @@ struct Size {
 };
 constexpr Size hd{1920, 1080}, uhd{3840, 2160};
 
-constexpr const char* format_names[pixel_format_count] = {"I420", "YV12", "NV12", "NV21", "Y42B", "Y444",
-                                                          "YUY2", "UYVY", "RGB",  "BGR",  "RGBx", "BGRx",
-                                                          "xRGB", "xBGR", "RGBA", "BGRA", "ARGB", "ABGR"};
+constexpr const char* format_names[pixel_format_count] = {
+    "I420", "YV12", "NV12", "NV21",  "Y42B",      "Y444",      "YUY2",      "UYVY",     "RGB",  "BGR",
+    "RGBx", "BGRx", "xRGB", "xBGR",  "RGBA",      "BGRA",      "ARGB",      "ABGR",     "NV16", "NV61",
+    "NV24", "YVYU", "VYUY", "GRAY8", "GRAY16_LE", "P010_10LE", "I420_10LE", "I422_10LE"};
 const char* name_of(PixelFormat format) {
   return format_names[static_cast<int>(format)];
 }
@@ -422,8 +423,7 @@ void Bench::formats() {
     whole_frame("resolutions", frames(PixelFormat::NV12, size), PixelFormat::NV12, size, 0, 0);
   for (int f = 0; f < pixel_format_count; ++f) {
     const auto format = static_cast<PixelFormat>(f);
-    constexpr Size size{1280, 720};
-    whole_frame("formats", frames(format, size), format, size, 0, 0);
+    whole_frame("formats", frames(format, hd), format, hd, 0, format == PixelFormat::P010_10LE ? 3.0 : 0);
   }
 }
 

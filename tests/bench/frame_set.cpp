@@ -10,7 +10,6 @@
 namespace terrainseg::bench {
 namespace {
 
-constexpr int rendered_frames = 3;
 constexpr std::size_t alignment = 64;
 
 } // namespace
@@ -27,8 +26,8 @@ std::size_t rotation_bytes() {
   return std::min(last_level_cache_bytes() / 4 * 5, free / 4);
 }
 
-FrameSet::FrameSet(PixelFormat format, int width, int height, std::size_t bytes)
-    : format_(format), width_(width), height_(height) {
+FrameSet::FrameSet(PixelFormat format, int width, int height, std::size_t bytes, int rendered)
+    : format_(format), width_(width), height_(height), rendered_(rendered) {
   const FormatLayout& layout = layout_of(format);
   for (int p = 0; p < layout.planes; ++p) {
     strides_[p] = (row_bytes(layout, p, width) + 3) / 4 * 4;
@@ -37,21 +36,24 @@ FrameSet::FrameSet(PixelFormat format, int width, int height, std::size_t bytes)
         static_cast<std::size_t>(strides_[p]) * static_cast<std::size_t>(plane_rows(layout, p, height));
   }
   frame_bytes_ = (frame_bytes_ + alignment - 1) / alignment * alignment;
-  count_ = static_cast<int>(std::max<std::size_t>(rendered_frames, bytes / frame_bytes_));
+  count_ = static_cast<int>(std::max(static_cast<std::size_t>(rendered), bytes / frame_bytes_));
   memory_.resize(frame_bytes_ * static_cast<std::size_t>(count_));
   scene::Renderer renderer({}, width, height);
-  for (int i = 0; i < rendered_frames; ++i)
+  for (int i = 0; i < rendered; ++i)
     renderer.render(static_cast<std::uint64_t>(i), mutable_frame(i));
   originals_.assign(memory_.begin(),
-                    memory_.begin() + static_cast<std::ptrdiff_t>(frame_bytes_ * rendered_frames));
+                    memory_.begin() +
+                        static_cast<std::ptrdiff_t>(frame_bytes_ * static_cast<std::size_t>(rendered)));
   refill();
 }
 
 void FrameSet::refill() {
-  for (int i = 0; i < count_; ++i)
+  const int turn = 2 * (rendered_ - 1);
+  for (int i = 0; i < count_; ++i) {
+    const int original = turn > 4 ? std::min(i % turn, turn - i % turn) : i % rendered_;
     std::memcpy(memory_.data() + frame_bytes_ * index(i),
-                originals_.data() + frame_bytes_ * static_cast<std::size_t>(i % rendered_frames),
-                frame_bytes_);
+                originals_.data() + frame_bytes_ * static_cast<std::size_t>(original), frame_bytes_);
+  }
 }
 
 Frame FrameSet::frame(int i) const {

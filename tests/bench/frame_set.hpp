@@ -16,8 +16,9 @@ std::size_t last_level_cache_bytes();
 
 class FrameSet {
  public:
-  /// Renders a few frames of the project's own scene and repeats them over `bytes` of memory.
-  FrameSet(PixelFormat format, int width, int height, std::size_t bytes);
+  /// Renders that many frames of the project's own scene and repeats them over `bytes` of memory; more than
+  /// three forward and back in turns, as a drive.
+  FrameSet(PixelFormat format, int width, int height, std::size_t bytes, int rendered = 3);
 
   int count() const { return count_; }
   std::size_t frame_bytes() const { return frame_bytes_; }
@@ -31,7 +32,7 @@ class FrameSet {
   std::size_t index(int i) const { return static_cast<std::size_t>(i % count_); }
 
   PixelFormat format_;
-  int width_, height_;
+  int width_, height_, rendered_;
   std::array<std::ptrdiff_t, 3> strides_{};
   std::array<std::size_t, 3> offsets_{};
   std::size_t frame_bytes_ = 0;

@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """Joins the parts of a benchmark run into one report and says which goals were met.
 
-usage: merge.py BUILD OUT     reads OUT/part-*.json, writes OUT/report.json, appends to OUT/report.txt
+usage: merge.py BUILD OUT     reads OUT/part-*.json, writes OUT/speed.csv, appends to OUT/speed.txt
 """
+import csv
 import json
 import pathlib
 import platform
 import subprocess
 import sys
+
+COLUMNS = ('section', 'name', 'format', 'width', 'height', 'ms', 'p99_ms', 'floor', 'floor_ms', 'ratio', 'limit', 'met')
 
 
 def text_of(command):
@@ -32,25 +35,34 @@ def compiler(build):
     return 'unknown'
 
 
+def write_csv(path, rows):
+    """One line per figure; a goal that was not set leaves `limit` and `met` empty."""
+    with open(path, 'w', newline='') as table:
+        writer = csv.writer(table, lineterminator='\n')
+        writer.writerow(COLUMNS)
+        for row in rows:
+            has_goal = bool(row['limit'])
+            writer.writerow([row[name] if has_goal or name not in ('limit', 'met') else '' for name in COLUMNS])
+
+
 def main():
     build, out = sys.argv[1], pathlib.Path(sys.argv[2])
     rows = []
     for part in sorted(out.glob('part-*.json')):
         rows += json.loads(part.read_text())
         part.unlink()
-    report = {'processor': processor(), 'system': platform.platform(), 'compiler': compiler(build),
-              'commit': text_of(['git', 'rev-parse', '--short', 'HEAD']),
-              'load': pathlib.Path('/proc/loadavg').read_text().split()[:3], 'rows': rows}
-    (out / 'report.json').write_text(json.dumps(report, indent=1) + '\n')
+    write_csv(out / 'speed.csv', rows)
+    load = pathlib.Path('/proc/loadavg').read_text().split()[:3]
     goals = [row for row in rows if row['limit']]
     missed = [row for row in goals if not row['met']]
-    lines = ['', f'processor {report["processor"]}', f'compiler {report["compiler"]}, commit {report["commit"]}, '
-             f'load {" ".join(report["load"])}', f'{len(goals) - len(missed)} of {len(goals)} goals met']
+    lines = ['', f'processor {processor()}, {platform.platform()}',
+             f'compiler {compiler(build)}, commit {text_of(["git", "rev-parse", "--short", "HEAD"])}, load {" ".join(load)}',
+             f'{len(goals) - len(missed)} of {len(goals)} goals met']
     lines += [f'missed: {row["name"]}, {row["format"]} {row["width"]}x{row["height"]}: {row["ratio"]:.3f}, '
               f'goal {row["limit"]:g}' for row in missed]
     print('\n'.join(lines))
-    with open(out / 'report.txt', 'a') as report_text:
-        report_text.write('\n'.join(lines) + '\n')
+    with open(out / 'speed.txt', 'a') as report:
+        report.write('\n'.join(lines) + '\n')
 
 
 if __name__ == '__main__':

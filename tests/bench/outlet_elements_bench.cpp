@@ -7,8 +7,8 @@
 #include <gst/gst.h>
 
 #include "../unit/exchange_estimates.hpp"
-#include "estimate_meta.hpp"
 #include "exchange/vmti_klv.hpp"
+#include "support/estimate_meta.hpp"
 
 namespace terrainseg {
 namespace {

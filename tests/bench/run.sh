@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Builds optimised, measures, and writes bench/report.json and bench/report.txt: processor, compiler, commit, and every
+# Builds optimised, measures, and writes docs/data/speed.csv and docs/data/speed.txt: processor, compiler, commit, and every
 # figure beside its floor, taken in the same loop.
 # usage: tests/bench/run.sh [--quick] [--realtime] [--out FOLDER] [SECTION...]
 #   sections: kernels goal formats stages paper streams element outlets files     without one: all
@@ -8,7 +8,7 @@
 # "files" times decode + filter + encode of a HD file (of the rendered scene, or of $TERRAINSEG_VIDEO).
 set -euo pipefail
 cd "$(dirname "$0")/../.."
-out=bench
+out=docs/data
 quick=()
 first=()
 sections=()
@@ -61,5 +61,5 @@ rm -f "$out"/part-*.json
   if wants files; then
     tests/bench/files.sh "${quick[@]}" "$out/part-files.json"
   fi
-} | tee "$out/report.txt"
+} | tee "$out/speed.txt"
 /usr/bin/python3 tests/bench/merge.py "$build" "$out"

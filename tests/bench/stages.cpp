@@ -7,16 +7,17 @@
 #include <memory>
 #include <vector>
 
-#include "clustering.hpp"
-#include "horizon.hpp"
-#include "pyramid.hpp"
-#include "reach.hpp"
-#include "scoring.hpp"
+#include "base/lattice.hpp"
+#include "base/workers.hpp"
+#include "coarse/horizon.hpp"
+#include "coarse/pyramid.hpp"
+#include "coarse/window.hpp"
+#include "learning/clustering.hpp"
+#include "learning/terrain_model.hpp"
+#include "paper/reachable.hpp"
+#include "paper/scoring.hpp"
 #include "support/frames.hpp"
-#include "terrain_model.hpp"
 #include "terrainseg/segmenter.hpp"
-#include "window.hpp"
-#include "workers.hpp"
 
 namespace terrainseg {
 namespace {
@@ -49,7 +50,7 @@ struct Prepared {
   std::vector<Cell> cells;
   int level = 0;
   Grid grid, training_grid;
-  Moments moments;
+  Gaussian moments;
   Prefiltered kept;
   ClusterScratch scratch;
   TrainingModels training;
@@ -60,8 +61,8 @@ struct Prepared {
     window = *place_window(settings, size.width, size.height);
     level = select_training_level(area(), 5, 48, cells);
     pyramid.build(frame_of(PixelFormat::I420, size, 0).frame(), {5, level, level}, &workers);
-    grid = grid_at(5);
-    training_grid = grid_at(level);
+    grid = pyramid.grid(5);
+    training_grid = pyramid.grid(level);
     moments = moments_of(training_grid, cells);
     prefilter(training_grid, cells, moments, {}, kept);
     training = clusters();
@@ -69,12 +70,6 @@ struct Prepared {
     table.build(learned, 768, 3);
   }
   TrainingArea area() const { return {window, {}, {}, size.width, size.height}; }
-  Grid grid_at(int l) const {
-    return {{pyramid.plane(l, 0), pyramid.plane(l, 1), pyramid.plane(l, 2)},
-            pyramid.width(l),
-            pyramid.height(l),
-            l};
-  }
   TrainingModels clusters() {
     const std::uint32_t floor = variance_floor(3);
     return cluster(training_grid, kept.cells, {3, {3, 3, 3}, {floor, floor, floor}, 1}, scratch);
@@ -201,9 +196,9 @@ void boundary(benchmark::State& state) {
   std::vector<std::uint16_t> rows(static_cast<std::size_t>(p.size.width));
   const Rectangle covered = cells_of_window(p.window, 5, p.grid.width, p.grid.height);
   for (auto _ : state) {
-    reach(scores, p.grid.width, covered, top);
-    refine_reach(p.grid, top, {{mask.data(), p.size.width}, p.size.width, p.size.height}, 0, p.size.height,
-                 rows);
+    find_reachable(scores, p.grid.width, covered, top);
+    refine_reachable(p.grid, top, {{mask.data(), p.size.width}, p.size.width, p.size.height}, 0,
+                     p.size.height, rows);
     benchmark::ClobberMemory();
   }
   label(state);

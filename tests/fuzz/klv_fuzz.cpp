@@ -3,8 +3,8 @@
 // guesses a CRC. What decodes must keep its promises and survive being sent on.
 #include <cstdlib>
 
-#include "exchange/bytes.hpp"
 #include "exchange/vmti_klv.hpp"
+#include "klv_sums.hpp"
 
 namespace {
 
@@ -20,8 +20,14 @@ bool inside(const Rectangle& r, int width, int height) {
          r.y + r.height <= height;
 }
 
-void check(const KlvUnit& unit) {
+void check(const KlvUnit& unit, std::size_t unit_size) {
   const Estimate& e = unit.estimate();
+  // Work is linear in the unit's bytes and the mask's, and the mask is bounded by its frame.
+  require(unit.runs() <= unit_size / 4);
+  require(unit.pixels_to_draw() <=
+          3 * static_cast<std::uint64_t>(e.mask.width) * static_cast<std::uint64_t>(e.mask.height));
+  require(e.mask.width <= e.frame_width && e.mask.height <= e.frame_height);
+  require(flaw_of(e) == nullptr);
   require(e.frame_width >= 1 && e.frame_width <= 32767 && e.frame_height >= 1 && e.frame_height <= 32767);
   require(e.mask.width >= 1 && e.mask.height >= 1);
   require(std::int64_t{e.mask.width} * e.mask.height <= klv_mask_limit);
@@ -46,24 +52,13 @@ void check(const KlvUnit& unit) {
   again.mask.plane = {pixels.data(), e.mask.width};
   static KlvEncoder encoder;
   static KlvUnit second;
-  const auto bytes = encoder.encode(again, unit.time_us());
-  require(!bytes.empty() && bytes.size() <= klv_unit_limit);
-  require(second.decode(bytes) == KlvVerdict::ok);
-  require(second.estimate().horizon_row == e.horizon_row && second.estimate().frame == e.frame);
-}
-
-void put_sums(std::vector<std::uint8_t>& unit) {
-  const std::size_t n = unit.size();
-  if (n < 8)
-    return;
-  const std::uint32_t crc = crc32(std::span(unit).first(n - 8));
-  for (std::size_t i = 0; i < 4; ++i)
-    unit[n - 8 + i] = static_cast<std::uint8_t>(crc >> (24 - 8 * i));
-  std::uint16_t sum = 0;
-  for (std::size_t i = 0; i < n - 2; ++i)
-    sum = static_cast<std::uint16_t>(sum + (unit[i] << (i % 2 ? 0 : 8)));
-  unit[n - 2] = static_cast<std::uint8_t>(sum >> 8);
-  unit[n - 1] = static_cast<std::uint8_t>(sum);
+  static const UasPlatform platform = {90, UasAttitude{-5, 2}, UasPosition{52.5, 13.4, 34}};
+  for (const UasPlatform* around : {static_cast<const UasPlatform*>(nullptr), &platform}) {
+    const auto bytes = encoder.encode(again, unit.time_us(), around);
+    require(!bytes.empty() && bytes.size() <= klv_unit_limit);
+    require(second.decode(bytes) == KlvVerdict::ok);
+    require(second.estimate().horizon_row == e.horizon_row && second.estimate().frame == e.frame);
+  }
 }
 
 } // namespace
@@ -73,10 +68,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const KlvVerdict verdict = unit.decode({data, size});
   require((verdict == KlvVerdict::ok) == unit.error().empty());
   if (verdict == KlvVerdict::ok)
-    check(unit);
+    check(unit, size);
   std::vector<std::uint8_t> whole(data, data + size);
   put_sums(whole);
   if (unit.decode(whole) == KlvVerdict::ok)
-    check(unit);
+    check(unit, size);
   return 0;
 }

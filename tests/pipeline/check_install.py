@@ -49,6 +49,9 @@ int main() {
 }
 '''
 
+PROGRAMS = (('gstreamer-terrainseg-1.0', C_PROGRAM, 'cc -std=c11 -Wall -Wextra -Werror -x c'),
+            ('terrainseg', CPP_PROGRAM, 'c++ -std=c++20 -Wall -Wextra -Werror -x c++'))
+
 
 def run(command, **more):
     done = subprocess.run(command, env=dict(os.environ, **more), capture_output=True, text=True, timeout=300)
@@ -98,13 +101,26 @@ def main():
             text = only(image, f'{name}.pc').read_text()
             prefix = next(line.split('=', 1)[1] for line in text.splitlines() if line.startswith('prefix='))
             (configs / f'{name}.pc').write_text(text.replace(f'prefix={prefix}', f'prefix={image}{prefix}', 1))
-        for package, program, compiler in (('gstreamer-terrainseg-1.0', C_PROGRAM, ['cc', '-std=c11', '-x', 'c']),
-                                           ('terrainseg', CPP_PROGRAM, ['c++', '-std=c++20', '-x', 'c++'])):
+        for package, program, compiler in PROGRAMS:
             flags = shlex.split(run(['pkg-config', '--cflags', '--libs', package], PKG_CONFIG_PATH=str(configs)))
             source = root / f'{package}.source'
             source.write_text(program)
-            run([*compiler, '-Wall', '-Wextra', '-Werror', str(source), '-x', 'none', '-o', str(root / package), *flags])
+            run([*compiler.split(), str(source), '-x', 'none', '-o', str(root / package), *flags])
             run([str(root / package)], **gst)
+
+        # What was installed goes again, folders that it made included.
+        run(['ninja', '-C', str(build), 'uninstall'])
+        left = [str(path.relative_to(image)) for path in image.rglob('*') if not path.is_dir()]
+        if left:
+            sys.exit(f'ninja uninstall leaves {left}')
+
+    # The uninstalled tree serves programs too.
+    with tempfile.TemporaryDirectory() as folder:
+        for package, program, compiler in PROGRAMS:
+            source, out = pathlib.Path(folder) / f'{package}.source', pathlib.Path(folder) / package
+            source.write_text(program)
+            run(['meson', 'devenv', '-C', str(build), 'sh', '-c',
+                 f'{compiler} {source} -x none -o {out} $(pkg-config --cflags --libs {package}) && {out}'])
 
 
 if __name__ == '__main__':

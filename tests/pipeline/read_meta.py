@@ -14,9 +14,9 @@ from gi.repository import Gst, GstApp, GstVideo  # noqa: E402,F401
 
 WIDTH, HEIGHT, SCALED = 320, 240, (160, 120)
 FIELDS = {'version': int, 'frame': int, 'frame-width': int, 'frame-height': int, 'horizon-row': int,
-          'horizon-confidence': int, 'mask': Gst.Buffer, 'confidence': int, 'mask-x': int, 'mask-y': int, 'mask-w': int,
-          'mask-h': int, 'boundary': Gst.Buffer, 'traversable-permille': int, 'window-x': int, 'window-y': int,
-          'window-w': int, 'window-h': int, 'model-generation': int, 'flags': int}
+          'horizon-confidence': int, 'mask': Gst.Buffer, 'confidence': int, 'confidence-map': Gst.Buffer,
+          'mask-x': int, 'mask-y': int, 'mask-w': int, 'mask-h': int, 'boundary': Gst.Buffer,
+          'traversable-permille': int, 'window-x': int, 'window-y': int, 'window-w': int, 'window-h': int, 'model-generation': int, 'flags': int}
 
 
 def content(buffer):
@@ -48,6 +48,11 @@ def check(sample, index):
     assert abs(pixels.count(255) * 1000 // len(pixels) - s.get_value('traversable-permille')) <= 1
     rows = memoryview(content(s.get_value('boundary'))).cast('H')
     assert len(rows) == WIDTH and max(rows) <= SCALED[1]
+    sureness = s.get_value('confidence-map')
+    layout = GstVideo.buffer_get_video_meta(sureness)
+    assert (layout.width, layout.height) == (WIDTH // 4, HEIGHT // 4), 'the confidence map keeps its own size'
+    cells = content(sureness)
+    assert len(cells) == layout.width * layout.height and max(cells) > 100, max(cells)
     ok, models = s.get_list('models')
     assert ok
     for i in range(models.n_values):

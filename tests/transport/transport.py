@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""usage: transport.py file|file-bframes|file-after-encoder|udp-loss|udp-restart|srt|rtp-ts|rtp-klv
+"""usage: transport.py file|file-bframes|file-after-encoder|udp-loss|udp-restart|srt|rtp-ts|rtp-klv|mavlink-unheard
 
 A rover's pipeline and a ground station's on loopback, with real elements in between. Frames and units are counted at
 both ends, and each frame's line (mask, boundary, horizon, models) on the ground must be the one on the rover."""
+import datetime
 import json
 import os
 import random
@@ -25,6 +26,7 @@ import klv_decoder  # noqa: E402
 from ports import free_udp_block  # noqa: E402
 
 FRAMES = 100
+START = '2026-11-22T20:00:00Z'  # time of day of the rover's PTS 0
 RATE = 50
 TIMEOUT = 25  # seconds for a whole run, of which a quiet machine takes 3 to 5
 ENCODER = 'x264enc tune=zerolatency key-int-max=10 speed-preset=ultrafast ! h264parse config-interval=-1'
@@ -36,7 +38,7 @@ GROUND = ('terraincombine name=combine ! queue ! ' + LINES + ' ! appsink name=li
 def source(live, rate=RATE):
     src = 'terrainscenesrc' if Gst.ElementFactory.find('terrainscenesrc') else 'videotestsrc pattern=ball'
     return (f'{src} num-buffers={FRAMES} is-live={str(live).lower()} ! '
-            f'video/x-raw,format=I420,width=320,height=240,framerate={rate}/1 ! terrainseg ! tee name=t '
+            f'video/x-raw,format=I420,width=320,height=240,framerate={rate}/1 ! terrainseg start-time={START} ! tee name=t '
             f't. ! queue ! {LINES} ! appsink name=lines sync=false max-buffers=1000 ')
 
 
@@ -158,6 +160,13 @@ def report(ok, text):
     return ok
 
 
+def tells_the_time(line):
+    """The time of day is that of the start and the time stamp, to the microsecond."""
+    start = datetime.datetime.fromisoformat(START.replace('Z', '+00:00'))
+    told = datetime.datetime.fromisoformat(line['utc'].replace('Z', '+00:00'))
+    return told - start == datetime.timedelta(microseconds=line['pts'] // 1000)
+
+
 def judge(rover, ground, lost_units=frozenset(), frames_may_be_lost=False, settling=0):
     """`settling`: frames at the start that need not meet their units, because two RTP streams are not in step yet. On a
     busy machine they get out of step later too, as rtpbin follows the arrival times: one in ten may."""
@@ -168,10 +177,11 @@ def judge(rover, ground, lost_units=frozenset(), frames_may_be_lost=False, settl
     stats = ground.stats()
     print(f'sent {len(sent)} frames; ground: {frames} frames, {units} units, {stats}')
     good = report(len(sent) == FRAMES, f'{FRAMES} frames left the rover')
+    good &= report(all(tells_the_time(line) for line in rover.lines), 'the rover tells the time of day')
     good &= report(all(sent.get(line['frame']) == line for line in got),
-                   'every line on the ground is the rover\'s of that frame: mask, horizon, boundary, models')
+                   'every line on the ground is the rover\'s of that frame: time of day, mask, horizon, boundary, models')
     numbers = [line['frame'] for line in got]
-    good &= report(numbers == sorted(set(numbers)), 'in order, none twice')
+    good &= report(numbers == sorted(set(numbers)), f'in order, none twice {[(n, m) for n, m in zip(numbers, numbers[1:]) if m <= n]}')
     good &= report(stats['matched'] == len(got), 'as many lines as matches')
     good &= report(stats['matched'] + stats['lost'] == frames == ground.counts['combine.src'],
                    'every frame that came in went out')
@@ -339,6 +349,23 @@ def udp_restart():
     return good
 
 
+def mavlink_unheard(port):
+    """Nobody listens on the port: the rover's pipeline goes on to its end as if somebody did."""
+    rover = Pipeline(source(True) + 't. ! queue ! terrainextract name=e ! application/x-mavlink ! '
+                     f'udpsink host=127.0.0.1 port={port} sync=false')
+    rover.count('e', 'src')
+    rover.play()
+    ended = rover.check(TIMEOUT)
+    messages = rover.counts['e.src']
+    rover.stop()
+    good = report(ended, 'the rover comes to its end, without an error')
+    good &= report(len(rover.lines) == FRAMES, f'{len(rover.lines)} frames went by')
+    # A busy machine loses frames of a live source: the time stamps say how long it was.
+    seconds = (rover.lines[-1]['pts'] - rover.lines[0]['pts']) / 1e9
+    return good & report(4 * seconds <= messages <= 15 * seconds + 2,
+                         f'{messages} units in {seconds:.1f} s were sent into nothing')
+
+
 def main(kind):
     Gst.init(None)
     if kind == 'file':
@@ -352,6 +379,8 @@ def main(kind):
     if kind == 'udp-restart':
         return udp_restart()
     port = free_udp_block()
+    if kind == 'mavlink-unheard':
+        return mavlink_unheard(port)
     if kind == 'udp-loss':
         return both(rover_ts(True, f'udpsink host=127.0.0.1 port={port} sync=false'),
                     f'udpsrc port={port} address=127.0.0.1 buffer-size=2000000 ! tsparse ! {DEMUX}', (0.05, 1))
@@ -368,15 +397,21 @@ def main(kind):
     raise SystemExit(__doc__)
 
 
+def leave_with(body, seconds):
+    """Ends the process with what `body` says. By os._exit, because a blocked pipeline would keep the interpreter from
+    ending."""
+    threading.Timer(seconds, lambda: (print('FAIL it hangs'), os._exit(3))).start()
+    passed = False
+    try:
+        passed = body()
+    except BaseException:
+        traceback.print_exc()
+    sys.stdout.flush()
+    os._exit(0 if passed else 1)
+
+
 if __name__ == '__main__':
     if os.environ.get('TERRAINSEG_SANITIZED'):
         print('skipped: a plugin built with sanitizers does not load into Python')
         sys.exit(77)
-    threading.Timer(TIMEOUT * 2, lambda: (print('FAIL it hangs'), os._exit(3))).start()
-    passed = False
-    try:
-        passed = main(sys.argv[1])
-    except BaseException:  # os._exit, because a blocked pipeline would keep the interpreter from ending
-        traceback.print_exc()
-    sys.stdout.flush()
-    os._exit(0 if passed else 1)
+    leave_with(lambda: main(sys.argv[1]), TIMEOUT * 2)
