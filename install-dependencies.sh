@@ -1,27 +1,34 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs the Debian packages that a purpose needs and that are missing; asks nothing, does nothing when all are there.
-# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | build | run | preview | test | browser | slow | list
+# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | process | build | run | preview | tune | test | browser | slow | fleet | list
 set -euo pipefail
+. "$(dirname "$0")/examples/heartbeat.sh"
 
 # What compiling the plugin and the library takes; what the tools take on top.
-plugin=(build-essential meson ninja-build pkg-config libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev libhwy-dev)
-build=("${plugin[@]}" libopencv-dev libeigen3-dev nlohmann-json3-dev libjson-glib-dev)
+plugin=(build-essential meson ninja-build pkg-config libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev libhwy-dev libyaml-cpp-dev)
+build=("${plugin[@]}" libopencv-dev libeigen3-dev nlohmann-json3-dev libzstd-dev)
+# What terrainseg-process takes on top of the plugin; its recordings take zstd.
+process=(nlohmann-json3-dev libzstd-dev)
 # What the contact sheet of the quickstart takes.
 preview=(ffmpeg)
 # What the pipelines of README and examples take: decoders, encoders, muxers, bindings for Python.
 run=(gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
      gstreamer1.0-plugins-ugly gstreamer1.0-libav python3-gi gir1.2-gstreamer-1.0 gir1.2-gst-plugins-base-1.0
      python3-numpy)
-# What tests/run.sh takes on top: GoogleTest, the second compiler with its sanitizers, style, oracles, a broker.
+# What examples/tune.sh takes on top of run: a window and letters in it.
+tune=(gstreamer1.0-x)
+# What tests/run.sh takes on top: GoogleTest, the second compiler with its sanitizers, style, oracles, a broker, a screen.
 test=(libgtest-dev libgmock-dev libbenchmark-dev clang libclang-rt-14-dev llvm clang-format clang-tidy ffmpeg git
       python3-opencv python3-jsonschema binutils procps libgstreamer-plugins-bad1.0-dev libgstrtspserver-1.0-dev
-      mosquitto mosquitto-clients)
+      mosquitto mosquitto-clients python3-paho-mqtt xvfb xdotool "${tune[@]}")
 # What the check in a real browser takes on top.
 browser=(chromium gstreamer1.0-nice gir1.2-gst-plugins-bad-1.0)
 # What the slow checks take on top.
 slow=(debootstrap devscripts debhelper lintian fakeroot dpkg-dev gstreamer1.0-opencv
       g++-aarch64-linux-gnu qemu-user linux-perf)
+# What tests/fleet.sh takes on top: a Slurm of one node, GNU parallel.
+fleet=(munge slurmctld slurmd slurm-client parallel python3-yaml)
 
 # Names that only one of the Debian releases has.
 release=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")
@@ -34,14 +41,17 @@ wanted=()
 for purpose in "$@"; do
   case "$purpose" in
     plugin) wanted+=("${plugin[@]}") ;;
+    process) wanted+=("${process[@]}") ;;
     preview) wanted+=("${preview[@]}") ;;
+    tune) wanted+=("${run[@]}" "${tune[@]}") ;;
     build) wanted+=("${build[@]}") ;;
     run) wanted+=("${run[@]}") ;;
     test) wanted+=("${build[@]}" "${run[@]}" "${test[@]}") ;;
     browser) wanted+=("${run[@]}" "${browser[@]}") ;;
+    fleet) wanted+=("${run[@]}" "${fleet[@]}") ;;
     slow) wanted+=("${browser[@]}" "${slow[@]}") ;;
-    list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${browser[@]}" "${slow[@]}"; exit 0 ;;
-    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, build, run, preview, test, browser, slow, list" >&2; exit 2 ;;
+    list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${browser[@]}" "${slow[@]}" "${fleet[@]}"; exit 0 ;;
+    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, process, build, run, preview, tune, test, browser, slow, fleet, list" >&2; exit 2 ;;
   esac
 done
 
@@ -60,10 +70,10 @@ echo "installing ${#missing[@]} Debian packages: ${missing[*]}"
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 install() {
-  "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "${missing[@]}" >"$log" 2>&1
+  heartbeat "$log" "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "${missing[@]}"
 }
 # The list of packages may be old or absent: fetch it only when the first try says so.
-install || { "${root[@]}" apt-get update >>"$log" 2>&1 || true; install; } || {
+install || { heartbeat "$log" "${root[@]}" apt-get update || true; install; } || {
   tail -n 20 "$log" >&2
   echo "install-dependencies.sh: apt-get could not install: ${missing[*]}" >&2
   exit 1

@@ -1,0 +1,17 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# What an installation still needs, done or said. Called by `meson install`.
+# usage: after_install.sh PLUGINS_DIR LIBDIR GSTREAMERS_PLUGINS_DIR
+set -euo pipefail
+plugins=$1 libraries=$2 searched=$3
+[ -z "${DESTDIR:-}" ] || exit 0 # a package: its own scripts do this
+# The loader's cache knows the folders of the whole machine only.
+listed() { ldconfig -v -N 2>/dev/null | grep -qE "^$1:"; }
+export PATH=$PATH:/usr/sbin:/sbin
+if [ "$(id -u)" -eq 0 ] && listed "$libraries"; then
+  ldconfig
+else
+  listed "$libraries" || echo "programs that link libterrainseg need:  export LD_LIBRARY_PATH=$libraries\${LD_LIBRARY_PATH:+:\$LD_LIBRARY_PATH}"
+fi
+[ "$plugins" = "$searched" ] ||
+  echo "GStreamer does not look there by itself:  export GST_PLUGIN_PATH=$plugins\${GST_PLUGIN_PATH:+:\$GST_PLUGIN_PATH}"
