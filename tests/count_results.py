@@ -3,20 +3,28 @@
 """Prints "PASSED FAILED" for the last `meson test` of a build folder.
 
 usage: count_results.py BUILD/meson-logs
+       count_results.py --real-time BUILD/meson-logs     names what failed and measures real time, one a line
 
 Every case of a GoogleTest program counts, every script counts once. A program that crashed, timed out or left no
-report counts as failed even when its report (or an older one) shows no failure.
+report counts as failed even when its report (or an older one) shows no failure. What was tried again, alone
+(`meson test --logbase again`), counts as that second try says.
 """
 import json
+import os
 import sys
 import xml.etree.ElementTree as ElementTree
 
 
-def main():
-    logs = sys.argv[1]
-    programs = [json.loads(line) for line in open(f'{logs}/testlog.json')]
+# What these suites test has threads, networks and clocks in it; "unit" and "golden" have none and get no second try.
+REAL_TIME = {'element', 'pipeline', 'tools', 'docs'}
+GOOD = 'OK', 'SKIP', 'EXPECTEDFAIL'
+
+
+def read(logs, base):
+    """The programs of a run and how many cases of each passed and failed."""
+    programs = [json.loads(line) for line in open(f'{logs}/{base}.json')]
     cases = {program['name']: [0, 0] for program in programs}
-    for suite in ElementTree.parse(f'{logs}/testlog.junit.xml').getroot().iter('testsuite'):
+    for suite in ElementTree.parse(f'{logs}/{base}.junit.xml').getroot().iter('testsuite'):
         # A GoogleTest suite is named PROJECT.PROGRAM.SUITE, a script that reports its cases PROJECT.PROGRAM; another
         # script is itself a case of the suite PROJECT.
         _, _, rest = suite.get('name').partition('.')
@@ -27,15 +35,28 @@ def main():
             if program not in cases:
                 sys.exit(f'{logs}: {suite.get("name")} belongs to no program of this run')
             cases[program][bad] += not skipped
-    passed = failed = 0
-    for program in programs:
-        good, bad = cases[program['name']]
-        if program['result'] not in ('OK', 'SKIP', 'EXPECTEDFAIL'):
-            bad = max(bad, 1)
-            print(f"{program['result']}: {program['name']}", file=sys.stderr)
-        passed, failed = passed + good, failed + bad
+    return {program['name']: (program['result'], *cases[program['name']]) for program in programs}
+
+
+def main():
+    *options, logs = sys.argv[1:]
+    programs = read(logs, 'testlog')
     if not programs:
         sys.exit(f'{logs}: no test was run')
+    if options == ['--real-time']:
+        for name, (result, _, _) in programs.items():
+            suite, _, test = name.rpartition(' / ')
+            if result not in GOOD and REAL_TIME & set(suite.partition(':')[2].split('+')):
+                print(test)
+        return
+    if os.path.exists(f'{logs}/again.json'):
+        programs.update(read(logs, 'again'))
+    passed = failed = 0
+    for name, (result, good, bad) in programs.items():
+        if result not in GOOD:
+            bad = max(bad, 1)
+            print(f'{result}: {name}', file=sys.stderr)
+        passed, failed = passed + good, failed + bad
     print(passed, failed)
 
 
