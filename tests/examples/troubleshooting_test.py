@@ -91,9 +91,6 @@ def everything_is_green(folder):
 
 @row('a warning that the pictures have no colour')
 def pictures_without_colour(folder):
-    plugin = pathlib.Path(os.environ['GST_PLUGIN_PATH']) / 'libgstterrainseg.so'
-    if b'pictures have none' not in plugin.read_bytes():
-        raise Skip('this plugin does not warn of it')
     camera = 'videotestsrc num-buffers=90 ! video/x-raw,format={},width=320,height=180,framerate=30/1 ! {}terrainseg ! fakesink'
     contains(launch(camera.format('GRAY8', 'videoconvert ! video/x-raw,format=NV12 ! ')), 'pictures have none')
     for format in 'NV12', 'GRAY8':
