@@ -5,7 +5,7 @@
  *   FAULT=after:N      SIGKILL when the N-th call has been done
  *   FAULT=stop:N       SIGSTOP at the N-th call; after SIGCONT it is done as if nothing had been
  *   FAULT=28:N         the N-th call fails with that errno (28 = ENOSPC, 5 = EIO), and so does every one
- * after it */
+ * after it; as disks do, it takes its time to: whoever does not wait for the call does not hear of it */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -49,6 +49,8 @@ static int decide(void) {
   if (strncmp(fault, "after", 5) == 0)
     return number == wanted ? 2 : 0;
   if (atoi(fault) > 0 && number >= wanted) {
+    if (number == wanted)
+      usleep(100000);
     errno = atoi(fault);
     return 1;
   }

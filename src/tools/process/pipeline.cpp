@@ -239,7 +239,8 @@ GstElement* Run::add_sink(Output kind) {
 }
 
 /// Ends are counted here: behind decodebin, a bin whose sinks are async=false sometimes loses its EOS
-/// message. When the event reaches a sink, everything in front of it has been written.
+/// message. When the event reaches a sink, everything in front of it has been written; what the sink itself
+/// does at the end comes after it (play() waits for that).
 void Run::watch_end(GstElement* sink) {
   ++sinks_;
   const PadPointer pad(gst_element_get_static_pad(sink, "sink"));
@@ -654,7 +655,9 @@ void Run::play(const std::atomic<int>& interrupted) {
       source_.end();
     }
   }
-  handle_messages(bus.get(), 0); // what was said before the end
+  // The ends have reached the sinks; stopping their threads waits for what they still write, and say of it.
+  gst_element_set_state(pipeline_, GST_STATE_READY);
+  handle_messages(bus.get(), 0);
 }
 
 std::optional<Fault> Run::cut_off() const {
