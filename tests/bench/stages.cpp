@@ -212,6 +212,7 @@ void whole_frame(benchmark::State& state) {
   const auto format = static_cast<PixelFormat>(state.range(2));
   Settings settings = Settings::of(preset);
   settings.mask_level = static_cast<int>(state.range(3));
+  settings.motion = Motion::off; // it needs a drive: terrainseg-bench goal
   Segmenter segmenter(settings);
   prime(format, s);
   int i = 0;

@@ -70,7 +70,7 @@ const Column columns[] = {
     {"refine", "true", "false"},
     {"negatives", "rest", "off"},
     {"temporal", "auto", "off"},
-    {"motion", "off", "off"},
+    {"motion", "auto", "off"},
     {"caution", "0", "0"},
     {"doubtful", "-24", "-96"},
     {"mask-level", "0", "0"},

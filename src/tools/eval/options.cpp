@@ -14,7 +14,7 @@ using tools::Context, tools::Word, tools::Words, tools::parse;
 const std::vector<std::string> stages_changed{
     "texture=false",     "exposure=false",      "row-prior=false",        "local-reference=false",
     "geodesic=false",    "second-look=false",   "connected-ground=false", "odd-spots=false",
-    "motion=auto",       "ground-behind=false", "refine=false",           "doubtful=-96",
+    "motion=off",        "ground-behind=false", "refine=false",           "doubtful=-96",
     "negatives=off",     "temporal=off",        "free-space=false",       "learned-models=2",
     "training-models=3", "forget-shift=0"};
 
@@ -56,8 +56,7 @@ struct EvalEntries {
     const GOptionEntry entries[] = {
         {"engine", 0, 0, G_OPTION_ARG_STRING_ARRAY, &engines.list,
          "What is measured, more than once if wished (default: default)", "NAME"},
-        {"ablation", 0, 0, G_OPTION_ARG_NONE, &ablation,
-         "Adds the default with each stage removed, and with motion added", nullptr},
+        {"ablation", 0, 0, G_OPTION_ARG_NONE, &ablation, "Adds the default with each stage removed", nullptr},
         {"baselines", 0, 0, G_OPTION_ARG_NONE, &with_baselines,
          "Adds paper, reference, rows, ramp and mean-mask", nullptr},
         {"perturb", 0, 0, G_OPTION_ARG_STRING_ARRAY, &inputs.list,
