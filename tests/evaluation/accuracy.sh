@@ -64,7 +64,7 @@ done
 # The same places as continuous drives, with the things that stand in them.
 drives=()
 for kind in road trail corridor plain; do drives+=("scene:$kind:day:straight@640x360#101-106"); done
-"$build/src/tools/terrainseg-eval" --engine default --engine paper --csv "$out/accuracy-drives.csv" --markdown "$out/drives.md" "${drives[@]}"
+"$build/src/tools/terrainseg-eval" --engine default --engine default,motion=off --engine paper --csv "$out/accuracy-drives.csv" --markdown "$out/drives.md" "${drives[@]}"
 pages=("$out/accuracy.md" "$out/rendered.md" "$out/drives.md" "$out/grey.md")
 if [[ ${#stills[@]} -gt 0 ]]; then
   "$build/src/tools/terrainseg-eval" --engine default --engine paper --engine rows --engine mean-mask \
