@@ -75,6 +75,8 @@ inline const char* flaw_of(const Estimate& e) {
     return "the frame's width and height must be 1..32767";
   if (e.horizon_row < -1 || e.horizon_row >= e.frame_height)
     return "the horizon lies outside the frame";
+  if (e.vanishing_row < -1 || e.vanishing_row >= e.frame_height << 16)
+    return "the ground's vanishing line lies outside the frame";
   if (!is_inside(e.mask_region) || !is_inside(e.window))
     return "the mask or the window lies outside the frame";
   const bool has_mask = e.mask.width != 0 || e.mask.height != 0;

@@ -88,6 +88,7 @@ enum : std::uint8_t {
   terrain_flags = 11,
   terrain_boundary = 12,
   terrain_models = 13,
+  terrain_motion = 14,
   terrain_crc = 127,
 };
 inline constexpr std::size_t model_size = 3 * 2 + 3 * 4 + 8 + 3;

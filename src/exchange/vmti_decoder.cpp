@@ -217,6 +217,13 @@ KlvVerdict KlvUnit::read_terrain_set(View set) {
     case terrain_models:
       models = item;
       break;
+    case terrain_motion: {
+      const auto row = static_cast<std::int32_t>(static_cast<std::uint32_t>(number >> 32));
+      good = sized(8) && row >= -1;
+      estimate_.vanishing_row = row;
+      estimate_.speed_over_height = static_cast<std::int32_t>(static_cast<std::uint32_t>(number));
+      break;
+    }
     default: // added by a later writer of the same version
       break;
     }

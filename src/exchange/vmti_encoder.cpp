@@ -268,6 +268,11 @@ void KlvEncoder::put_terrain_set(const Estimate& e, std::span<const std::uint16_
     put_bytes(part, model.rgb);
   }
   put_item(set, terrain_models, part);
+  if (e.vanishing_row >= 0 || e.speed_over_height != 0)
+    put_number(set, terrain_motion,
+               std::uint64_t{static_cast<std::uint32_t>(std::max(e.vanishing_row, -1))} << 32 |
+                   static_cast<std::uint32_t>(e.speed_over_height),
+               8);
 }
 
 } // namespace terrainseg

@@ -282,8 +282,14 @@ bool FreeSpacePipeline::find_standing(const FrameTask& task, Estimate& estimate)
   const Settings& settings = task.settings;
   if (settings.motion == Motion::off)
     return false;
-  const bool any = standing_.find(
-      pyramid_, curves_, {grid_.level, settings.mask_level, task.frame.pts, settings.ignore_regions});
+  // As with spots: what motion sees must not depend on the mask's size.
+  const int column_level =
+      std::min(settings.mask_level, StandingThings::coarsest_columns(pyramid_, grid_.level));
+  const bool coarse = column_level < settings.mask_level;
+  if (coarse)
+    refine_curves(task, column_level, fine_curves_);
+  const bool any = standing_.find(pyramid_, coarse ? fine_curves_ : curves_,
+                                  {grid_.level, column_level, task.frame.pts, settings.ignore_regions});
   estimate.vanishing_row = standing_.vanishing_row();
   estimate.speed_over_height = standing_.speed_over_height();
   if (!any)

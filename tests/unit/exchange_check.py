@@ -41,6 +41,12 @@ def check_pair(line, unit):
     assert round(line['traversable'] * 1000) == unit['permille']
     assert tuple(line['window']) == unit['window']
     assert line['flags'] == [n for i, n in enumerate(FLAGS) if unit['flags'] >> i & 1]
+    motion = line.get('motion')
+    assert (motion is None) == (unit['motion'] is None), 'motion'
+    if motion:
+        row = -1 if motion['vanishing_row'] is None else motion['vanishing_row']
+        assert math.isclose(row, unit['motion'][0] / (65536 if unit['motion'][0] >= 0 else 1), abs_tol=1e-3), motion
+        assert math.isclose(motion['speed_over_height'], unit['motion'][1] / 65536, abs_tol=1e-3), motion
     assert len(line['models']) == len(unit['models'])
     for a, b in zip(line['models'], unit['models']):
         assert a['mass'] == b['mass']

@@ -61,6 +61,10 @@ int run(const std::string& folder) {
       o = test::noisy(320, 240, 320, 240, 1, random); // halved
     else if (i > 0)
       o = test::noisy(64 + i, 48, 20 + i, 16, 10 + static_cast<unsigned>(i), random);
+    if (i % 5 == 2) {
+      o.estimate.vanishing_row = i % 2 ? -1 : (o.estimate.frame_height << 16) - 7 * i;
+      o.estimate.speed_over_height = (i - 20) * 9999;
+    }
     char name[16];
     std::snprintf(name, sizeof name, "/%03d", i);
     const std::uint64_t pts = static_cast<std::uint64_t>(i) * 33333333;

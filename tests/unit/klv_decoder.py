@@ -126,7 +126,7 @@ def decode(unit):
         'horizon': (horizon_row, horizon_confidence), 'confidence': t[7][0], 'permille': big(t[8]),
         'window': struct.unpack('>4i', t[9]), 'generation': big(t[10]), 'flags': big(t[11]),
         'boundary': rows(t[12]), 'models': models, 'mask_size': (width, height), 'mask': bytes(mask),
-        'targets': targets,
+        'targets': targets, 'motion': struct.unpack('>2i', t[14]) if 14 in t else None,
     }
 
 

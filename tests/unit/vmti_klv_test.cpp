@@ -123,6 +123,28 @@ TEST(VmtiKlv, WhatLiesOutsideTheFrameIsRefused) {
   EXPECT_EQ(verdict([](OwnedEstimate& o) { o.estimate.frame_width = 0; }), KlvVerdict::damaged);
 }
 
+TEST(VmtiKlv, WhatMotionToldGoesThere) {
+  OwnedEstimate o = test::blank(20, 10, 20, 10);
+  KlvUnit unit;
+  const auto with = [&](std::int32_t row, std::int32_t speed) {
+    o.estimate.vanishing_row = row;
+    o.estimate.speed_over_height = speed;
+    return encoded(o.estimate);
+  };
+  EXPECT_FALSE(contains(with(-1, 0), {0x0e, 0x08})) << "nothing is known";
+  const Bytes driving = with((3 << 16) + 5, -65536);
+  EXPECT_TRUE(contains(driving, {0x0e, 0x08, 0x00, 0x03, 0x00, 0x05, 0xff, 0xff, 0x00, 0x00}));
+  ASSERT_EQ(unit.decode(driving), KlvVerdict::ok);
+  EXPECT_EQ(unit.estimate().vanishing_row, (3 << 16) + 5);
+  EXPECT_EQ(unit.estimate().speed_over_height, -65536);
+  ASSERT_EQ(unit.decode(with(-1, 7)), KlvVerdict::ok);
+  EXPECT_EQ(unit.estimate().vanishing_row, -1);
+  EXPECT_EQ(unit.estimate().speed_over_height, 7);
+  ASSERT_EQ(unit.decode(with(-1, 0)), KlvVerdict::ok);
+  EXPECT_EQ(unit.estimate().speed_over_height, 0) << "nothing is left of the unit before";
+  EXPECT_EQ(unit.decode(with(10 << 16, 7)), KlvVerdict::damaged) << "below the frame";
+}
+
 TEST(EstimateFlaw, OneRuleForEveryDecoder) {
   const OwnedEstimate sound = test::blank(20, 10, 20, 10);
   EXPECT_EQ(flaw_of(sound.estimate), nullptr);
@@ -138,6 +160,9 @@ TEST(EstimateFlaw, OneRuleForEveryDecoder) {
   EXPECT_TRUE(flawed([](OwnedEstimate& o) { o.estimate.frame_height = longest_picture_side + 1; }));
   EXPECT_TRUE(flawed([](OwnedEstimate& o) { o.estimate.horizon_row = -2; }));
   EXPECT_TRUE(flawed([](OwnedEstimate& o) { o.estimate.horizon_row = 10; }));
+  EXPECT_FALSE(flawed([](OwnedEstimate& o) { o.estimate.vanishing_row = (10 << 16) - 1; }));
+  EXPECT_TRUE(flawed([](OwnedEstimate& o) { o.estimate.vanishing_row = 10 << 16; }));
+  EXPECT_TRUE(flawed([](OwnedEstimate& o) { o.estimate.vanishing_row = -2; }));
   EXPECT_TRUE(flawed([](OwnedEstimate& o) { o.estimate.window = {2147483647, 0, 2147483647, 1}; }));
   EXPECT_TRUE(flawed([](OwnedEstimate& o) { o.estimate.mask_region = {0, -2147483647, 1, 1}; }));
   EXPECT_TRUE(flawed([](OwnedEstimate& o) { o.estimate.mask.height = longest_picture_side + 1; }));

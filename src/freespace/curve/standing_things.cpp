@@ -12,7 +12,16 @@ namespace {
 
 constexpr int cell_bits = 2; ///< a cell is 4 x 4 pixels of motion's level
 
+int level_of(const Pyramid& pyramid, int grid_level) {
+  return std::max(motion_level(pyramid.width(0), pyramid.height(0)), texture_level(grid_level));
+}
+
 } // namespace
+
+/// A cell's middle, which is looked at, is a column of theirs.
+int StandingThings::coarsest_columns(const Pyramid& pyramid, int grid_level) {
+  return level_of(pyramid, grid_level) + cell_bits - 1;
+}
 
 void StandingThings::forget() {
   motion_.forget();
@@ -53,7 +62,7 @@ void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesO
 bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of) {
   vanishing_row_ = -1;
   speed_ = 0;
-  level_ = std::max(motion_level(pyramid.width(0), pyramid.height(0)), texture_level(of.grid_level));
+  level_ = level_of(pyramid, of.grid_level);
   if (level_ > of.grid_level)
     return false; // the pyramid ends before
   const int width = pyramid.width(level_), height = pyramid.height(level_);

@@ -26,6 +26,10 @@ struct CurvesOfFrame {
 
 class StandingThings {
  public:
+  /// Level of the coarsest columns that say where the ground of a cell ends; curves that are coarser say
+  /// something else.
+  static int coarsest_columns(const Pyramid& pyramid, int grid_level);
+
   /// Follows the ground that `curves` tell into this frame. False where nothing stands on it.
   bool find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of);
 
