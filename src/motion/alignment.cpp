@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "kernels/ground_warp.hpp"
+#include "kernels/point_fit.hpp"
 #include "motion/normal_equations.hpp"
 
 namespace terrainseg {
@@ -15,14 +16,14 @@ constexpr int least_spread = 3 << 7;           ///< Q8: 1.5 grey levels
 constexpr std::int64_t small_step = 1678;      ///< Q24: 1e-4, a thirtieth of a pixel
 constexpr std::int64_t largest_step = 1 << 23; ///< Q24: 0.5
 
-/// 256 / (1 + (z / 2)^2)^2 for z = (k + 1/2) / 8 spreads.
-constexpr std::array<std::uint16_t, 64> make_weights() {
-  std::array<std::uint16_t, 64> weights{};
+/// 256 / (1 + (z / 2)^2)^2 for z = (k + 1/2) / 8 spreads, nothing from 8 on.
+constexpr std::array<std::int32_t, 65> make_weights() {
+  std::array<std::int32_t, 65> weights{};
   for (int k = 0; k < 64; ++k) {
     const std::int64_t z = 2 * k + 1, one = 1024; // z / 2 = z / 32, squared in Q10
     const std::int64_t base = one + z * z;
     weights[static_cast<std::size_t>(k)] =
-        static_cast<std::uint16_t>((256 * one * one + base * base / 2) / (base * base));
+        static_cast<std::int32_t>((256 * one * one + base * base / 2) / (base * base));
   }
   return weights;
 }
@@ -55,16 +56,49 @@ GroundPoint point_at(const PassedView& picture, const GroundCamera& view, int u,
   return point;
 }
 
+constexpr std::size_t whole_vectors(std::size_t points) {
+  constexpr std::size_t together = kernels::points_together;
+  return (points + together - 1) / together * together;
+}
+
 } // namespace
+
+void GroundPoints::reserve(std::size_t points) {
+  if (points <= room_)
+    return;
+  room_ = whole_vectors(points);
+  numbers_.assign((3 + most_unknowns) * room_, 0);
+  size_ = 0;
+}
+
+void GroundPoints::add(const GroundPoint& point) {
+  std::int32_t* out = numbers_.data() + size_++;
+  out[0] = point.across;
+  out[room_] = point.below;
+  out[2 * room_] = point.value;
+  for (std::size_t k = 0; k < most_unknowns; ++k)
+    out[(3 + k) * room_] = point.derivative[k];
+}
+
+GroundPoint GroundPoints::operator[](std::size_t i) const {
+  GroundPoint point{across()[i], below()[i], values()[i], {}};
+  for (std::size_t k = 0; k < most_unknowns; ++k)
+    point.derivative[k] = list(3 + k)[i];
+  return point;
+}
 
 void PointSelection::select(const PassedView& picture, const GroundCamera& view,
                             std::span<const std::uint8_t> ground, int cell, const PointRule& rule,
-                            std::vector<GroundPoint>& points) {
+                            GroundPoints& points) {
   points.clear();
   const int width = picture.width, line = view.vanishing_row >> 8;
   const int first = std::max(line + (picture.height - line) / 10, 1);
   keys_.resize(static_cast<std::size_t>(width));
   ground_.resize(static_cast<std::size_t>(width));
+  const auto blocks = [&](int pixels) {
+    return static_cast<std::size_t>(std::max((pixels + rule.block - 1) / rule.block, 0));
+  };
+  points.reserve(blocks(picture.height - 1 - first) * blocks(width - 2));
   int spread_row = -1;
   for (int top = first; top < picture.height - 1; top += rule.block) {
     std::fill(keys_.begin(), keys_.end(), std::uint16_t{0});
@@ -91,69 +125,52 @@ void PointSelection::select(const PassedView& picture, const GroundCamera& view,
           best = u;
       const int key = keys_[static_cast<std::size_t>(best)];
       if (key >> 4 > rule.least_slope)
-        points.push_back(point_at(picture, view, best, top + 15 - (key & 15)));
+        points.add(point_at(picture, view, best, top + 15 - (key & 15)));
     }
   }
 }
 
-int Alignment::measure(std::span<const GroundPoint> points, const PassedView& earlier, const PixelMap& map) {
-  differences_.resize(points.size());
-  int inside = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const PixelMap::Position p = map.at(points[i].across, points[i].below);
-    const bool seen = shows(earlier, p);
-    differences_[i] = seen ? sample(earlier, p) - points[i].value : no_answer;
-    inside += seen;
-  }
-  return inside;
+void Alignment::reserve(std::size_t points) {
+  if (weights_.size() >= points)
+    return;
+  differences_.resize(whole_vectors(points));
+  weights_.resize(whole_vectors(points));
 }
 
-std::int32_t Alignment::spread() const {
-  std::array<int, 256> bins{};
-  int count = 0;
-  for (const std::int32_t e : differences_)
-    if (e != no_answer) {
-      ++bins[static_cast<std::size_t>(std::min(std::abs(e) >> 5, 255))]; // eighths of a grey level
-      ++count;
-    }
+int Alignment::measure(const GroundPoints& points, const PassedView& earlier, const PixelMap& map) {
+  reserve(points.size());
+  return kernels::point_differences(
+      {earlier.pixels, earlier.width, earlier.height}, map.of_points(),
+      {points.across(), points.below(), points.values(), static_cast<int>(points.size())},
+      differences_.data());
+}
+
+std::int32_t Alignment::spread(std::size_t count) const {
+  std::array<int, 257> bins{}; // the last is of points outside
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::int32_t size = std::abs(differences_[i]);
+    ++bins[static_cast<std::size_t>(size == kernels::no_difference ? 256 : std::min(size >> 5, 255))];
+  } // eighths of a grey level
+  const int inside = static_cast<int>(count) - bins[256];
   int median = 0;
-  for (int seen = bins[0]; 2 * seen < count; seen += bins[static_cast<std::size_t>(median)])
+  for (int seen = bins[0]; 2 * seen < inside; seen += bins[static_cast<std::size_t>(median)])
     ++median;
   return std::max((2 * median + 1) * 16 * 379 / 256, least_spread);
 }
 
 template <int unknowns>
-Alignment::Step Alignment::step(std::span<const GroundPoint> points, const PassedView& earlier,
+Alignment::Step Alignment::step(const GroundPoints& points, const PassedView& earlier,
                                 const GroundCamera& view, PlaneMotion& motion, std::int64_t& information) {
   if (measure(points, earlier, {motion, view}) < fewest_points)
     return Step::failed;
-  const std::int32_t sigma = spread();
-  const std::int32_t per_index = (8 << 16) / sigma;
+  const std::int32_t sigma = spread(points.size());
+  const auto count = static_cast<int>(points.size());
+  kernels::fit_weights(differences_.data(), count, (8 << 16) / sigma, weights.data(), weights_.data());
   NormalEquations equations;
   equations.unknowns = unknowns;
-  auto left = equations.left;
-  auto right = equations.right;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const std::int32_t e = differences_[i];
-    if (e == no_answer)
-      continue;
-    const std::int64_t index = (std::int64_t{std::abs(e)} * per_index) >> 16;
-    if (index >= 64)
-      continue;
-    const std::int32_t weight = weights[static_cast<std::size_t>(index)];
-    const auto& j = points[i].derivative;
-    std::size_t k = 0;
-#pragma GCC unroll 7
-    for (std::size_t row = 0; row < unknowns; ++row) {
-      const std::int32_t weighted = weight * j[row];
-#pragma GCC unroll 7
-      for (std::size_t column = 0; column <= row; ++column)
-        left[k++] += std::int64_t{weighted} * j[column];
-      right[row] += std::int64_t{weighted} * e;
-    }
-  }
-  equations.left = left;
-  equations.right = right;
+  kernels::fit_sums({points.derivatives(), static_cast<std::ptrdiff_t>(points.room()), weights_.data(),
+                     differences_.data(), count},
+                    unknowns, equations.left.data(), equations.right.data());
   const auto found = solve(equations, 24);
   if (!found)
     return Step::failed;
@@ -175,8 +192,8 @@ Alignment::Step Alignment::step(std::span<const GroundPoint> points, const Passe
   return most < small_step ? Step::small : Step::large;
 }
 
-bool Alignment::refine(std::span<const GroundPoint> points, const PassedView& earlier,
-                       const GroundCamera& view, int iterations, PlaneMotion& motion) {
+bool Alignment::refine(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
+                       int iterations, PlaneMotion& motion) {
   if (points.size() < fewest_points)
     return false;
   PlaneMotion found = motion;
@@ -192,7 +209,7 @@ bool Alignment::refine(std::span<const GroundPoint> points, const PassedView& ea
   return true;
 }
 
-Alignment::LineFit Alignment::fit_line(std::span<const GroundPoint> points, const PassedView& earlier,
+Alignment::LineFit Alignment::fit_line(const GroundPoints& points, const PassedView& earlier,
                                        const GroundCamera& view, int iterations, const PlaneMotion& motion) {
   if (points.size() < fewest_points)
     return {};
@@ -204,20 +221,22 @@ Alignment::LineFit Alignment::fit_line(std::span<const GroundPoint> points, cons
   return {found.g[8] - one_q24, information};
 }
 
-Residual Alignment::residual(std::span<const GroundPoint> points, const PassedView& earlier,
-                             const GroundCamera& view, const PlaneMotion& motion) {
+Residual Alignment::residual(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
+                             const PlaneMotion& motion) {
   // A quarter of the points says it as well.
   const PixelMap map(motion, view);
   const std::size_t step = points.size() >= 16 * fewest_points ? 4 : 1;
   Residual result;
   std::int64_t sum = 0, contrast = 0;
+  const std::int32_t *const across = points.across(), *const below = points.below(),
+                            *const values = points.values();
   for (std::size_t i = 0; i < points.size(); i += step) {
-    const PixelMap::Position p = map.at(points[i].across, points[i].below);
+    const PixelMap::Position p = map.at(across[i], below[i]);
     if (!shows(earlier, p))
       continue;
     ++result.points;
-    sum += std::min(std::abs(sample(earlier, p) - points[i].value), clipped_at);
-    contrast += std::min(std::abs(points[i].value - (128 << 8)), clipped_at);
+    sum += std::min(std::abs(sample(earlier, p) - values[i]), clipped_at);
+    contrast += std::min(std::abs(values[i] - (128 << 8)), clipped_at);
   }
   if (result.points > 0) {
     result.mean = static_cast<int>(sum / result.points);
