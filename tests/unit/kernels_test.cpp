@@ -774,6 +774,28 @@ TEST(Kernels, WarpRows) {
   });
 }
 
+TEST(Kernels, EvidenceOfSums) {
+  on_every_target([] {
+    std::mt19937 random(8);
+    for (int count = 0; count < 70; ++count) {
+      const auto size = static_cast<std::size_t>(count);
+      Guarded<std::int16_t> sums(4 * size, true), evidence(size, true);
+      for (std::size_t i = 0; i < size; ++i) {
+        const std::array<int, 5> rims{0, 1, -1, 32767, -32767};
+        const int noise = static_cast<int>(random() % 65535) - 32767,
+                  frames = static_cast<int>(random() % 32768);
+        sums[4 * i] = static_cast<std::int16_t>(i % 3 == 0 ? rims[random() % rims.size()] : noise);
+        sums[4 * i + 1] = static_cast<std::int16_t>(i % 5 == 0 ? frames / 4 : frames);
+        sums[4 * i + 2] = sums[4 * i + 3] = static_cast<std::int16_t>(random());
+      }
+      evidence_of_sums(sums.data(), count, evidence.data());
+      for (std::size_t i = 0; i < size; ++i)
+        ASSERT_EQ(evidence[i], sums[4 * i] * 256 / std::max<int>(sums[4 * i + 1], 8192))
+            << i << " of " << count;
+    }
+  });
+}
+
 TEST(Kernels, PointDifferences) {
   on_every_target([] {
     const int width = 61, height = 23;
