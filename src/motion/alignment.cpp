@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <cstring>
+#include <utility>
 
 #include "kernels/ground_warp.hpp"
 #include "kernels/point_fit.hpp"
@@ -29,17 +31,26 @@ constexpr std::array<std::int32_t, 65> make_weights() {
 }
 constexpr auto weights = make_weights();
 
-bool shows(const PassedView& picture, const PixelMap::Position& p) {
-  return p.u >= 0 && p.v >= 0 && p.u >> 8 < picture.width - 1 && p.v >> 8 < picture.height - 1;
+/// Of differences, and of values from even grey, where a point is seen. Compilers make vectors of it.
+std::pair<std::int32_t, std::int32_t> sums_of(const kernels::PointLists& points,
+                                              const std::int32_t* __restrict differences) {
+  const std::int32_t* __restrict values = points.values;
+  std::int32_t sum = 0, contrast = 0;
+  for (int i = 0; i < points.count; ++i) {
+    const std::int32_t seen = differences[i] == kernels::no_difference ? 0 : -1,
+                       from_grey = values[i] - (128 << 8);
+    const std::int32_t e = differences[i] < 0 ? -differences[i] : differences[i],
+                       c = from_grey < 0 ? -from_grey : from_grey;
+    sum += (e < clipped_at ? e : clipped_at) & seen;
+    contrast += (c < clipped_at ? c : clipped_at) & seen;
+  }
+  return {sum, contrast};
 }
 
-std::int32_t sample(const PassedView& picture, const PixelMap::Position& p) {
-  const int u = p.u >> 8, v = p.v >> 8, fu = p.u & 255, fv = p.v & 255;
-  const std::uint8_t* at = picture.row(v) + u;
-  const std::uint8_t* under = at + picture.width;
-  return ((at[0] * (256 - fu) + at[1] * fu) * (256 - fv) + (under[0] * (256 - fu) + under[1] * fu) * fv +
-          128) >>
-         8;
+/// Compilers make vectors of it.
+void append(const std::uint16_t* __restrict order, int count, std::uint16_t* __restrict keys) {
+  for (int u = 0; u < count; ++u)
+    keys[u] = static_cast<std::uint16_t>(keys[u] * 16 + order[u]);
 }
 
 GroundPoint point_at(const PassedView& picture, const GroundCamera& view, int u, int v) {
@@ -68,10 +79,17 @@ void GroundPoints::reserve(std::size_t points) {
     return;
   room_ = whole_vectors(points);
   numbers_.assign((3 + most_unknowns) * room_, 0);
+  few_.assign(3 * few_room(), 0);
   size_ = 0;
 }
 
 void GroundPoints::add(const GroundPoint& point) {
+  if (size_ % every == 0) {
+    std::int32_t* few = few_.data() + size_ / every;
+    few[0] = point.across;
+    few[few_room()] = point.below;
+    few[2 * few_room()] = point.value;
+  }
   std::int32_t* out = numbers_.data() + size_++;
   out[0] = point.across;
   out[room_] = point.below;
@@ -81,7 +99,7 @@ void GroundPoints::add(const GroundPoint& point) {
 }
 
 GroundPoint GroundPoints::operator[](std::size_t i) const {
-  GroundPoint point{across()[i], below()[i], values()[i], {}};
+  GroundPoint point{list(0)[i], list(1)[i], list(2)[i], {}};
   for (std::size_t k = 0; k < most_unknowns; ++k)
     point.derivative[k] = list(3 + k)[i];
   return point;
@@ -99,35 +117,63 @@ void PointSelection::select(const PassedView& picture, const GroundCamera& view,
     return static_cast<std::size_t>(std::max((pixels + rule.block - 1) / rule.block, 0));
   };
   points.reserve(blocks(picture.height - 1 - first) * blocks(width - 2));
+  // Of equal keys the first of a block: so its columns count down behind the key's 12 bits.
+  order_.resize(static_cast<std::size_t>(width));
+  for (int u = 1, k = 0; u < width; ++u, k = k + 1 == rule.block ? 0 : k + 1)
+    order_[static_cast<std::size_t>(u)] = static_cast<std::uint16_t>(15 - k);
   int spread_row = -1;
+  bool any = false; // whether that row has ground
   for (int top = first; top < picture.height - 1; top += rule.block) {
-    std::fill(keys_.begin(), keys_.end(), std::uint16_t{0});
+    bool filled = false;
     const int rows = std::min(rule.block, picture.height - 1 - top);
     for (int k = 0; k < rows; ++k) {
       const int v = top + k;
       if (v / cell != spread_row) {
         spread_row = v / cell;
-        const int columns = width / cell, row = std::min(spread_row, picture.height / cell - 1);
-        const std::uint8_t* from = ground.data() + static_cast<std::ptrdiff_t>(row) * columns;
-        auto to = ground_.begin();
-        for (int j = 0; j < columns; ++j)
-          to = std::fill_n(to, cell, from[j]);
-        // What is left of a picture behind its whole cells belongs to the last of them.
-        std::fill(to, ground_.end(), from[columns - 1]);
+        any = spread(ground, std::min(spread_row, picture.height / cell - 1), cell, width / cell);
       }
+      if (!any)
+        continue;
+      if (!filled)
+        std::fill(keys_.begin(), keys_.end(), std::uint16_t{0});
+      filled = true;
       kernels::steepest(picture.row(v - 1), picture.row(v), picture.row(v + 1), ground_.data(), width, 15 - k,
                         keys_.data());
     }
+    if (!filled)
+      continue;
+    append(order_.data(), width, keys_.data());
     for (int left = 1; left < width - 1; left += rule.block) {
-      int best = left;
-      for (int u = left + 1; u < std::min(left + rule.block, width - 1); ++u)
-        if (keys_[static_cast<std::size_t>(u)] > keys_[static_cast<std::size_t>(best)])
-          best = u;
-      const int key = keys_[static_cast<std::size_t>(best)];
-      if (key >> 4 > rule.least_slope)
-        points.add(point_at(picture, view, best, top + 15 - (key & 15)));
+      const int end = std::min(left + rule.block, width - 1);
+      std::uint16_t key = 0;
+      for (int u = left; u < end; ++u)
+        key = std::max(key, keys_[static_cast<std::size_t>(u)]);
+      if (key >> 8 > rule.least_slope)
+        points.add(point_at(picture, view, left + 15 - (key & 15), top + 15 - (key >> 4 & 15)));
     }
   }
+}
+
+/// A row of cells, `cell` pixels each; whether one of them is ground.
+bool PointSelection::spread(std::span<const std::uint8_t> ground, int row, int cell, int columns) {
+  const std::uint8_t* from = ground.data() + static_cast<std::ptrdiff_t>(row) * columns;
+  std::uint8_t any = 0;
+  for (int j = 0; j < columns; ++j)
+    any |= from[j];
+  if (!any)
+    return false;
+  std::uint8_t* to = ground_.data();
+  if (cell == 4)
+    for (int j = 0; j < columns; ++j, to += 4) {
+      const std::uint32_t four = 0x01010101U * from[j];
+      std::memcpy(to, &four, 4);
+    }
+  else
+    for (int j = 0; j < columns; ++j)
+      to = std::fill_n(to, cell, from[j]);
+  // What is left of a picture behind its whole cells belongs to the last of them.
+  std::fill(to, ground_.data() + ground_.size(), from[columns - 1]);
+  return true;
 }
 
 void Alignment::reserve(std::size_t points) {
@@ -139,10 +185,8 @@ void Alignment::reserve(std::size_t points) {
 
 int Alignment::measure(const GroundPoints& points, const PassedView& earlier, const PixelMap& map) {
   reserve(points.size());
-  return kernels::point_differences(
-      {earlier.pixels, earlier.width, earlier.height}, map.of_points(),
-      {points.across(), points.below(), points.values(), static_cast<int>(points.size())},
-      differences_.data());
+  return kernels::point_differences({earlier.pixels, earlier.width, earlier.height}, map.of_points(),
+                                    points.all(), differences_.data());
 }
 
 std::int32_t Alignment::spread(std::size_t count) const {
@@ -223,24 +267,16 @@ Alignment::LineFit Alignment::fit_line(const GroundPoints& points, const PassedV
 
 Residual Alignment::residual(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
                              const PlaneMotion& motion) {
-  // A quarter of the points says it as well.
-  const PixelMap map(motion, view);
-  const std::size_t step = points.size() >= 16 * fewest_points ? 4 : 1;
+  reserve(points.size());
+  const kernels::PointLists lists =
+      points.size() >= 16 * fewest_points ? points.few() : points.all(); // which say it as well
   Residual result;
-  std::int64_t sum = 0, contrast = 0;
-  const std::int32_t *const across = points.across(), *const below = points.below(),
-                            *const values = points.values();
-  for (std::size_t i = 0; i < points.size(); i += step) {
-    const PixelMap::Position p = map.at(across[i], below[i]);
-    if (!shows(earlier, p))
-      continue;
-    ++result.points;
-    sum += std::min(std::abs(sample(earlier, p) - values[i]), clipped_at);
-    contrast += std::min(std::abs(values[i] - (128 << 8)), clipped_at);
-  }
+  result.points = kernels::point_differences({earlier.pixels, earlier.width, earlier.height},
+                                             PixelMap(motion, view).of_points(), lists, differences_.data());
+  const auto [sum, contrast] = sums_of(lists, differences_.data());
   if (result.points > 0) {
-    result.mean = static_cast<int>(sum / result.points);
-    result.contrast = static_cast<int>(contrast / result.points);
+    result.mean = sum / result.points;
+    result.contrast = contrast / result.points;
   }
   return result;
 }

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "kernels/point_fit.hpp"
 #include "motion/normal_equations.hpp"
 #include "motion/plane_motion.hpp"
 
@@ -38,16 +39,23 @@ class GroundPoints {
   void add(const GroundPoint& point);
   GroundPoint operator[](std::size_t i) const;
 
-  const std::int32_t* across() const { return numbers_.data(); }
   const std::int32_t* below() const { return list(1); }
-  const std::int32_t* values() const { return list(2); }
+  kernels::PointLists all() const { return {list(0), list(1), list(2), static_cast<int>(size_)}; }
+  /// Every fourth point, the first among them.
+  kernels::PointLists few() const {
+    const std::int32_t* lists = few_.data();
+    return {lists, lists + few_room(), lists + 2 * few_room(), static_cast<int>((size_ + every - 1) / every)};
+  }
   /// By the first unknown; each next one lies room() further.
   const std::int32_t* derivatives() const { return list(3); }
 
  private:
   const std::int32_t* list(std::size_t k) const { return numbers_.data() + k * room_; }
+  static constexpr std::size_t every = 4;
+  std::size_t few_room() const { return room_ / every; }
+
   std::size_t size_ = 0, room_ = 0;
-  std::vector<std::int32_t> numbers_;
+  std::vector<std::int32_t> numbers_, few_;
 };
 
 /// Which points are followed.
@@ -66,7 +74,8 @@ class PointSelection {
               int cell, const PointRule& rule, GroundPoints& points);
 
  private:
-  std::vector<std::uint16_t> keys_;
+  bool spread(std::span<const std::uint8_t> ground, int row, int cell, int columns);
+  std::vector<std::uint16_t> keys_, order_;
   std::vector<std::uint8_t> ground_;
 };
 
