@@ -47,6 +47,14 @@ std::pair<std::int32_t, std::int32_t> sums_of(const kernels::PointLists& points,
   return {sum, contrast};
 }
 
+/// Eighths of a grey level, 255 at most; 256 of points outside. Compilers make vectors of it.
+void sizes_of(const std::int32_t* __restrict differences, std::size_t count, std::int32_t* __restrict sizes) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::int32_t size = (differences[i] < 0 ? -differences[i] : differences[i]) >> 5;
+    sizes[i] = size < 255 ? size : size == kernels::no_difference >> 5 ? 256 : 255;
+  }
+}
+
 /// Compilers make vectors of it.
 void append(const std::uint16_t* __restrict order, int count, std::uint16_t* __restrict keys) {
   for (int u = 0; u < count; ++u)
@@ -189,12 +197,11 @@ int Alignment::measure(const GroundPoints& points, const PassedView& earlier, co
                                     points.all(), differences_.data());
 }
 
-std::int32_t Alignment::spread(std::size_t count) const {
+std::int32_t Alignment::spread(std::size_t count) {
   std::array<int, 257> bins{}; // the last is of points outside
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::int32_t size = std::abs(differences_[i]);
-    ++bins[static_cast<std::size_t>(size == kernels::no_difference ? 256 : std::min(size >> 5, 255))];
-  } // eighths of a grey level
+  sizes_of(differences_.data(), count, weights_.data());
+  for (std::size_t i = 0; i < count; ++i)
+    ++bins[static_cast<std::size_t>(weights_[i])];
   const int inside = static_cast<int>(count) - bins[256];
   int median = 0;
   for (int seen = bins[0]; 2 * seen < inside; seen += bins[static_cast<std::size_t>(median)])

@@ -110,8 +110,8 @@ class Alignment {
  private:
   /// Differences in Q8 of a grey level; returns the number of points inside.
   int measure(const GroundPoints& points, const PassedView& earlier, const PixelMap& map);
-  /// Of the first `count` differences, robust: Q8.
-  std::int32_t spread(std::size_t count) const;
+  /// Of the first `count` differences, robust: Q8. Uses the memory of the weights.
+  std::int32_t spread(std::size_t count);
   enum class Step : std::uint8_t { failed, small, large };
   template <int unknowns>
   Step step(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
