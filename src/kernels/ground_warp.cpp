@@ -336,6 +336,27 @@ void move_sums(const SumSource& source, const std::int32_t* nodes, int columns, 
   }
 }
 
+/// Quotients bit by bit: two before the point, eight behind it. Compilers make vectors of it.
+void evidence_of(const std::int16_t* __restrict sums, int count, std::int16_t* __restrict evidence) {
+  for (int i = 0; i < count; ++i) {
+    const std::int16_t quality = sums[4 * i], frames = sums[4 * i + 1];
+    const auto divisor = static_cast<std::uint16_t>(frames > 8192 ? frames : std::int16_t{8192}),
+               twice = static_cast<std::uint16_t>(2 * divisor);
+    auto rest = static_cast<std::uint16_t>(quality < 0 ? -quality : quality);
+    std::uint16_t quotient = rest >= twice ? 1 : 0;
+    rest = static_cast<std::uint16_t>(rest >= twice ? rest - twice : rest);
+#pragma GCC unroll 9
+    for (int bit = 0; bit < 9; ++bit) {
+      const bool less = rest < divisor;
+      quotient = static_cast<std::uint16_t>(2 * quotient + (less ? 0 : 1));
+      rest = static_cast<std::uint16_t>(less ? rest : rest - divisor);
+      rest = static_cast<std::uint16_t>(2 * rest);
+    }
+    const auto size = static_cast<std::int16_t>(quotient);
+    evidence[i] = static_cast<std::int16_t>(quality < 0 ? -size : size);
+  }
+}
+
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels
 HWY_AFTER_NAMESPACE();
@@ -350,6 +371,7 @@ HWY_EXPORT(warp_all);
 HWY_EXPORT(compare);
 HWY_EXPORT(add_windows);
 HWY_EXPORT(move_sums);
+HWY_EXPORT(evidence_of);
 
 void high_pass(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int radius, int gain,
                std::uint8_t* out, std::uint16_t* work) {
@@ -386,6 +408,10 @@ void window_costs(const std::uint16_t* above, const std::uint16_t* here, const s
 void moved_sums(const SumSource& source, const std::int32_t* nodes, int columns, int keep,
                 std::int16_t* out) {
   HWY_DYNAMIC_DISPATCH(move_sums)(source, nodes, columns, keep, out);
+}
+
+void evidence_of_sums(const std::int16_t* sums, int count, std::int16_t* evidence) {
+  HWY_DYNAMIC_DISPATCH(evidence_of)(sums, count, evidence);
 }
 
 } // namespace terrainseg::kernels

@@ -70,4 +70,8 @@ struct SumSource {
 /// linear between two nodes, of which there are columns / 4 + 2. What lies a cell outside is 0.
 void moved_sums(const SumSource& source, const std::int32_t* nodes, int columns, int keep, std::int16_t* out);
 
+/// Of the first two of four numbers each (quality, count): evidence[i] = quality * 256 / max(count, 8192),
+/// towards 0; |quality| <= 32767.
+void evidence_of_sums(const std::int16_t* sums, int count, std::int16_t* evidence);
+
 } // namespace terrainseg::kernels

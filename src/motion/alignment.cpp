@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <cstring>
+#include <utility>
 
 #include "kernels/ground_warp.hpp"
+#include "kernels/point_fit.hpp"
 #include "motion/normal_equations.hpp"
 
 namespace terrainseg {
@@ -15,30 +18,47 @@ constexpr int least_spread = 3 << 7;           ///< Q8: 1.5 grey levels
 constexpr std::int64_t small_step = 1678;      ///< Q24: 1e-4, a thirtieth of a pixel
 constexpr std::int64_t largest_step = 1 << 23; ///< Q24: 0.5
 
-/// 256 / (1 + (z / 2)^2)^2 for z = (k + 1/2) / 8 spreads.
-constexpr std::array<std::uint16_t, 64> make_weights() {
-  std::array<std::uint16_t, 64> weights{};
+/// 256 / (1 + (z / 2)^2)^2 for z = (k + 1/2) / 8 spreads, nothing from 8 on.
+constexpr std::array<std::int32_t, 65> make_weights() {
+  std::array<std::int32_t, 65> weights{};
   for (int k = 0; k < 64; ++k) {
     const std::int64_t z = 2 * k + 1, one = 1024; // z / 2 = z / 32, squared in Q10
     const std::int64_t base = one + z * z;
     weights[static_cast<std::size_t>(k)] =
-        static_cast<std::uint16_t>((256 * one * one + base * base / 2) / (base * base));
+        static_cast<std::int32_t>((256 * one * one + base * base / 2) / (base * base));
   }
   return weights;
 }
 constexpr auto weights = make_weights();
 
-bool shows(const PassedView& picture, const PixelMap::Position& p) {
-  return p.u >= 0 && p.v >= 0 && p.u >> 8 < picture.width - 1 && p.v >> 8 < picture.height - 1;
+/// Of differences, and of values from even grey, where a point is seen. Compilers make vectors of it.
+std::pair<std::int32_t, std::int32_t> sums_of(const kernels::PointLists& points,
+                                              const std::int32_t* __restrict differences) {
+  const std::int32_t* __restrict values = points.values;
+  std::int32_t sum = 0, contrast = 0;
+  for (int i = 0; i < points.count; ++i) {
+    const std::int32_t seen = differences[i] == kernels::no_difference ? 0 : -1,
+                       from_grey = values[i] - (128 << 8);
+    const std::int32_t e = differences[i] < 0 ? -differences[i] : differences[i],
+                       c = from_grey < 0 ? -from_grey : from_grey;
+    sum += (e < clipped_at ? e : clipped_at) & seen;
+    contrast += (c < clipped_at ? c : clipped_at) & seen;
+  }
+  return {sum, contrast};
 }
 
-std::int32_t sample(const PassedView& picture, const PixelMap::Position& p) {
-  const int u = p.u >> 8, v = p.v >> 8, fu = p.u & 255, fv = p.v & 255;
-  const std::uint8_t* at = picture.row(v) + u;
-  const std::uint8_t* under = at + picture.width;
-  return ((at[0] * (256 - fu) + at[1] * fu) * (256 - fv) + (under[0] * (256 - fu) + under[1] * fu) * fv +
-          128) >>
-         8;
+/// Eighths of a grey level, 255 at most; 256 of points outside. Compilers make vectors of it.
+void sizes_of(const std::int32_t* __restrict differences, std::size_t count, std::int32_t* __restrict sizes) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::int32_t size = (differences[i] < 0 ? -differences[i] : differences[i]) >> 5;
+    sizes[i] = size < 255 ? size : size == kernels::no_difference >> 5 ? 256 : 255;
+  }
+}
+
+/// Compilers make vectors of it.
+void append(const std::uint16_t* __restrict order, int count, std::uint16_t* __restrict keys) {
+  for (int u = 0; u < count; ++u)
+    keys[u] = static_cast<std::uint16_t>(keys[u] * 16 + order[u]);
 }
 
 GroundPoint point_at(const PassedView& picture, const GroundCamera& view, int u, int v) {
@@ -55,105 +75,153 @@ GroundPoint point_at(const PassedView& picture, const GroundCamera& view, int u,
   return point;
 }
 
+constexpr std::size_t whole_vectors(std::size_t points) {
+  constexpr std::size_t together = kernels::points_together;
+  return (points + together - 1) / together * together;
+}
+
 } // namespace
+
+void GroundPoints::reserve(std::size_t points) {
+  if (points <= room_)
+    return;
+  room_ = whole_vectors(points);
+  numbers_.assign((3 + most_unknowns) * room_, 0);
+  few_.assign(3 * few_room(), 0);
+  size_ = 0;
+}
+
+void GroundPoints::add(const GroundPoint& point) {
+  if (size_ % every == 0) {
+    std::int32_t* few = few_.data() + size_ / every;
+    few[0] = point.across;
+    few[few_room()] = point.below;
+    few[2 * few_room()] = point.value;
+  }
+  std::int32_t* out = numbers_.data() + size_++;
+  out[0] = point.across;
+  out[room_] = point.below;
+  out[2 * room_] = point.value;
+  for (std::size_t k = 0; k < most_unknowns; ++k)
+    out[(3 + k) * room_] = point.derivative[k];
+}
+
+GroundPoint GroundPoints::operator[](std::size_t i) const {
+  GroundPoint point{list(0)[i], list(1)[i], list(2)[i], {}};
+  for (std::size_t k = 0; k < most_unknowns; ++k)
+    point.derivative[k] = list(3 + k)[i];
+  return point;
+}
 
 void PointSelection::select(const PassedView& picture, const GroundCamera& view,
                             std::span<const std::uint8_t> ground, int cell, const PointRule& rule,
-                            std::vector<GroundPoint>& points) {
+                            GroundPoints& points) {
   points.clear();
   const int width = picture.width, line = view.vanishing_row >> 8;
   const int first = std::max(line + (picture.height - line) / 10, 1);
   keys_.resize(static_cast<std::size_t>(width));
   ground_.resize(static_cast<std::size_t>(width));
+  const auto blocks = [&](int pixels) {
+    return static_cast<std::size_t>(std::max((pixels + rule.block - 1) / rule.block, 0));
+  };
+  points.reserve(blocks(picture.height - 1 - first) * blocks(width - 2));
+  // Of equal keys the first of a block: so its columns count down behind the key's 12 bits.
+  order_.resize(static_cast<std::size_t>(width));
+  for (int u = 1, k = 0; u < width; ++u, k = k + 1 == rule.block ? 0 : k + 1)
+    order_[static_cast<std::size_t>(u)] = static_cast<std::uint16_t>(15 - k);
   int spread_row = -1;
+  bool any = false; // whether that row has ground
   for (int top = first; top < picture.height - 1; top += rule.block) {
-    std::fill(keys_.begin(), keys_.end(), std::uint16_t{0});
+    bool filled = false;
     const int rows = std::min(rule.block, picture.height - 1 - top);
     for (int k = 0; k < rows; ++k) {
       const int v = top + k;
       if (v / cell != spread_row) {
         spread_row = v / cell;
-        const int columns = width / cell, row = std::min(spread_row, picture.height / cell - 1);
-        const std::uint8_t* from = ground.data() + static_cast<std::ptrdiff_t>(row) * columns;
-        auto to = ground_.begin();
-        for (int j = 0; j < columns; ++j)
-          to = std::fill_n(to, cell, from[j]);
-        // What is left of a picture behind its whole cells belongs to the last of them.
-        std::fill(to, ground_.end(), from[columns - 1]);
+        any = spread(ground, std::min(spread_row, picture.height / cell - 1), cell, width / cell);
       }
+      if (!any)
+        continue;
+      if (!filled)
+        std::fill(keys_.begin(), keys_.end(), std::uint16_t{0});
+      filled = true;
       kernels::steepest(picture.row(v - 1), picture.row(v), picture.row(v + 1), ground_.data(), width, 15 - k,
                         keys_.data());
     }
+    if (!filled)
+      continue;
+    append(order_.data(), width, keys_.data());
     for (int left = 1; left < width - 1; left += rule.block) {
-      int best = left;
-      for (int u = left + 1; u < std::min(left + rule.block, width - 1); ++u)
-        if (keys_[static_cast<std::size_t>(u)] > keys_[static_cast<std::size_t>(best)])
-          best = u;
-      const int key = keys_[static_cast<std::size_t>(best)];
-      if (key >> 4 > rule.least_slope)
-        points.push_back(point_at(picture, view, best, top + 15 - (key & 15)));
+      const int end = std::min(left + rule.block, width - 1);
+      std::uint16_t key = 0;
+      for (int u = left; u < end; ++u)
+        key = std::max(key, keys_[static_cast<std::size_t>(u)]);
+      if (key >> 8 > rule.least_slope)
+        points.add(point_at(picture, view, left + 15 - (key & 15), top + 15 - (key >> 4 & 15)));
     }
   }
 }
 
-int Alignment::measure(std::span<const GroundPoint> points, const PassedView& earlier, const PixelMap& map) {
-  differences_.resize(points.size());
-  int inside = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const PixelMap::Position p = map.at(points[i].across, points[i].below);
-    const bool seen = shows(earlier, p);
-    differences_[i] = seen ? sample(earlier, p) - points[i].value : no_answer;
-    inside += seen;
-  }
-  return inside;
+/// A row of cells, `cell` pixels each; whether one of them is ground.
+bool PointSelection::spread(std::span<const std::uint8_t> ground, int row, int cell, int columns) {
+  const std::uint8_t* from = ground.data() + static_cast<std::ptrdiff_t>(row) * columns;
+  std::uint8_t any = 0;
+  for (int j = 0; j < columns; ++j)
+    any |= from[j];
+  if (!any)
+    return false;
+  std::uint8_t* to = ground_.data();
+  if (cell == 4)
+    for (int j = 0; j < columns; ++j, to += 4) {
+      const std::uint32_t four = 0x01010101U * from[j];
+      std::memcpy(to, &four, 4);
+    }
+  else
+    for (int j = 0; j < columns; ++j)
+      to = std::fill_n(to, cell, from[j]);
+  // What is left of a picture behind its whole cells belongs to the last of them.
+  std::fill(to, ground_.data() + ground_.size(), from[columns - 1]);
+  return true;
 }
 
-std::int32_t Alignment::spread() const {
-  std::array<int, 256> bins{};
-  int count = 0;
-  for (const std::int32_t e : differences_)
-    if (e != no_answer) {
-      ++bins[static_cast<std::size_t>(std::min(std::abs(e) >> 5, 255))]; // eighths of a grey level
-      ++count;
-    }
+void Alignment::reserve(std::size_t points) {
+  if (weights_.size() >= points)
+    return;
+  differences_.resize(whole_vectors(points));
+  weights_.resize(whole_vectors(points));
+}
+
+int Alignment::measure(const GroundPoints& points, const PassedView& earlier, const PixelMap& map) {
+  reserve(points.size());
+  return kernels::point_differences({earlier.pixels, earlier.width, earlier.height}, map.of_points(),
+                                    points.all(), differences_.data());
+}
+
+std::int32_t Alignment::spread(std::size_t count) {
+  std::array<int, 257> bins{}; // the last is of points outside
+  sizes_of(differences_.data(), count, weights_.data());
+  for (std::size_t i = 0; i < count; ++i)
+    ++bins[static_cast<std::size_t>(weights_[i])];
+  const int inside = static_cast<int>(count) - bins[256];
   int median = 0;
-  for (int seen = bins[0]; 2 * seen < count; seen += bins[static_cast<std::size_t>(median)])
+  for (int seen = bins[0]; 2 * seen < inside; seen += bins[static_cast<std::size_t>(median)])
     ++median;
   return std::max((2 * median + 1) * 16 * 379 / 256, least_spread);
 }
 
 template <int unknowns>
-Alignment::Step Alignment::step(std::span<const GroundPoint> points, const PassedView& earlier,
+Alignment::Step Alignment::step(const GroundPoints& points, const PassedView& earlier,
                                 const GroundCamera& view, PlaneMotion& motion, std::int64_t& information) {
   if (measure(points, earlier, {motion, view}) < fewest_points)
     return Step::failed;
-  const std::int32_t sigma = spread();
-  const std::int32_t per_index = (8 << 16) / sigma;
+  const std::int32_t sigma = spread(points.size());
+  const auto count = static_cast<int>(points.size());
+  kernels::fit_weights(differences_.data(), count, (8 << 16) / sigma, weights.data(), weights_.data());
   NormalEquations equations;
   equations.unknowns = unknowns;
-  auto left = equations.left;
-  auto right = equations.right;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const std::int32_t e = differences_[i];
-    if (e == no_answer)
-      continue;
-    const std::int64_t index = (std::int64_t{std::abs(e)} * per_index) >> 16;
-    if (index >= 64)
-      continue;
-    const std::int32_t weight = weights[static_cast<std::size_t>(index)];
-    const auto& j = points[i].derivative;
-    std::size_t k = 0;
-#pragma GCC unroll 7
-    for (std::size_t row = 0; row < unknowns; ++row) {
-      const std::int32_t weighted = weight * j[row];
-#pragma GCC unroll 7
-      for (std::size_t column = 0; column <= row; ++column)
-        left[k++] += std::int64_t{weighted} * j[column];
-      right[row] += std::int64_t{weighted} * e;
-    }
-  }
-  equations.left = left;
-  equations.right = right;
+  kernels::fit_sums({points.derivatives(), static_cast<std::ptrdiff_t>(points.room()), weights_.data(),
+                     differences_.data(), count},
+                    unknowns, equations.left.data(), equations.right.data());
   const auto found = solve(equations, 24);
   if (!found)
     return Step::failed;
@@ -175,8 +243,8 @@ Alignment::Step Alignment::step(std::span<const GroundPoint> points, const Passe
   return most < small_step ? Step::small : Step::large;
 }
 
-bool Alignment::refine(std::span<const GroundPoint> points, const PassedView& earlier,
-                       const GroundCamera& view, int iterations, PlaneMotion& motion) {
+bool Alignment::refine(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
+                       int iterations, PlaneMotion& motion) {
   if (points.size() < fewest_points)
     return false;
   PlaneMotion found = motion;
@@ -192,7 +260,7 @@ bool Alignment::refine(std::span<const GroundPoint> points, const PassedView& ea
   return true;
 }
 
-Alignment::LineFit Alignment::fit_line(std::span<const GroundPoint> points, const PassedView& earlier,
+Alignment::LineFit Alignment::fit_line(const GroundPoints& points, const PassedView& earlier,
                                        const GroundCamera& view, int iterations, const PlaneMotion& motion) {
   if (points.size() < fewest_points)
     return {};
@@ -204,24 +272,18 @@ Alignment::LineFit Alignment::fit_line(std::span<const GroundPoint> points, cons
   return {found.g[8] - one_q24, information};
 }
 
-Residual Alignment::residual(std::span<const GroundPoint> points, const PassedView& earlier,
-                             const GroundCamera& view, const PlaneMotion& motion) {
-  // A quarter of the points says it as well.
-  const PixelMap map(motion, view);
-  const std::size_t step = points.size() >= 16 * fewest_points ? 4 : 1;
+Residual Alignment::residual(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
+                             const PlaneMotion& motion) {
+  reserve(points.size());
+  const kernels::PointLists lists =
+      points.size() >= 16 * fewest_points ? points.few() : points.all(); // which say it as well
   Residual result;
-  std::int64_t sum = 0, contrast = 0;
-  for (std::size_t i = 0; i < points.size(); i += step) {
-    const PixelMap::Position p = map.at(points[i].across, points[i].below);
-    if (!shows(earlier, p))
-      continue;
-    ++result.points;
-    sum += std::min(std::abs(sample(earlier, p) - points[i].value), clipped_at);
-    contrast += std::min(std::abs(points[i].value - (128 << 8)), clipped_at);
-  }
+  result.points = kernels::point_differences({earlier.pixels, earlier.width, earlier.height},
+                                             PixelMap(motion, view).of_points(), lists, differences_.data());
+  const auto [sum, contrast] = sums_of(lists, differences_.data());
   if (result.points > 0) {
-    result.mean = static_cast<int>(sum / result.points);
-    result.contrast = static_cast<int>(contrast / result.points);
+    result.mean = sum / result.points;
+    result.contrast = contrast / result.points;
   }
   return result;
 }

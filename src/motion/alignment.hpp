@@ -8,6 +8,8 @@
 #include <span>
 #include <vector>
 
+#include "kernels/point_fit.hpp"
+#include "motion/normal_equations.hpp"
 #include "motion/plane_motion.hpp"
 
 namespace terrainseg {
@@ -24,7 +26,36 @@ struct GroundPoint {
   std::int32_t across = 0, below = 0; ///< position, as PixelMap::at() takes it
   std::int32_t value = 0;             ///< grey level, Q8
   /// Derivatives by a b c e d h and by G's last element, in 1 / f, Q11 of a grey level.
-  std::array<std::int32_t, 7> derivative{};
+  std::array<std::int32_t, most_unknowns> derivative{};
+};
+
+/// Points, each number of theirs in a list of its own: what is done with them is done with many at once.
+class GroundPoints {
+ public:
+  void reserve(std::size_t points); ///< forgets the points where there is no room for so many
+  std::size_t room() const { return room_; }
+  void clear() { size_ = 0; }
+  std::size_t size() const { return size_; }
+  void add(const GroundPoint& point);
+  GroundPoint operator[](std::size_t i) const;
+
+  const std::int32_t* below() const { return list(1); }
+  kernels::PointLists all() const { return {list(0), list(1), list(2), static_cast<int>(size_)}; }
+  /// Every fourth point, the first among them.
+  kernels::PointLists few() const {
+    const std::int32_t* lists = few_.data();
+    return {lists, lists + few_room(), lists + 2 * few_room(), static_cast<int>((size_ + every - 1) / every)};
+  }
+  /// By the first unknown; each next one lies room() further.
+  const std::int32_t* derivatives() const { return list(3); }
+
+ private:
+  const std::int32_t* list(std::size_t k) const { return numbers_.data() + k * room_; }
+  static constexpr std::size_t every = 4;
+  std::size_t few_room() const { return room_ / every; }
+
+  std::size_t size_ = 0, room_ = 0;
+  std::vector<std::int32_t> numbers_, few_;
 };
 
 /// Which points are followed.
@@ -40,10 +71,11 @@ class PointSelection {
   /// Fills `points` from the rows from a tenth below the vanishing line on where `ground` (a byte for each
   /// `cell` x `cell` pixels, which divide the picture) is not 0. Of equal slopes the upper left one.
   void select(const PassedView& picture, const GroundCamera& view, std::span<const std::uint8_t> ground,
-              int cell, const PointRule& rule, std::vector<GroundPoint>& points);
+              int cell, const PointRule& rule, GroundPoints& points);
 
  private:
-  std::vector<std::uint16_t> keys_;
+  bool spread(std::span<const std::uint8_t> ground, int row, int cell, int columns);
+  std::vector<std::uint16_t> keys_, order_;
   std::vector<std::uint8_t> ground_;
 };
 
@@ -57,35 +89,35 @@ struct Residual {
 class Alignment {
  public:
   /// Room for that many points, so that later calls need none.
-  void reserve(std::size_t points) { differences_.reserve(points); }
+  void reserve(std::size_t points);
 
   /// Takes `motion` nearer to how `points` moved since `earlier`, at most `iterations` times. False, and
   /// `motion` as it was, where fewer than 24 points have an answer or the motion grows without bound.
-  bool refine(std::span<const GroundPoint> points, const PassedView& earlier, const GroundCamera& view,
-              int iterations, PlaneMotion& motion);
+  bool refine(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view, int iterations,
+              PlaneMotion& motion);
 
   struct LineFit {
     std::int64_t sigma = 0;  ///< Q24: the last element less 1; the vanishing line is wrong by -f sigma / t.z
     std::int64_t weight = 0; ///< information on sigma over the variance of the differences; 0 = no answer
   };
   /// The same with the seventh unknown, which says how wrong the vanishing line is.
-  LineFit fit_line(std::span<const GroundPoint> points, const PassedView& earlier, const GroundCamera& view,
+  LineFit fit_line(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
                    int iterations, const PlaneMotion& motion);
 
-  Residual residual(std::span<const GroundPoint> points, const PassedView& earlier, const GroundCamera& view,
+  Residual residual(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
                     const PlaneMotion& motion);
 
  private:
-  static constexpr std::int32_t no_answer = 1 << 24;
   /// Differences in Q8 of a grey level; returns the number of points inside.
-  int measure(std::span<const GroundPoint> points, const PassedView& earlier, const PixelMap& map);
-  std::int32_t spread() const; ///< of the differences, robust: Q8
+  int measure(const GroundPoints& points, const PassedView& earlier, const PixelMap& map);
+  /// Of the first `count` differences, robust: Q8. Uses the memory of the weights.
+  std::int32_t spread(std::size_t count);
   enum class Step : std::uint8_t { failed, small, large };
   template <int unknowns>
-  Step step(std::span<const GroundPoint> points, const PassedView& earlier, const GroundCamera& view,
+  Step step(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
             PlaneMotion& motion, std::int64_t& information);
 
-  std::vector<std::int32_t> differences_;
+  std::vector<std::int32_t> differences_, weights_; ///< of which there is room for whole vectors
 };
 
 } // namespace terrainseg

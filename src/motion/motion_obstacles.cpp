@@ -102,8 +102,8 @@ void MotionObstacles::resize(int width, int height) {
   for (std::size_t k = 0; k < most; ++k)
     spare_.push_back({std::vector<std::uint8_t>(pixels), {}, 0});
   points_.reserve(pixels / (large_rule.block * large_rule.block) + pixels / 64);
-  zone_points_.reserve(points_.capacity());
-  alignment_.reserve(points_.capacity());
+  zone_points_.reserve(points_.room());
+  alignment_.reserve(points_.room());
   parallax_.reserve(width, height);
   small_points_.reserve(pixels / 16 / (small_rule.block * small_rule.block) + pixels / 64);
   line_weight_ = line_sum_ = 0;
@@ -301,10 +301,11 @@ void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
     if (key.age < 2 || std::abs(forward) < one_q24 / 20 || pitching || rolling)
       continue;
     zone_points_.clear();
-    for (const GroundPoint& point : points_) {
-      const int row = (point.below + view_.vanishing_row) >> 10;
+    zone_points_.reserve(points_.size());
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      const int row = (points_.below()[i] + view_.vanishing_row) >> 10;
       if (row >= zone.first && row < zone.end)
-        zone_points_.push_back(point);
+        zone_points_.add(points_[i]);
     }
     const Alignment::LineFit fit =
         alignment_.fit_line(zone_points_, passed(key.pixels), view_, 3, key.motion);

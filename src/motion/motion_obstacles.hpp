@@ -87,7 +87,7 @@ class MotionObstacles {
   std::vector<std::uint8_t> now_, before_, small_now_, small_before_, reduced_, ground_;
   std::vector<int> ground_columns_; ///< of the picture of ground, per cell
   std::vector<std::uint16_t> work_;
-  std::vector<GroundPoint> points_, small_points_, zone_points_;
+  GroundPoints points_, small_points_, zone_points_;
   PointSelection selection_;
   Alignment alignment_;
   Parallax parallax_;

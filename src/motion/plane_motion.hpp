@@ -12,6 +12,8 @@
 #include <array>
 #include <cstdint>
 
+#include "kernels/point_fit.hpp"
+
 namespace terrainseg {
 
 /// The camera at one pyramid level, in its pixels.
@@ -71,6 +73,12 @@ class PixelMap {
       return {-outside, -outside};
     const std::int64_t reciprocal = (std::int64_t{1} << 48) / w; // Q24
     return {within(middle_ + times(x, reciprocal)), within(line_ + times(y, reciprocal))};
+  }
+
+  /// The same for lists of points.
+  kernels::PointMap of_points() const {
+    return {g_[0],     g_[1],    g_[3],     g_[4],   x_offset_, y_offset_,
+            across_w_, below_w_, w_offset_, middle_, line_,     outside};
   }
 
   static constexpr std::int32_t outside = 1 << 20;

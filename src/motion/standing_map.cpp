@@ -2,6 +2,7 @@
 #include "motion/standing_map.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "kernels/ground_warp.hpp"
 
@@ -16,6 +17,21 @@ constexpr int least_to_appear = 17, least_to_stay = 8;
 constexpr int most_kept = 7 * one;
 constexpr int most_ratio = 1843; ///< 0.45: no foot is further down than this part of its way to the line
 
+/// Which cells stand, by their evidence and by whether they stood; what stands no more and what has never
+/// stood tells none. Whether one stands. Compilers make vectors of it.
+bool settle(int count, std::int16_t* __restrict evidence, std::uint8_t* __restrict stood) {
+  constexpr std::int16_t none = least_standing;
+  std::uint8_t any = 0;
+  for (int j = 0; j < count; ++j) {
+    const std::int16_t value = evidence[j];
+    const bool stands = value > (stood[j] ? least_to_stay : least_to_appear);
+    stood[j] = stands;
+    any |= stood[j];
+    evidence[j] = stands || value < none ? value : none;
+  }
+  return any != 0;
+}
+
 } // namespace
 
 void StandingMap::reset(int columns, int rows) {
@@ -26,6 +42,9 @@ void StandingMap::reset(int columns, int rows) {
   stood_.assign(sums_.size(), 0);
   nodes_.reserve(static_cast<std::size_t>(2 * (columns / 4 + 2)));
   stood_before_.assign(sums_.size(), 0);
+  columns_stand_.assign(static_cast<std::size_t>(columns), 0);
+  first_filled_ = first_filled_before_ = rows;
+  first_stood_ = end_stood_ = 0;
 }
 
 void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int keep) {
@@ -33,9 +52,14 @@ void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int ke
   const PixelMap map(step, view);
   const int first = std::clamp((view.vanishing_row >> 8) / 4, 0, rows_), nodes = columns_ / 4 + 2;
   nodes_.resize(static_cast<std::size_t>(2 * nodes));
-  std::fill_n(moved_.begin(), first * columns_, Sum{});
-  stood_.swap(stood_before_);
-  std::fill(stood_.begin(), stood_.end(), std::uint8_t{0});
+  const int filled = std::min(first_filled_before_, first);
+  std::fill_n(moved_.begin() + filled * columns_, (first - filled) * columns_, Sum{});
+  const int first_before = std::exchange(first_stood_, rows_), end_before = std::exchange(end_stood_, 0);
+  const bool any_stood = first_before < end_before;
+  if (any_stood) {
+    stood_.swap(stood_before_);
+    std::fill(stood_.begin(), stood_.end(), std::uint8_t{0});
+  }
   for (int i = first; i < rows_; ++i) {
     const int down = below(view, 4 * i) + 384;
     for (int k = 0; k < nodes; ++k) {
@@ -45,14 +69,25 @@ void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int ke
     }
     kernels::moved_sums({&sums_.data()->quality, columns_, rows_}, nodes_.data(), columns_, keep,
                         &moved_[static_cast<std::size_t>(i * columns_)].quality);
-    if (any_stood_)
-      move_stood(i);
+    if (any_stood && move_stood(i, first_before, end_before)) {
+      first_stood_ = std::min(first_stood_, i);
+      end_stood_ = i + 1;
+    }
   }
   sums_.swap(moved_);
+  first_filled_before_ = first_filled_;
+  first_filled_ = first;
 }
 
-/// What stood, to the nearest cell, by the nodes of a row.
-void StandingMap::move_stood(int row) {
+/// What stood in rows first .. end - 1, to the nearest cell, by the nodes of a row. False where none did.
+bool StandingMap::move_stood(int row, int first, int end) {
+  int least = nodes_[1], most = nodes_[1];
+  for (std::size_t k = 3; k < nodes_.size(); k += 2) {
+    least = std::min(least, nodes_[k]);
+    most = std::max(most, nodes_[k]);
+  }
+  if ((most + 512) >> 10 < first || (least + 512) >> 10 >= end)
+    return false;
   std::uint8_t* out = stood_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
   for (int j = 0; j < columns_; ++j) {
     const std::int32_t* node = nodes_.data() + j / 4 * 2;
@@ -62,6 +97,7 @@ void StandingMap::move_stood(int row) {
     if (column >= 0 && from >= 0 && column < columns_ && from < rows_)
       out[j] = stood_before_[static_cast<std::size_t>(from * columns_ + column)];
   }
+  return true;
 }
 
 /// A sum of so many frames.
@@ -72,31 +108,33 @@ StandingMap::Sum StandingMap::faded(const Sum& sum, int frames_q12) {
 
 void StandingMap::add(std::span<const CellParallax> cells, std::span<const std::uint8_t> judged) {
   const auto sum = [](int a, int b) { return static_cast<std::int16_t>(std::clamp(a + b, -32767, 32767)); };
-  for (std::size_t i = 0; i < sums_.size(); ++i) {
-    if (!judged[i])
-      continue;
-    Sum& s = sums_[i];
-    if (s.count > most_kept)
-      s = faded(s, most_kept);
-    const int weight = std::max<int>(cells[i].quality, 0);
-    s.quality = sum(s.quality, cells[i].quality);
-    s.count = sum(s.count, one);
-    s.weight = sum(s.weight, weight);
-    s.ratio = sum(s.ratio, weight * cells[i].ratio >> 12);
+  for (int row = 0; row < rows_; ++row) {
+    bool any = false;
+    const auto first = static_cast<std::size_t>(row * columns_),
+               end = first + static_cast<std::size_t>(columns_);
+    for (std::size_t i = first; i < end; ++i) {
+      if (!judged[i])
+        continue;
+      any = true;
+      Sum& s = sums_[i];
+      if (s.count > most_kept)
+        s = faded(s, most_kept);
+      const int weight = std::max<int>(cells[i].quality, 0);
+      s.quality = sum(s.quality, cells[i].quality);
+      s.count = sum(s.count, one);
+      s.weight = sum(s.weight, weight);
+      s.ratio = sum(s.ratio, weight * cells[i].ratio >> 12);
+    }
+    if (any)
+      first_filled_ = std::min(first_filled_, row);
   }
-}
-
-int StandingMap::evidence(const Sum& sum) const {
-  if (sum.quality == 0)
-    return 0;
-  return sum.quality * 256 / std::max<int>(sum.count, 2 * one);
 }
 
 void StandingMap::fill_foot(const GroundCamera& view, int column, std::vector<std::int16_t>& standing) const {
   const auto cell = [&](int row) -> std::int16_t& {
     return standing[static_cast<std::size_t>(row * columns_ + column)];
   };
-  for (int i = 0; i < rows_;) {
+  for (int i = first_stood_; i < rows_;) {
     if (cell(i) <= least_standing) {
       ++i;
       continue;
@@ -128,26 +166,36 @@ bool StandingMap::has_company(int row, int column) const {
 
 void StandingMap::read(const GroundCamera& view, std::vector<std::int16_t>& standing) {
   standing.resize(sums_.size());
-  any_stood_ = false;
-  for (std::size_t i = 0; i < sums_.size(); ++i) {
-    const int value = evidence(sums_[i]);
-    const bool stands = value > (stood_[i] ? least_to_stay : least_to_appear);
-    standing[i] = static_cast<std::int16_t>(value);
-    stood_[i] = stands;
-    any_stood_ = any_stood_ || stands;
+  first_stood_ = rows_;
+  end_stood_ = 0;
+  std::fill_n(standing.begin(), first_filled_ * columns_, std::int16_t{0});
+  for (int i = first_filled_; i < rows_; ++i) {
+    const auto at = static_cast<std::size_t>(i * columns_);
+    kernels::evidence_of_sums(&sums_[at].quality, columns_, &standing[at]);
+    if (settle(columns_, &standing[at], &stood_[at])) {
+      first_stood_ = std::min(first_stood_, i);
+      end_stood_ = i + 1;
+    }
   }
-  for (int i = 0; i < rows_; ++i)
+  if (first_stood_ >= end_stood_)
+    return;
+  std::fill(columns_stand_.begin(), columns_stand_.end(), std::uint8_t{0});
+  for (int i = first_stood_; i < end_stood_; ++i)
     for (int j = 0; j < columns_; ++j) {
       const auto at = static_cast<std::size_t>(i * columns_ + j);
+      if (!stood_[at])
+        continue;
       std::int16_t& value = standing[at];
       constexpr std::int16_t none = least_standing, some = least_standing + 1;
-      if (any_stood_ && stood_[at] && has_company(i, j))
+      if (has_company(i, j)) {
         value = std::max(value, some);
-      else
+        columns_stand_[static_cast<std::size_t>(j)] = 1;
+      } else {
         value = std::min(value, none);
+      }
     }
-  if (any_stood_)
-    for (int j = 0; j < columns_; ++j)
+  for (int j = 0; j < columns_; ++j)
+    if (columns_stand_[static_cast<std::size_t>(j)])
       fill_foot(view, j, standing);
 }
 

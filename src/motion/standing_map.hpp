@@ -34,16 +34,17 @@ class StandingMap {
     std::int16_t quality = 0, count = 0, weight = 0, ratio = 0;
   };
   static Sum faded(const Sum& sum, int frames_q12);
-  void move_stood(int row);
+  bool move_stood(int row, int first, int end);
   bool has_company(int row, int column) const;
-  int evidence(const Sum& sum) const;
   void fill_foot(const GroundCamera& view, int column, std::vector<std::int16_t>& standing) const;
 
   int columns_ = 0, rows_ = 0;
   std::vector<Sum> sums_, moved_;
   std::vector<std::int32_t> nodes_;
   std::vector<std::uint8_t> stood_, stood_before_; ///< per cell: whether it was told to stand
-  bool any_stood_ = false;
+  std::vector<std::uint8_t> columns_stand_;
+  /// Rows of sums before these are 0; rows in which cells may have stood.
+  int first_filled_ = 0, first_filled_before_ = 0, first_stood_ = 0, end_stood_ = 0;
 };
 
 } // namespace terrainseg

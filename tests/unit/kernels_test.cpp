@@ -10,6 +10,7 @@
 #include "kernels/cells.hpp"
 #include "kernels/ground_warp.hpp"
 #include "kernels/mask.hpp"
+#include "kernels/point_fit.hpp"
 #include "kernels/reduce.hpp"
 #include "kernels/score_parts.hpp"
 #include "kernels/sides.hpp"
@@ -769,6 +770,150 @@ TEST(Kernels, WarpRows) {
           ASSERT_EQ(out[static_cast<std::size_t>(y * 16 * segments + x)], wanted)
               << x << ' ' << y << ' ' << trial;
         }
+    }
+  });
+}
+
+TEST(Kernels, EvidenceOfSums) {
+  on_every_target([] {
+    std::mt19937 random(8);
+    for (int count = 0; count < 70; ++count) {
+      const auto size = static_cast<std::size_t>(count);
+      Guarded<std::int16_t> sums(4 * size, true), evidence(size, true);
+      for (std::size_t i = 0; i < size; ++i) {
+        const std::array<int, 5> rims{0, 1, -1, 32767, -32767};
+        const int noise = static_cast<int>(random() % 65535) - 32767,
+                  frames = static_cast<int>(random() % 32768);
+        sums[4 * i] = static_cast<std::int16_t>(i % 3 == 0 ? rims[random() % rims.size()] : noise);
+        sums[4 * i + 1] = static_cast<std::int16_t>(i % 5 == 0 ? frames / 4 : frames);
+        sums[4 * i + 2] = sums[4 * i + 3] = static_cast<std::int16_t>(random());
+      }
+      evidence_of_sums(sums.data(), count, evidence.data());
+      for (std::size_t i = 0; i < size; ++i)
+        ASSERT_EQ(evidence[i], sums[4 * i] * 256 / std::max<int>(sums[4 * i + 1], 8192))
+            << i << " of " << count;
+    }
+  });
+}
+
+TEST(Kernels, PointDifferences) {
+  on_every_target([] {
+    const int width = 61, height = 23;
+    const auto in = noise_picture(width, height, 3);
+    Guarded<std::uint8_t> source(in.size(), true);
+    std::copy(in.begin(), in.end(), &source[0]);
+    std::mt19937 random(5);
+    const auto within = [&](std::int64_t limit) {
+      return static_cast<std::int64_t>(random() % static_cast<std::uint64_t>(2 * limit + 1)) - limit;
+    };
+    for (int trial = 0; trial < 300; ++trial) {
+      // Motions as they are, some that throw points far out or behind the camera, and some beyond 32 bits.
+      const std::int64_t one = 1 << 24, wild = trial % 4 == 3 ? 64 * one : one / 16, focal = 50;
+      const auto near_to = [&](std::int64_t value) {
+        return std::clamp<std::int64_t>(value + within(std::min<std::int64_t>(wild, 1 << 30)), -64 * one,
+                                        64 * one);
+      };
+      const std::int64_t perspective = trial % 8 == 7 ? std::int64_t{1} << 26 : trial % 2 ? one : one / 8;
+      const PointMap map{near_to(one),
+                         near_to(0),
+                         near_to(0),
+                         near_to(one),
+                         near_to(0) * focal * 256,
+                         near_to(0) * focal * 256,
+                         within(perspective) * 32768 / focal,
+                         within(perspective) * 256 / focal,
+                         near_to(one) * 65536,
+                         (width - 1) * 128,
+                         5 * 256,
+                         1 << 20};
+      const int count = static_cast<int>(random() % 40);
+      const auto room = static_cast<std::size_t>(count);
+      Guarded<std::int32_t> across(room, true), below(room, true), values(room, true), out(room, true);
+      for (std::size_t i = 0; i < room; ++i) {
+        across[i] = static_cast<std::int32_t>(within(width));
+        below[i] = static_cast<std::int32_t>(within(height * 256));
+        values[i] = static_cast<std::int32_t>(random() % 65281);
+      }
+      const int inside = point_differences({source.data(), width, height}, map,
+                                           {across.data(), below.data(), values.data(), count}, out.data());
+      int wanted_inside = 0;
+      for (std::size_t i = 0; i < room; ++i) {
+        const std::int64_t a = across[i], b = below[i];
+        const std::int64_t w = (map.across_w * a + map.below_w * b + map.w_offset) >> 16;
+        std::int32_t wanted = no_difference;
+        if (w >= one / 64) {
+          const auto place = [&](std::int64_t by_a, std::int64_t by_b, std::int64_t from,
+                                 std::int64_t middle) {
+            const std::int64_t limit = std::int64_t{1} << 32;
+            const std::int64_t at = std::clamp((by_a * a * 128 + by_b * b + from) >> 12, -limit, limit) *
+                                    ((std::int64_t{1} << 48) / w);
+            return std::clamp<std::int64_t>(middle + (at >> 36), -map.outside, map.outside);
+          };
+          const std::int64_t u = place(map.g0, map.g1, map.x_offset, map.middle),
+                             v = place(map.g3, map.g4, map.y_offset, map.line);
+          if (u >= 0 && v >= 0 && u / 256 < width - 1 && v / 256 < height - 1) {
+            const auto at = [&](std::int64_t du, std::int64_t dv) {
+              return std::int64_t{in[static_cast<std::size_t>((v / 256 + dv) * width + u / 256 + du)]};
+            };
+            const std::int64_t fu = u % 256, fv = v % 256;
+            wanted = static_cast<std::int32_t>(((at(0, 0) * (256 - fu) + at(1, 0) * fu) * (256 - fv) +
+                                                (at(0, 1) * (256 - fu) + at(1, 1) * fu) * fv + 128) /
+                                               256) -
+                     values[i];
+            ++wanted_inside;
+          }
+        }
+        ASSERT_EQ(out[i], wanted) << trial << ' ' << i;
+      }
+      ASSERT_EQ(inside, wanted_inside) << trial;
+    }
+  });
+}
+
+TEST(Kernels, FitSums) {
+  on_every_target([] {
+    std::mt19937 random(6);
+    std::array<std::int32_t, 65> table{};
+    for (int k = 0; k < 64; ++k)
+      table[static_cast<std::size_t>(k)] = 256 - 4 * k;
+    for (const int count : {0, 1, 7, 8, 15, 16, 17, 31, 32, 33, 100}) {
+      const std::size_t room =
+          static_cast<std::size_t>(count + points_together - 1) / points_together * points_together;
+      Guarded<std::int32_t> derivatives(7 * room, true), differences(room, true), weights(room, true);
+      for (std::int32_t& derivative : derivatives)
+        derivative = static_cast<std::int32_t>(random() % 8388607) - 4194303;
+      for (std::int32_t& difference : differences)
+        difference = random() % 8 == 0 ? no_difference : static_cast<std::int32_t>(random() % 131073) - 65536;
+      const std::int32_t per_index = count % 2 ? 43 : 1365;
+      fit_weights(differences.data(), count, per_index, table.data(), weights.data());
+      for (std::size_t i = 0; i < room; ++i) {
+        const std::int64_t index = std::int64_t{std::abs(differences[i])} * per_index / 65536;
+        const bool counts =
+            i < static_cast<std::size_t>(count) && differences[i] != no_difference && index < 64;
+        ASSERT_EQ(weights[i], counts ? table[static_cast<std::size_t>(index)] : 0) << count << ' ' << i;
+      }
+      for (const int unknowns : {6, 7}) {
+        std::array<std::int64_t, 28> left{};
+        std::array<std::int64_t, 7> right{};
+        fit_sums({derivatives.data(), static_cast<std::ptrdiff_t>(room), weights.data(), differences.data(),
+                  count},
+                 unknowns, left.data(), right.data());
+        std::size_t k = 0;
+        for (std::size_t row = 0; row < static_cast<std::size_t>(unknowns); ++row) {
+          std::int64_t explained = 0;
+          for (std::size_t i = 0; i < room; ++i)
+            explained += std::int64_t{weights[i]} * derivatives[row * room + i] * differences[i];
+          ASSERT_EQ(right[row], explained) << count << ' ' << row;
+          for (std::size_t column = 0; column <= row; ++column, ++k) {
+            std::int64_t sum = 0;
+            for (std::size_t i = 0; i < room; ++i)
+              sum += std::int64_t{weights[i]} * derivatives[row * room + i] * derivatives[column * room + i];
+            ASSERT_EQ(left[k], sum) << count << ' ' << row << ' ' << column;
+          }
+        }
+        for (; k < left.size(); ++k)
+          ASSERT_EQ(left[k], 0);
+      }
     }
   });
 }

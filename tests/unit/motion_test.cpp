@@ -269,7 +269,7 @@ TEST(MotionAlignment, FindsHowThePlaneMoved) {
   const PassedView picture{now.data(), world.width, world.height},
       earlier{before.data(), world.width, world.height};
   std::vector<std::uint8_t> ground(static_cast<std::size_t>(world.width / 4) * (world.height / 4), 1);
-  std::vector<GroundPoint> points;
+  GroundPoints points;
   PointSelection().select(picture, view, ground, 4, {10, 6}, points);
   ASSERT_GT(points.size(), 400u);
   Alignment alignment;
@@ -295,7 +295,7 @@ TEST(MotionAlignment, FollowsNoFewPoints) {
   const PassedView picture{now.data(), world.width, world.height};
   std::vector<std::uint8_t> ground(static_cast<std::size_t>(world.width / 4) * (world.height / 4), 0);
   std::fill_n(ground.begin() + 60 * (world.width / 4), 6, std::uint8_t{1});
-  std::vector<GroundPoint> points;
+  GroundPoints points;
   const GroundCamera view{world.width, world.height, 394, 100 * 256};
   PointSelection().select(picture, view, ground, 4, {10, 6}, points);
   EXPECT_LT(points.size(), static_cast<std::size_t>(fewest_points));

@@ -16,6 +16,44 @@ int level_of(const Pyramid& pyramid, int grid_level) {
   return std::max(motion_level(pyramid.width(0), pyramid.height(0)), texture_level(grid_level));
 }
 
+/// Per column the rows of cells that are ground.
+struct GroundColumns {
+  const std::uint16_t *safe, *behind_first, *behind_end;
+};
+
+// Compilers make vectors of these.
+void outline_row(const GroundColumns& ground, std::uint16_t row, std::size_t count,
+                 std::uint8_t* __restrict out) {
+  const std::uint16_t *const safe = ground.safe, *const first = ground.behind_first,
+                             *const end = ground.behind_end;
+  for (std::size_t j = 0; j < count; ++j) {
+    const int below = static_cast<int>(row >= safe[j]),
+              behind = static_cast<int>(row >= first[j]) & static_cast<int>(row < end[j]);
+    out[j] = static_cast<std::uint8_t>(-(below | behind));
+  }
+}
+
+/// Whether something stands in the row.
+bool outline_standing(const std::uint8_t* __restrict ground, const std::int16_t* __restrict standing,
+                      std::size_t count, std::uint8_t* __restrict out) {
+  std::uint8_t any = 0;
+  for (std::size_t j = 0; j < count; ++j) {
+    out[j] = static_cast<std::uint8_t>(ground[j] & (standing[j] > least_standing ? 255 : 0));
+    any |= out[j];
+  }
+  return any != 0;
+}
+
+unsigned take(std::uint8_t* row, int count) {
+  unsigned taken = 0;
+  for (int x = 0; x < count; ++x) {
+    const bool traversable = row[x] == mask_traversable;
+    row[x] = traversable ? mask_not_traversable : row[x];
+    taken += traversable;
+  }
+  return taken;
+}
+
 } // namespace
 
 /// A cell's middle, which is looked at, is a column of theirs.
@@ -51,11 +89,9 @@ void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesO
       behind_end_[j] = cell_row(curves.behind_end[x]);
     }
   }
-  for (int i = 0; i < rows_; ++i) {
-    std::uint8_t* out = ground_.data() + i * columns_;
-    for (std::size_t j = 0; j < columns; ++j)
-      out[j] = i >= safe_[j] || (i >= behind_first_[j] && i < behind_end_[j]) ? 255 : 0;
-  }
+  for (int i = 0; i < rows_; ++i)
+    outline_row({safe_.data(), behind_first_.data(), behind_end_.data()}, static_cast<std::uint16_t>(i),
+                columns, ground_.data() + i * columns_);
   fill_ignored(of.ignored, cell_level, columns_, rows_, 0, ground_.data());
 }
 
@@ -79,14 +115,17 @@ bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves,
   speed_ = static_cast<std::int32_t>(std::clamp<std::int64_t>(view.speed_over_height, INT32_MIN, INT32_MAX));
   evidence_ = view.standing;
   stands_.resize(ground_.size());
-  int count = 0;
-  for (std::size_t i = 0; i < stands_.size(); ++i) {
-    const int stands =
-        static_cast<int>(ground_[i] != 0) & static_cast<int>(view.standing[i] > least_standing);
-    stands_[i] = stands ? 255 : 0;
-    count += stands;
+  first_row_ = rows_;
+  end_row_ = 0;
+  for (int i = 0; i < rows_; ++i) {
+    const std::ptrdiff_t at = std::ptrdiff_t{i} * columns_;
+    if (outline_standing(ground_.data() + at, view.standing.data() + at, static_cast<std::size_t>(columns_),
+                         stands_.data() + at)) {
+      first_row_ = std::min(first_row_, i);
+      end_row_ = i + 1;
+    }
   }
-  return count > 0;
+  return end_row_ > 0;
 }
 
 FinerCells<std::int16_t> StandingThings::evidence() const {
@@ -96,10 +135,10 @@ FinerCells<std::int16_t> StandingThings::evidence() const {
 
 void StandingThings::lower(int mask_level, FrameCurve& rows) const {
   for (int j = 0; j < columns_; ++j) {
-    int end = rows_; // below the lowest cell
-    while (end > 0 && !stands_[static_cast<std::size_t>((end - 1) * columns_ + j)])
+    int end = end_row_; // below the lowest cell
+    while (end > first_row_ && !stands_[static_cast<std::size_t>((end - 1) * columns_ + j)])
       --end;
-    if (end == 0)
+    if (end <= first_row_)
       continue;
     const auto row = static_cast<std::uint16_t>(end << (level_ + cell_bits));
     const auto [first, last] = columns_of(j, mask_level, static_cast<int>(rows.size()));
@@ -110,7 +149,7 @@ void StandingThings::lower(int mask_level, FrameCurve& rows) const {
 
 std::uint64_t StandingThings::mark(const MutablePlane& mask, int width, int height, int mask_level) const {
   std::uint64_t taken = 0;
-  for (int i = 0; i < rows_; ++i) {
+  for (int i = first_row_; i < end_row_; ++i) {
     const std::uint8_t* cells = stands_.data() + i * columns_;
     const int top = std::min(subsampled(i << (level_ + cell_bits), mask_level), height),
               bottom = i + 1 == rows_
@@ -119,15 +158,12 @@ std::uint64_t StandingThings::mark(const MutablePlane& mask, int width, int heig
     for (int j = 0; j < columns_; ++j) {
       if (!cells[j])
         continue;
-      const auto [first, last] = columns_of(j, mask_level, width);
-      for (int y = top; y < bottom; ++y) {
-        std::uint8_t* row = mask.row(y);
-        for (int x = first; x < last; ++x)
-          if (row[x] == mask_traversable) {
-            row[x] = mask_not_traversable;
-            ++taken;
-          }
-      }
+      const int first = columns_of(j, mask_level, width).first;
+      while (j + 1 < columns_ && cells[j + 1])
+        ++j;
+      const int last = columns_of(j, mask_level, width).second;
+      for (int y = top; y < bottom; ++y)
+        taken += take(mask.row(y) + first, last - first);
     }
   }
   return taken;

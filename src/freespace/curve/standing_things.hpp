@@ -56,6 +56,7 @@ class StandingThings {
 
   MotionObstacles motion_;
   int level_ = 0, columns_ = 0, rows_ = 0;
+  int first_row_ = 0, end_row_ = 0;                             ///< rows of cells in which something stands
   std::vector<std::uint8_t> ground_, stands_;                   ///< per cell
   std::vector<std::uint16_t> safe_, behind_first_, behind_end_; ///< per column, rows of cells
   std::span<const std::int16_t> evidence_;                      ///< per cell, in memory of motion's

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The loops over points of the ground that are followed from one picture to another.
+//
+// All vector variants and the plain one give the same bits: sums are whole and of 64 bits, so that their
+// order does not matter.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace terrainseg::kernels {
+
+/// Lists below have room for a multiple of so many numbers; what lies behind their count is read and has no
+/// effect.
+inline constexpr int points_together = 16;
+
+/// In place of a difference: the point lies outside.
+inline constexpr std::int32_t no_difference = 1 << 24;
+
+/// A picture whose rows follow each other without gaps.
+struct PointPicture {
+  const std::uint8_t* pixels;
+  int width, height;
+};
+
+/// Where points lie in it: of a point (a, b) with x = (g0 a << 7) + g1 b + x_offset, y = (g3 a << 7) + g4 b +
+/// y_offset, w = (across_w a + below_w b + w_offset) >> 16, r = 2^48 / w: u = middle + ((x >> 12) r >> 36)
+/// and v = line + ((y >> 12) r >> 36), both Q8. |x >> 12| and |y >> 12| count no more than 2^32, |u| and |v|
+/// no more than `outside`; with w below 2^18 both are -outside. |g| <= 2^30.
+struct PointMap {
+  std::int64_t g0, g1, g3, g4, x_offset, y_offset, across_w, below_w, w_offset;
+  std::int32_t middle, line, outside;
+};
+
+/// Points that are compared: count numbers each.
+struct PointLists {
+  const std::int32_t *across, *below, *values; ///< values: Q8 of a grey level
+  int count;
+};
+
+/// differences[i] = the picture where point i lies, bilinear, Q8, less values[i]; no_difference where four
+/// pixels around it are not in the picture. Returns how many are.
+int point_differences(const PointPicture& picture, const PointMap& map, const PointLists& points,
+                      std::int32_t* differences);
+
+/// weights[i] = table[min(|differences[i]| * per_index / 2^16, 64)], table[64] = 0 for no_difference and up
+/// to the next multiple of points_together. |differences| <= 2^16, 0 <= per_index <= 2^14.
+void fit_weights(const std::int32_t* differences, int count, std::int32_t per_index,
+                 const std::int32_t* table, std::int32_t* weights);
+
+/// Lists of points: derivatives by each unknown, how much each point counts, what is to be explained.
+struct FitLists {
+  const std::int32_t* derivatives; ///< by unknown k from k * stride on
+  std::ptrdiff_t stride;
+  const std::int32_t *weights, *differences; ///< weights behind `count` are 0
+  int count;
+};
+
+/// left = the lower triangle of sum w J J' row by row, right = sum w J e; `unknowns` is 6 or 7. |w J| < 2^31.
+void fit_sums(const FitLists& lists, int unknowns, std::int64_t* left, std::int64_t* right);
+
+} // namespace terrainseg::kernels
