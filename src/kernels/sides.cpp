@@ -103,6 +103,15 @@ void oddness_of_row(const DeviationRow& in, const std::int16_t* __restrict neare
   }
 }
 
+void excess_of_row(const std::uint8_t* __restrict values, const std::uint8_t* __restrict ground, int enough,
+                   int sign, int count, std::int32_t* __restrict sums) {
+  const auto flip = static_cast<std::int16_t>(sign < 0 ? -1 : 0), level = static_cast<std::int16_t>(enough);
+  for (int i = 0; i < count; ++i) {
+    const auto excess = static_cast<std::int16_t>(values[i] - (level & -ground[i]));
+    sums[i] += static_cast<std::int16_t>((excess ^ flip) - flip);
+  }
+}
+
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels
 HWY_AFTER_NAMESPACE();
@@ -115,6 +124,7 @@ HWY_EXPORT(sides_of_boxes);
 HWY_EXPORT(twice_each);
 HWY_EXPORT(deviations_of);
 HWY_EXPORT(oddness_of_row);
+HWY_EXPORT(excess_of_row);
 
 void add_blocks(const std::uint8_t* cells, int blocks, std::uint32_t* sums, std::uint32_t* squares) {
   HWY_DYNAMIC_DISPATCH(sum_of_blocks)(cells, blocks, sums, squares);
@@ -137,6 +147,11 @@ void deviations(const std::uint8_t* cells, const std::int16_t* left, const std::
 void oddness(const DeviationRow& in, const std::int16_t* nearest, std::int16_t reached, int most, int count,
              std::uint8_t* out) {
   HWY_DYNAMIC_DISPATCH(oddness_of_row)(in, nearest, reached, most, count, out);
+}
+
+void add_excess(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign, int count,
+                std::int32_t* sums) {
+  HWY_DYNAMIC_DISPATCH(excess_of_row)(values, ground, enough, sign, count, sums);
 }
 
 } // namespace terrainseg::kernels

@@ -51,4 +51,8 @@ struct DeviationRow {
 void oddness(const DeviationRow& in, const std::int16_t* nearest, std::int16_t reached, int most, int count,
              std::uint8_t* out);
 
+/// sums[i] += sign * (values[i] - (ground[i] ? enough : 0)); sign is 1 or -1, ground 1 or 0.
+void add_excess(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign, int count,
+                std::int32_t* sums);
+
 } // namespace terrainseg::kernels
