@@ -1005,6 +1005,25 @@ TEST(Kernels, DeviationsAndOddness) {
   });
 }
 
+TEST(Kernels, RunDifferences) {
+  on_every_target([] {
+    std::mt19937 random(35);
+    for (int count = 1; count <= 70; ++count)
+      for (const bool at_end : {false, true}) {
+        const auto size = static_cast<std::size_t>(count);
+        const Guarded<std::uint32_t> a(size, at_end), b(size, at_end), out(size, at_end);
+        for (std::size_t i = 0; i < size; ++i) {
+          a[i] = static_cast<std::uint32_t>(random());
+          b[i] = static_cast<std::uint32_t>(random());
+        }
+        run_differences(a.data(), b.data(), count, out.data());
+        std::uint32_t sum = 0;
+        for (std::size_t i = 0; i < size; ++i)
+          ASSERT_EQ(out[i], sum += b[i] - a[i]) << i << " of " << count;
+      }
+  });
+}
+
 TEST(Kernels, AddExcess) {
   on_every_target([] {
     std::mt19937 random(34);

@@ -228,14 +228,10 @@ void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
     auto& strip = strips_[s];
     strip.resize(stride + 1 + 2 * pad);
     const std::uint32_t *const a = &sums_[s][from], *const b = a + (to - from);
-    std::uint32_t* __restrict out = strip.data() + pad;
+    std::uint32_t* const out = strip.data() + pad;
     std::fill_n(strip.data(), pad + 1, 0u);
-    std::uint32_t run = 0;
-    for (std::size_t j = 0; j < stride; ++j) {
-      run += b[j] - a[j];
-      out[j + 1] = run;
-    }
-    std::fill_n(out + stride + 1, pad, run);
+    kernels::run_differences(a, b, blocks_x_, out + 1);
+    std::fill_n(out + stride + 1, pad, out[stride]);
   }
 }
 
