@@ -12,6 +12,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace terrainseg::kernels {
 namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
 
 void sum_of_blocks(const std::uint8_t* __restrict cells, int blocks, std::uint32_t* __restrict sums,
                    std::uint32_t* __restrict squares) {
@@ -19,6 +20,28 @@ void sum_of_blocks(const std::uint8_t* __restrict cells, int blocks, std::uint32
     const std::uint32_t left = cells[2 * b], right = cells[2 * b + 1];
     sums[b] += left + right;
     squares[b] += left * left + right * right;
+  }
+}
+
+void running_differences(const std::uint32_t* __restrict a, const std::uint32_t* __restrict b, int count,
+                         std::uint32_t* __restrict out) {
+  std::uint32_t run = 0;
+  int i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::FixedTag<std::uint32_t, 4> d;
+  auto before = hn::Zero(d);
+  for (; i + 4 <= count; i += 4) {
+    const auto each = hn::Sub(hn::LoadU(d, b + i), hn::LoadU(d, a + i));
+    const auto pairs = hn::Add(each, hn::ShiftLeftLanes<1>(d, each));
+    const auto sums = hn::Add(hn::Add(pairs, hn::ShiftLeftLanes<2>(d, pairs)), before);
+    hn::StoreU(sums, d, out + i);
+    before = hn::Broadcast<3>(sums);
+  }
+  run = hn::GetLane(before);
+#endif
+  for (; i < count; ++i) {
+    run += b[i] - a[i];
+    out[i] = run;
   }
 }
 
@@ -103,6 +126,15 @@ void oddness_of_row(const DeviationRow& in, const std::int16_t* __restrict neare
   }
 }
 
+void excess_of_row(const std::uint8_t* __restrict values, const std::uint8_t* __restrict ground, int enough,
+                   int sign, int count, std::int32_t* __restrict sums) {
+  const auto flip = static_cast<std::int16_t>(sign < 0 ? -1 : 0), level = static_cast<std::int16_t>(enough);
+  for (int i = 0; i < count; ++i) {
+    const auto excess = static_cast<std::int16_t>(values[i] - (level & -ground[i]));
+    sums[i] += static_cast<std::int16_t>((excess ^ flip) - flip);
+  }
+}
+
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels
 HWY_AFTER_NAMESPACE();
@@ -111,13 +143,19 @@ HWY_AFTER_NAMESPACE();
 namespace terrainseg::kernels {
 
 HWY_EXPORT(sum_of_blocks);
+HWY_EXPORT(running_differences);
 HWY_EXPORT(sides_of_boxes);
 HWY_EXPORT(twice_each);
 HWY_EXPORT(deviations_of);
 HWY_EXPORT(oddness_of_row);
+HWY_EXPORT(excess_of_row);
 
 void add_blocks(const std::uint8_t* cells, int blocks, std::uint32_t* sums, std::uint32_t* squares) {
   HWY_DYNAMIC_DISPATCH(sum_of_blocks)(cells, blocks, sums, squares);
+}
+
+void run_differences(const std::uint32_t* a, const std::uint32_t* b, int count, std::uint32_t* out) {
+  HWY_DYNAMIC_DISPATCH(running_differences)(a, b, count, out);
 }
 
 void compare_boxes(const std::uint32_t* sums, const std::uint32_t* squares, const BoxRow& boxes,
@@ -137,6 +175,11 @@ void deviations(const std::uint8_t* cells, const std::int16_t* left, const std::
 void oddness(const DeviationRow& in, const std::int16_t* nearest, std::int16_t reached, int most, int count,
              std::uint8_t* out) {
   HWY_DYNAMIC_DISPATCH(oddness_of_row)(in, nearest, reached, most, count, out);
+}
+
+void add_excess(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign, int count,
+                std::int32_t* sums) {
+  HWY_DYNAMIC_DISPATCH(excess_of_row)(values, ground, enough, sign, count, sums);
 }
 
 } // namespace terrainseg::kernels

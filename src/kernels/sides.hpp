@@ -2,7 +2,7 @@
 // Rows of cells against what lies to their left and right: the loops of the odd spots.
 //
 // No function reads or writes past its counts. All vector variants and the plain one give the same bits: the
-// loops are plain, and compilers make vectors of them for each target.
+// loops are plain, and compilers make vectors of them for each target, but for running sums.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,9 @@ namespace terrainseg::kernels {
 /// Blocks of two cells: sums[b] += cells[2 b] + cells[2 b + 1], squares[b] likewise of their squares; modulo
 /// 2^32.
 void add_blocks(const std::uint8_t* cells, int blocks, std::uint32_t* sums, std::uint32_t* squares);
+
+/// out[i] = the sum of b - a up to and with i.
+void run_differences(const std::uint32_t* a, const std::uint32_t* b, int count, std::uint32_t* out);
 
 /// What is told of a box around each block of a row; 0 in all three: nothing is known of it.
 struct BoxRow {
@@ -50,5 +53,9 @@ struct DeviationRow {
 /// counts where the cell is not dark and nearest[i] > reached.
 void oddness(const DeviationRow& in, const std::int16_t* nearest, std::int16_t reached, int most, int count,
              std::uint8_t* out);
+
+/// sums[i] += sign * (values[i] - (ground[i] ? enough : 0)); sign is 1 or -1, ground 1 or 0.
+void add_excess(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign, int count,
+                std::int32_t* sums);
 
 } // namespace terrainseg::kernels

@@ -1150,4 +1150,46 @@ TEST(Kernels, DeviationsAndOddness) {
   });
 }
 
+TEST(Kernels, RunDifferences) {
+  on_every_target([] {
+    std::mt19937 random(35);
+    for (int count = 1; count <= 70; ++count)
+      for (const bool at_end : {false, true}) {
+        const auto size = static_cast<std::size_t>(count);
+        const Guarded<std::uint32_t> a(size, at_end), b(size, at_end), out(size, at_end);
+        for (std::size_t i = 0; i < size; ++i) {
+          a[i] = static_cast<std::uint32_t>(random());
+          b[i] = static_cast<std::uint32_t>(random());
+        }
+        run_differences(a.data(), b.data(), count, out.data());
+        std::uint32_t sum = 0;
+        for (std::size_t i = 0; i < size; ++i)
+          ASSERT_EQ(out[i], sum += b[i] - a[i]) << i << " of " << count;
+      }
+  });
+}
+
+TEST(Kernels, AddExcess) {
+  on_every_target([] {
+    std::mt19937 random(34);
+    for (int count = 1; count <= 150; ++count)
+      for (const bool at_end : {false, true}) {
+        const auto size = static_cast<std::size_t>(count);
+        const Guarded<std::uint8_t> values(size, at_end), ground(size, at_end);
+        const Guarded<std::int32_t> sums(size, at_end);
+        fill(values, all_fills[count % 5], random);
+        std::vector<int> before(size);
+        for (std::size_t i = 0; i < size; ++i) {
+          ground[i] = random() % 3 > 0;
+          sums[i] = before[i] = static_cast<int>(random() % 200001) - 100000;
+        }
+        const int enough = count % 128, sign = count % 2 ? 1 : -1;
+        add_excess(values.data(), ground.data(), enough, sign, count, sums.data());
+        for (std::size_t i = 0; i < size; ++i)
+          ASSERT_EQ(sums[i], before[i] + sign * (values[i] - (ground[i] ? enough : 0)))
+              << i << " of " << count;
+      }
+  });
+}
+
 } // namespace

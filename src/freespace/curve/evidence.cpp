@@ -26,15 +26,52 @@ constexpr int step_bits = 4;
 constexpr std::array<std::uint8_t, 13> certainty{0,   62,  118, 162, 194, 216, 231,
                                                  240, 246, 249, 252, 253, 254};
 
+/// confidence_of() from 0 up to where it grows no more.
+constexpr auto confidence_table = [] {
+  std::array<std::uint8_t, (certainty.size() - 1) << step_bits> table{};
+  for (std::size_t e = 0; e < table.size(); ++e) {
+    const std::size_t step = e >> step_bits;
+    const int part = static_cast<int>(e) & ((1 << step_bits) - 1);
+    table[e] = static_cast<std::uint8_t>(certainty[step] +
+                                         (((certainty[step + 1] - certainty[step]) * part) >> step_bits));
+  }
+  return table;
+}();
+
+int appearance(int score) {
+  return std::clamp(score, -score_limit, score_limit) * score_weight >> score_shift;
+}
+
+/// Of half rows from the curve; above 0: ground.
+int place(int half_rows) {
+  return std::clamp(half_rows, -2 * most_rows, 2 * most_rows) * row_weight / 2;
+}
+
+void start_row(const std::int16_t* __restrict scores, const std::uint16_t* __restrict boundary, int row,
+               int count, std::int16_t* __restrict sums) {
+  // Half a row, so that the rows next to a curve are equally far from it.
+  for (int x = 0; x < count; ++x)
+    sums[x] = static_cast<std::int16_t>(appearance(scores[x]) + place(2 * (row - boundary[x]) + 1));
+}
+
+template <typename Value>
+void raise_to(const Value* __restrict values, int count, std::int16_t* __restrict most) {
+  for (int x = 0; x < count; ++x)
+    most[x] = std::max(most[x], static_cast<std::int16_t>(values[x]));
+}
+
+bool any_of(const std::int16_t* values, int count) {
+  int any = 0;
+  for (int x = 0; x < count; ++x)
+    any |= values[x];
+  return any != 0;
+}
+
 } // namespace
 
 std::uint8_t confidence_of(int evidence) {
-  const int most = (static_cast<int>(certainty.size()) - 1) << step_bits,
-            e = std::clamp(evidence, 0, most - 1);
-  const auto step = static_cast<std::size_t>(e >> step_bits);
-  const int part = e & ((1 << step_bits) - 1);
-  return static_cast<std::uint8_t>(certainty[step] +
-                                   (((certainty[step + 1] - certainty[step]) * part) >> step_bits));
+  return confidence_table[static_cast<std::size_t>(
+      std::clamp(evidence, 0, static_cast<int>(confidence_table.size()) - 1))];
 }
 
 void Evidence::start(const Grid& grid, const CellScores& score, const GridCurve& boundary,
@@ -43,42 +80,46 @@ void Evidence::start(const Grid& grid, const CellScores& score, const GridCurve&
   width_ = grid.width;
   height_ = grid.height;
   sums_.resize(grid.size());
-  for (int i = 0; i < height_; ++i)
-    for (int j = 0; j < width_; ++j) {
-      const auto x = static_cast<std::size_t>(j);
-      // Half a row, so that the rows next to a curve are equally far from it. Above 0: ground.
-      int rows = 2 * (i - boundary[x]) + 1;
-      if (behind.any && rows < 0 && i >= behind.first[x] && i < behind.end[x])
-        rows = 2 * std::min(i - behind.first[x], behind.end[x] - 1 - i) + 1;
-      const std::size_t cell = grid.at(i, j);
-      const int appearance =
-          std::clamp<int>(score[cell], -score_limit, score_limit) * score_weight >> score_shift;
-      const int place = std::clamp(rows, -2 * most_rows, 2 * most_rows) * row_weight / 2;
-      sums_[cell] = static_cast<std::int16_t>(appearance + place);
-    }
+  const auto w = static_cast<std::size_t>(width_);
+  for (int i = 0; i < height_; ++i) {
+    const std::int16_t* const scores = &score[grid.at(i, 0)];
+    std::int16_t* const sums = &sums_[grid.at(i, 0)];
+    start_row(scores, boundary.data(), i, width_, sums);
+    for (std::size_t j = 0; behind.any && j < w; ++j)
+      if (i < boundary[j] && i >= behind.first[j] && i < behind.end[j])
+        sums[j] = static_cast<std::int16_t>(
+            appearance(scores[j]) + place(2 * std::min(i - behind.first[j], behind.end[j] - 1 - i) + 1));
+  }
 }
 
-// A cell of the grid has what the strongest one in it has.
+// A cell of the grid has what the strongest one in it has: `strength` grows with the value, and is 0 up to 0.
 template <typename Value, typename Strength>
 void Evidence::subtract(const FinerCells<Value>& cells, Strength strength) {
   const int half = 1 << level_ >> 1;
   const auto cell_of = [&](int index, int count) {
     return std::min(((index << cells.level) + cells.middle + half) >> level_, count - 1);
   };
-  strongest_.assign(sums_.size(), 0);
-  for (int y = 0; y < cells.height; ++y) {
-    const Value* const in =
-        cells.values.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(cells.width);
-    std::int16_t* const out =
-        &strongest_[static_cast<std::size_t>(cell_of(y, height_)) * static_cast<std::size_t>(width_)];
-    for (int x = 0; x < cells.width; ++x)
-      if (in[x] != 0) {
-        std::int16_t& most = out[cell_of(x, width_)];
-        most = std::max(most, static_cast<std::int16_t>(strength(in[x])));
-      }
+  // The finer cells of a row follow one another, and so do those of a column: they end at ends_.
+  ends_.assign(static_cast<std::size_t>(width_), 0);
+  for (int x = 0; x < cells.width; ++x)
+    ends_[static_cast<std::size_t>(cell_of(x, width_))] = x + 1;
+  strongest_.resize(static_cast<std::size_t>(cells.width));
+  for (int y = 0, end; y < cells.height; y = end) {
+    const int row = cell_of(y, height_);
+    std::fill(strongest_.begin(), strongest_.end(), std::int16_t{0});
+    for (end = y; end < cells.height && cell_of(end, height_) == row; ++end)
+      raise_to(cells.values.data() + static_cast<std::size_t>(end) * static_cast<std::size_t>(cells.width),
+               cells.width, strongest_.data());
+    if (!any_of(strongest_.data(), cells.width))
+      continue;
+    std::int16_t* const out = &sums_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width_)];
+    for (int j = 0, x = 0; j < width_; ++j) {
+      int most = 0;
+      for (; x < ends_[static_cast<std::size_t>(j)]; ++x)
+        most = std::max<int>(most, strongest_[static_cast<std::size_t>(x)]);
+      out[j] = static_cast<std::int16_t>(out[j] - strength(most));
+    }
   }
-  for (std::size_t cell = 0; cell < sums_.size(); ++cell)
-    sums_[cell] = static_cast<std::int16_t>(sums_[cell] - strongest_[cell]);
 }
 
 void Evidence::subtract_oddness(const FinerCells<std::uint8_t>& oddness) {
@@ -92,16 +133,18 @@ void Evidence::subtract_standing(const FinerCells<std::int16_t>& standing) {
 void Evidence::tell(const Grid& grid, const GrayView& mask, int mask_level, std::uint8_t frame_confidence,
                     const MutablePlane& confidence) const {
   const int whole = without_confidence + full_confidence * frame_confidence / 255;
+  const auto pixel = [&](int index, int count) {
+    return std::min(subsampled(index << level_, mask_level), count - 1);
+  };
   for (int i = 0; i < height_; ++i) {
-    const std::uint8_t* const labels =
-        mask.plane.row(std::min(subsampled(i << level_, mask_level), mask.height - 1));
+    const std::uint8_t* const labels = mask.plane.row(pixel(i, mask.height));
+    const std::int16_t* const sums = &sums_[grid.at(i, 0)];
+    const std::uint8_t* const ignored = &grid.ignored[grid.at(i, 0)];
     std::uint8_t* const out = confidence.row(i);
     for (int j = 0; j < width_; ++j) {
-      const std::size_t cell = grid.at(i, j);
-      const bool ground =
-          labels[std::min(subsampled(j << level_, mask_level), mask.width - 1)] == mask_traversable;
-      out[j] =
-          grid.ignored[cell] ? std::uint8_t{0} : confidence_of((ground ? sums_[cell] : -sums_[cell]) + whole);
+      const bool ground = labels[pixel(j, mask.width)] == mask_traversable;
+      const int evidence = (ground ? sums[j] : -sums[j]) + whole;
+      out[j] = ignored[j] ? std::uint8_t{0} : confidence_of(evidence);
     }
   }
 }

@@ -51,6 +51,7 @@ class Evidence {
 
   int level_ = 0, width_ = 0, height_ = 0;
   std::vector<std::int16_t> sums_, strongest_;
+  std::vector<int> ends_; ///< of each cell's columns among finer cells
 };
 
 /// 255 * (2 p - 1) of evidence for a label, 32 = 1 nat; 0 where there is none.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 
 #include "base/fixed_log.hpp"
 #include "base/lattice.hpp"
@@ -45,6 +46,32 @@ int make_doubtful(std::uint8_t* pixels, int count) {
     pixels[x] = traversable ? mask_doubtful : pixels[x];
   }
   return turned;
+}
+
+void outline_row(const std::uint16_t* __restrict safe, int row, int count, std::uint8_t* __restrict in) {
+  for (int x = 0; x < count; ++x)
+    in[x] = safe[x] <= row;
+}
+
+void outline_behind(const std::uint16_t* __restrict first, const std::uint16_t* __restrict end, int row,
+                    int count, std::uint8_t* __restrict in) {
+  for (int x = 0; x < count; ++x)
+    in[x] |= static_cast<std::uint8_t>((first[x] <= row) & (end[x] > row));
+}
+
+/// True where one of eight values, 0..127, is `least` or more.
+bool any_of_eight(const std::uint8_t* values, int least) {
+  constexpr std::uint64_t ones = 0x0101010101010101u;
+  std::uint64_t eight = 0;
+  std::memcpy(&eight, values, sizeof eight);
+  return ((eight + ones * static_cast<std::uint64_t>(128 - least)) & (ones << 7)) != 0;
+}
+
+std::uint8_t largest(const std::uint8_t* values, std::size_t count) {
+  std::uint8_t most = 0;
+  for (std::size_t i = 0; i < count; ++i)
+    most = std::max(most, values[i]);
+  return most;
 }
 
 /// 4096 / sqrt(variance), Q12, to 1 %; variance Q8, at least 2^10.
@@ -90,10 +117,13 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   blocks_x_ = (width_ >> 1) + 1;
   blocks_y_ = (height_ >> 1) + 1;
   const std::size_t size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
-  odd_.assign(size, 0);
+  odd_.resize(size);
   spot_.assign(size, 0);
+  row_ends_.assign(static_cast<std::size_t>(height_), 0);
   queue_.reserve(size);
-  if (!outline_ground(curves))
+  const bool any_ground = outline_ground(curves);
+  std::fill_n(odd_.begin(), std::min(first_, height_) * width_, std::uint8_t{0});
+  if (!any_ground)
     return false;
   read_cells(pyramid, transform);
   sum_blocks();
@@ -129,18 +159,16 @@ bool OddSpots::outline_ground(const FreeSpaceCurves& curves) {
   }
   if (first_ >= height_)
     return false;
-  ground_.assign(odd_.size(), 0);
+  ground_.resize(odd_.size()); // known from first_ on
   for (int i = first_; i < height_; ++i) {
-    std::uint8_t* in = &ground_[static_cast<std::size_t>(i) * w];
-    for (std::size_t j = 0; j < w; ++j)
-      in[j] = i >= safe_[j];
+    std::uint8_t* const in = &ground_[static_cast<std::size_t>(i) * w];
+    outline_row(safe_.data(), i, width_, in);
     if (curves.ground_behind)
-      for (std::size_t j = 0; j < w; ++j)
-        in[j] |= static_cast<std::uint8_t>(int{i >= behind_first_[j]} & int{i < behind_end_[j]});
+      outline_behind(behind_first_.data(), behind_end_.data(), i, width_, in);
   }
   for (const Rectangle& region : view_.ignored) {
     const Rectangle cells = cells_in(region, k, width_, height_);
-    for (int i = cells.y; i < cells.y + cells.height; ++i)
+    for (int i = std::max(cells.y, first_); i < cells.y + cells.height; ++i)
       std::fill_n(&ground_[static_cast<std::size_t>(i) * w] + cells.x, cells.width, std::uint8_t{0});
   }
   return true;
@@ -200,14 +228,10 @@ void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
     auto& strip = strips_[s];
     strip.resize(stride + 1 + 2 * pad);
     const std::uint32_t *const a = &sums_[s][from], *const b = a + (to - from);
-    std::uint32_t* __restrict out = strip.data() + pad;
+    std::uint32_t* const out = strip.data() + pad;
     std::fill_n(strip.data(), pad + 1, 0u);
-    std::uint32_t run = 0;
-    for (std::size_t j = 0; j < stride; ++j) {
-      run += b[j] - a[j];
-      out[j + 1] = run;
-    }
-    std::fill_n(out + stride + 1, pad, run);
+    kernels::run_differences(a, b, blocks_x_, out + 1);
+    std::fill_n(out + stride + 1, pad, out[stride]);
   }
 }
 
@@ -290,76 +314,102 @@ void OddSpots::measure_row(int row) {
                    most_oddness, width_, &odd_[at]);
 }
 
-bool OddSpots::in_window(int row, int column) const {
-  const int k = view_.level;
-  return row >= view_.window.y >> k && column >= view_.window.x >> k &&
-         column <= (view_.window.x + view_.window.width) >> k;
+// Cells that are odd enough, outside of the window, row by row.
+void OddSpots::list_candidates() {
+  const auto w = static_cast<std::size_t>(width_);
+  const int k = view_.level, window_top = view_.window.y >> k, window_left = view_.window.x >> k,
+            window_right = (view_.window.x + view_.window.width) >> k;
+  candidates_.clear();
+  candidates_.reserve(odd_.size());
+  for (int i = first_; i < height_; ++i) {
+    const std::size_t at = static_cast<std::size_t>(i) * w;
+    const std::uint8_t* const odd = &odd_[at];
+    const auto take = [&](std::size_t j) {
+      const auto column = static_cast<int>(j);
+      if (odd[j] >= odd_enough && (i < window_top || column < window_left || column > window_right))
+        candidates_.push_back(static_cast<std::uint32_t>(at + j));
+    };
+    std::size_t j = 0;
+    for (; j + 8 <= w; j += 8)
+      if (any_of_eight(odd + j, odd_enough))
+        for (std::size_t e = 0; e < 8; ++e)
+          take(j + e);
+    for (; j < w; ++j)
+      take(j);
+    row_ends_[static_cast<std::size_t>(i)] = candidates_.size();
+  }
 }
 
-// Running sums; those above the ground stay 0.
-void OddSpots::sum_cells(const std::vector<std::uint8_t>& values, std::vector<std::uint32_t>& sums) const {
-  const auto w = static_cast<std::size_t>(width_), stride = w + 1;
-  sums.resize(stride * (static_cast<std::size_t>(height_) + 1));
-  std::fill_n(sums.begin(), stride * (static_cast<std::size_t>(first_) + 1), 0u);
-  for (std::size_t i = static_cast<std::size_t>(first_); i < static_cast<std::size_t>(height_); ++i) {
-    const std::uint8_t* const in = &values[i * w];
-    const std::uint32_t* const above = &sums[i * stride];
-    std::uint32_t* __restrict here = &sums[(i + 1) * stride];
-    std::uint32_t run = 0;
-    here[0] = 0;
-    for (std::size_t j = 0; j < w; ++j) {
-      run += in[j];
-      here[j + 1] = above[j + 1] + run;
+// Calls visit(cell, sum) for each candidate, with the sum over the box around it that reaches `sixty_fourths`
+// of its distance, at least a cell. `add(row, sign)` adds a row's values, or takes them off again, from
+// columns_: a box moves down with the rows and never up, so that each row is added once.
+template <typename Add, typename Visit> void OddSpots::sum_around(int sixty_fourths, Add add, Visit visit) {
+  columns_.assign(static_cast<std::size_t>(width_), 0);
+  int top = first_, bottom = first_;
+  std::size_t next = 0;
+  for (int i = first_; i < height_; ++i) {
+    const std::size_t end = row_ends_[static_cast<std::size_t>(i)];
+    if (next == end)
+      continue;
+    const int reach = std::max((sixty_fourths * distance(i) + 32) >> 6, 1),
+              above = std::max(i - reach, first_), below = std::min(i + reach + 1, height_);
+    if (above >= bottom) {
+      std::fill(columns_.begin(), columns_.end(), 0);
+      top = bottom = above;
+    }
+    for (; bottom < below; ++bottom)
+      add(bottom, 1);
+    for (; top < above; ++top)
+      add(top, -1);
+    const std::size_t at = static_cast<std::size_t>(i) * static_cast<std::size_t>(width_);
+    int left = 0, right = 0, sum = 0;
+    for (; next < end; ++next) {
+      const int column = static_cast<int>(candidates_[next] - at), from = std::max(column - reach, 0),
+                to = std::min(column + reach + 1, width_);
+      if (from >= right) {
+        left = right = from;
+        sum = 0;
+      }
+      for (; right < to; ++right)
+        sum += columns_[static_cast<std::size_t>(right)];
+      for (; left < from; ++left)
+        sum -= columns_[static_cast<std::size_t>(left)];
+      visit(candidates_[next], sum);
     }
   }
 }
 
-std::uint32_t OddSpots::around(const std::vector<std::uint32_t>& sums, int row, int column, int reach) const {
-  const auto stride = static_cast<std::size_t>(width_) + 1;
-  const auto top = static_cast<std::size_t>(std::max(row - reach, 0)) * stride,
-             bottom = static_cast<std::size_t>(std::min(row + reach + 1, height_)) * stride,
-             left = static_cast<std::size_t>(std::max(column - reach, 0)),
-             right = static_cast<std::size_t>(std::min(column + reach + 1, width_));
-  return sums[bottom + right] - sums[bottom + left] - sums[top + right] + sums[top + left];
-}
-
-// Cells that are odd enough, outside of the window.
-void OddSpots::list_candidates() {
-  candidates_.resize(odd_.size());
-  const auto w = static_cast<std::size_t>(width_);
-  std::size_t count = 0;
-  for (std::size_t cell = static_cast<std::size_t>(first_) * w; cell < odd_.size(); ++cell) {
-    candidates_[count] = static_cast<std::uint32_t>(cell);
-    count += odd_[cell] >= odd_enough;
-  }
-  candidates_.resize(count);
-  std::erase_if(candidates_, [&](std::uint32_t cell) { return in_window(row_of(cell), column_of(cell)); });
-}
-
+// Where the mean oddness of the ground around a candidate is enough.
 bool OddSpots::seed() {
-  const std::uint32_t enough = is_far() ? far_seed_enough : seed_enough;
-  if (*std::max_element(odd_.begin(), odd_.end()) < enough)
+  const int enough = is_far() ? far_seed_enough : seed_enough;
+  const auto w = static_cast<std::size_t>(width_);
+  const std::size_t from = static_cast<std::size_t>(first_) * w;
+  if (largest(&odd_[from], odd_.size() - from) < enough)
     return false;
   list_candidates();
-  sum_cells(odd_, odd_sums_);
-  sum_cells(ground_, ground_sums_);
   seed_.assign(odd_.size(), 0);
   bool any = false;
-  for (const std::uint32_t cell : candidates_) {
-    const int i = row_of(cell), j = column_of(cell),
-              reach = std::max((seed_reach * distance(i) + 32) >> 6, 1);
-    seed_[cell] = around(odd_sums_, i, j, reach) >= enough * around(ground_sums_, i, j, reach);
-    any |= seed_[cell] != 0;
-  }
+  sum_around(
+      seed_reach,
+      [&](int row, int sign) {
+        const std::size_t at = static_cast<std::size_t>(row) * w;
+        kernels::add_excess(&odd_[at], &ground_[at], enough, sign, width_, columns_.data());
+      },
+      [&](std::uint32_t cell, int excess) {
+        seed_[cell] = excess >= 0;
+        any |= excess >= 0;
+      });
   return any;
 }
 
 void OddSpots::grow() {
-  sum_cells(seed_, seed_sums_);
-  for (const std::uint32_t cell : candidates_) {
-    const int i = row_of(cell), reach = std::max((growth_reach * distance(i) + 32) >> 6, 1);
-    spot_[cell] = around(seed_sums_, i, column_of(cell), reach) > 0;
-  }
+  sum_around(
+      growth_reach,
+      [&](int row, int sign) {
+        const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
+        kernels::add_excess(&seed_[at], &seed_[at], 0, sign, width_, columns_.data());
+      },
+      [&](std::uint32_t cell, int seeds) { spot_[cell] = seeds > 0; });
 }
 
 // Drops what touches something above it that is not ground: a matter of the boundary.
@@ -396,42 +446,44 @@ bool OddSpots::keep_islands() {
   return any;
 }
 
-void OddSpots::lower(int mask_level, FrameCurve& rows) const {
-  const int k = view_.level, half = 1 << k >> 1;
-  for (int j = 0; j < width_; ++j) {
-    int lowest = -1;
-    for (int i = height_ - 1; i >= first_ && lowest < 0; --i)
-      if (spot_[static_cast<std::size_t>(i) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(j)])
-        lowest = i;
-    if (lowest < 0)
-      continue;
-    const int row = (lowest << k) - half + (1 << k);
-    const int left = subsampled(std::max((j << k) - half, 0), mask_level),
-              right =
-                  std::min(subsampled((j << k) - half + (1 << k), mask_level), static_cast<int>(rows.size()));
-    for (int x = left; x < right; ++x)
-      rows[static_cast<std::size_t>(x)] =
-          static_cast<std::uint16_t>(std::max<int>(rows[static_cast<std::size_t>(x)], row));
+// Calls visit(row, first, end) for each stretch of a row that belongs to spots.
+template <typename Visit> void OddSpots::each_stretch(Visit visit) const {
+  std::size_t next = 0;
+  for (int i = first_; i < height_; ++i) {
+    const std::size_t at = static_cast<std::size_t>(i) * static_cast<std::size_t>(width_),
+                      end = row_ends_[static_cast<std::size_t>(i)];
+    while (next < end) {
+      const std::uint32_t start = candidates_[next++];
+      if (!spot_[start])
+        continue;
+      std::uint32_t stop = start + 1;
+      for (; next < end && candidates_[next] == stop && spot_[stop]; ++next)
+        ++stop;
+      visit(i, static_cast<int>(start - at), static_cast<int>(stop - at));
+    }
   }
+}
+
+void OddSpots::lower(int mask_level, FrameCurve& rows) const {
+  const int k = view_.level, half = 1 << k >> 1, columns = static_cast<int>(rows.size());
+  each_stretch([&](int i, int from, int to) {
+    const auto row = static_cast<std::uint16_t>((i << k) - half + (1 << k));
+    const int left = subsampled(std::max((from << k) - half, 0), mask_level),
+              right = std::min(subsampled((to << k) - half, mask_level), columns);
+    for (int x = left; x < right; ++x)
+      rows[static_cast<std::size_t>(x)] = std::max(rows[static_cast<std::size_t>(x)], row);
+  });
 }
 
 std::uint64_t OddSpots::mark(const MutablePlane& mask, int width, int height, int mask_level) const {
   const int k = view_.level, half = 1 << k >> 1;
   const auto first = [&](int cell) { return subsampled(std::max((cell << k) - half, 0), mask_level); };
   std::uint64_t turned = 0;
-  for (int i = first_; i < height_; ++i) {
-    const std::uint8_t* const spots = &spot_[static_cast<std::size_t>(i) * static_cast<std::size_t>(width_)];
-    const int top = first(i), bottom = std::min(first(i + 1), height);
-    for (int j = 0, end; j < width_; j = end) {
-      for (end = j + 1; end < width_ && spots[end] == spots[j];) // neighbours go together
-        ++end;
-      if (!spots[j])
-        continue;
-      const int left = first(j), count = std::max(std::min(first(end), width) - left, 0);
-      for (int y = top; y < bottom; ++y)
-        turned += make_doubtful(mask.row(y) + left, count);
-    }
-  }
+  each_stretch([&](int i, int from, int to) {
+    const int left = first(from), count = std::max(std::min(first(to), width) - left, 0);
+    for (int y = first(i), bottom = std::min(first(i + 1), height); y < bottom; ++y)
+      turned += static_cast<std::uint64_t>(make_doubtful(mask.row(y) + left, count));
+  });
   return turned;
 }
 

@@ -67,14 +67,13 @@ class OddSpots {
   void count_cells(std::size_t pad, std::uint32_t full);
   void compare_sides(int block_row);
   void measure_row(int row);
-  bool in_window(int row, int column) const;
-  void sum_cells(const std::vector<std::uint8_t>& values, std::vector<std::uint32_t>& sums) const;
-  std::uint32_t around(const std::vector<std::uint32_t>& sums, int row, int column, int reach) const;
   int row_of(std::uint32_t cell) const { return static_cast<int>(cell / static_cast<std::uint32_t>(width_)); }
   int column_of(std::uint32_t cell) const {
     return static_cast<int>(cell % static_cast<std::uint32_t>(width_));
   }
   void list_candidates();
+  template <typename Add, typename Visit> void sum_around(int sixty_fourths, Add add, Visit visit);
+  template <typename Visit> void each_stretch(Visit visit) const;
   bool seed();
   void grow();
   bool keep_islands();
@@ -98,8 +97,9 @@ class OddSpots {
   std::vector<std::int16_t> nearest_dark_;
   std::array<std::vector<std::uint8_t>, 3> deviation_; ///< of a row, Q4
   std::vector<std::uint8_t> dark_, shade_;             ///< likewise: darker than both sides; clearly so
-  std::vector<std::uint32_t> odd_sums_, ground_sums_, seed_sums_;
-  std::vector<std::uint32_t> candidates_, queue_; ///< cells
+  std::vector<std::int32_t> columns_;                  ///< sums over a box's rows
+  std::vector<std::uint32_t> candidates_, queue_;      ///< cells
+  std::vector<std::size_t> row_ends_;                  ///< of each row's candidates, from first_ on
 };
 
 } // namespace terrainseg
