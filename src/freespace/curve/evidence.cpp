@@ -18,6 +18,8 @@ constexpr int row_weight = 10, most_rows = 8;
 constexpr int usual_oddness = 24;
 /// What stands: 16 of 256 are a nat, and this is the most.
 constexpr int standing_weight = 2, most_standing = 8 * 32;
+/// Cells of spots and of motion are finer than the grid's by so many levels at most.
+constexpr int most_levels_finer = 2;
 /// Of the whole picture: a label without any other evidence, and 255 of the mask's confidence.
 constexpr int without_confidence = -45, full_confidence = 80;
 
@@ -80,6 +82,9 @@ void Evidence::start(const Grid& grid, const CellScores& score, const GridCurve&
   width_ = grid.width;
   height_ = grid.height;
   sums_.resize(grid.size());
+  // Whatever is subtracted later, and whether it is: no frame needs memory then.
+  strongest_.reserve((static_cast<std::size_t>(width_) + 1) << most_levels_finer);
+  ends_.reserve(static_cast<std::size_t>(width_));
   const auto w = static_cast<std::size_t>(width_);
   for (int i = 0; i < height_; ++i) {
     const std::int16_t* const scores = &score[grid.at(i, 0)];

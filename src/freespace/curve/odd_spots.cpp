@@ -120,7 +120,10 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   odd_.resize(size);
   spot_.assign(size, 0);
   row_ends_.assign(static_cast<std::size_t>(height_), 0);
-  queue_.reserve(size);
+  for (auto* cells : {&queue_, &candidates_}) // now: not in the frame in which something is first found
+    cells->reserve(size);
+  seed_.reserve(size);
+  columns_.reserve(static_cast<std::size_t>(width_));
   const bool any_ground = outline_ground(curves);
   std::fill_n(odd_.begin(), std::min(first_, height_) * width_, std::uint8_t{0});
   if (!any_ground)
@@ -320,7 +323,6 @@ void OddSpots::list_candidates() {
   const int k = view_.level, window_top = view_.window.y >> k, window_left = view_.window.x >> k,
             window_right = (view_.window.x + view_.window.width) >> k;
   candidates_.clear();
-  candidates_.reserve(odd_.size());
   for (int i = first_; i < height_; ++i) {
     const std::size_t at = static_cast<std::size_t>(i) * w;
     const std::uint8_t* const odd = &odd_[at];
