@@ -159,26 +159,47 @@ Routes routes_of(const FormatLayout& layout) {
   return routes;
 }
 
+// Rows in memory: all of a plane, or the last ones in a ring.
+template <typename Byte> struct Lines {
+  Byte* data = nullptr;
+  std::ptrdiff_t stride = 0;
+  int mask = ~0; ///< of the row's number
+
+  Byte* row(int y) const { return data + stride * (y & mask); }
+};
+
 // A level that one band of one route is making.
 struct Step {
-  Rows made;   ///< first row of the band, and one past the last row made so far
-  Rows own;    ///< rows that this band writes into the kept planes
-  int end = 0; ///< one past the last row that this band makes
+  Rows made;                       ///< first row of the band, and one past the last row made so far
+  Rows own;                        ///< rows that this band writes into the kept planes
+  int end = 0;                     ///< one past the last row that this band makes
+  Lines<std::uint8_t> lines, ring; ///< where its own rows are, and the others
   int source_width = 0, source_height = 0;
+  std::ptrdiff_t ahead = 0; ///< from rows that are read to those that are asked for
+  Interleave interleave{};  ///< of the rows that are read
+  bool vertically = false;  ///< they are as narrow as this level already
   bool begun = false;
+  bool delivered = false; ///< own rows are taken apart into kept planes
   kernels::Waiting waiting;
-  std::uint8_t* ring = nullptr;
-  std::ptrdiff_t ring_stride = 0;
-  bool direct = false; ///< own rows go straight into the kept plane
 
-  std::uint8_t* ring_row(int y) const { return ring + ring_stride * (y & (ring_rows - 1)); }
+  std::uint8_t* row(int y) const { return (own.holds(y) ? lines : ring).row(y); }
 };
 
 struct Course {
   int top = 0; ///< coarsest level that is made
   Rows source; ///< rows of the source that this band reads
+  Lines<const std::uint8_t> source_lines;
   std::array<Step, level_count> step;
 };
+
+// Rows of a level begin and end with an odd number of those below it, and with the last of them.
+constexpr bool allows_more(int available, int end) {
+  return available % 2 != 0 || available == end;
+}
+// The next such number after `available`.
+constexpr int next_that_allows(int available, int end) {
+  return std::min(available + 1 + available % 2, end);
+}
 
 struct Band {
   RowMemory memory;
@@ -189,6 +210,14 @@ struct Band {
     return staged[static_cast<std::size_t>(plane)].row(y & (ring_rows - 1));
   }
 };
+
+void reduce(const Step& step, const std::uint8_t* odd, const std::uint8_t* even, std::uint8_t* out) {
+  if (step.vertically)
+    kernels::reduce_pair_vertically(odd, even, step.source_width * kernels::written_step(step.interleave),
+                                    step.waiting, out);
+  else
+    kernels::reduce_pair(step.interleave, odd, even, step.source_width, step.ahead, step.waiting, out);
+}
 
 } // namespace
 
@@ -227,11 +256,9 @@ struct Pyramid::State {
   void lay_out(Band& band, const Route& route, Course& course, int top, int index);
   void run(Band& band, const Routes& ways);
   void run_band(int index);
-  void begin(Course& course, const Route& route) const;
-  const std::uint8_t* row(const Band& band, const Route& route, const Course& course, int level, int y) const;
-  void advance(Band& band, const Route& route, Course& course, int level, int available);
-  void reduce(const Band& band, const Route& route, Course& course, int level, int odd, int even,
-              std::uint8_t* out);
+  void begin(const Band& band, Course& course, const Route& route) const;
+  Lines<const std::uint8_t> source_of(const Band& band, const Route& route) const;
+  void advance(const Route& route, Course& course, int level, int available);
   void deliver(const Route& route, int level, int y, const std::uint8_t* pixels);
   void fill_level_0(int component, int index);
   void copy_chroma(int component, int index);
@@ -328,13 +355,20 @@ void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int
       step.made.first = std::max(0, std::min(step.own.first, 2 * coarser.made.first - 2));
       step.end = std::min(height(level), std::max(step.own.end, 2 * coarser.end + 1));
     }
-    const bool narrow = route.vertical_first && level == 1;
-    step.source_width = narrow ? width(1) : width(level - 1);
+    step.vertically = route.vertical_first && level == 1;
+    step.source_width = step.vertically ? width(1) : width(level - 1);
     step.source_height = height(level - 1);
-    step.direct = route.components == 1 && kept(level, route.component[0]);
+    const bool from_three = route.interleave == Interleave::three && level > 1;
+    step.interleave = from_three ? Interleave::four : route.interleave;
     const std::ptrdiff_t bytes = std::ptrdiff_t{width(level)} * kernels::written_step(route.interleave);
-    step.ring_stride = aligned(bytes);
-    step.ring = band.memory.take(step.ring_stride * ring_rows);
+    step.ring = {nullptr, aligned(bytes), ring_rows - 1};
+    step.ring.data = band.memory.take(step.ring.stride * ring_rows);
+    step.lines = step.ring;
+    if (route.components == 1 && kept(level, route.component[0]))
+      step.lines = {planes[level][route.component[0]].data, planes[level][route.component[0]].stride};
+    else
+      for (int i = 0; i < route.components; ++i)
+        step.delivered |= kept(level, route.component[i]);
     // The loops begin at the second pixel: that is the one to be aligned. Takes 4 % off the pyramid.
     const std::ptrdiff_t second = 2 * kernels::written_step(route.interleave);
     const auto take_sums = [&] {
@@ -353,42 +387,28 @@ void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int
   }
 }
 
-void Pyramid::State::begin(Course& course, const Route& route) const {
+void Pyramid::State::begin(const Band& band, Course& course, const Route& route) const {
   for (int level = route.source_level + 1; level <= course.top; ++level) {
     course.step[level].made.end = course.step[level].made.first;
     course.step[level].begun = false;
   }
+  course.source_lines = source_of(band, route);
+  if (course.top > route.source_level)
+    course.step[route.source_level + 1].ahead =
+        route.staged || route.from_kept ? 0 : rows_ahead * course.source_lines.stride;
 }
 
-const std::uint8_t* Pyramid::State::row(const Band& band, const Route& route, const Course& course, int level,
-                                        int y) const {
-  if (level == route.source_level) {
-    if (route.from_kept)
-      return planes[level][route.component[0]].row(y);
-    return route.staged ? band.staged_row(route.source_plane, y) : frame.planes[route.source_plane].row(y);
+Lines<const std::uint8_t> Pyramid::State::source_of(const Band& band, const Route& route) const {
+  if (route.from_kept) {
+    const MutablePlane& plane = planes[route.source_level][route.component[0]];
+    return {plane.data, plane.stride};
   }
-  const Step& step = course.step[level];
-  if (step.direct && step.own.holds(y))
-    return planes[level][route.component[0]].row(y);
-  return step.ring_row(y);
-}
-
-void Pyramid::State::reduce(const Band& band, const Route& route, Course& course, int level, int odd,
-                            int even, std::uint8_t* out) {
-  Step& step = course.step[level];
-  const std::uint8_t* odd_row = row(band, route, course, level - 1, reflect_101(odd, step.source_height));
-  const std::uint8_t* even_row = row(band, route, course, level - 1, reflect_101(even, step.source_height));
-  if (route.vertical_first && level == 1) {
-    const int bytes = width(1) * kernels::written_step(route.interleave);
-    kernels::reduce_pair_vertically(odd_row, even_row, bytes, step.waiting, out);
-    return;
+  if (route.staged) {
+    const MutablePlane& rows = band.staged[static_cast<std::size_t>(route.source_plane)];
+    return {rows.data, rows.stride, ring_rows - 1};
   }
-  const std::ptrdiff_t ahead = level - 1 == route.source_level && !route.staged && !route.from_kept
-                                   ? rows_ahead * frame.planes[route.source_plane].stride
-                                   : 0;
-  const bool from_three = route.interleave == Interleave::three && level > 1;
-  kernels::reduce_pair(from_three ? Interleave::four : route.interleave, odd_row, even_row, step.source_width,
-                       ahead, step.waiting, out);
+  const Plane& plane = frame.planes[route.source_plane];
+  return {plane.data, plane.stride};
 }
 
 void Pyramid::State::deliver(const Route& route, int level, int y, const std::uint8_t* pixels) {
@@ -399,28 +419,31 @@ void Pyramid::State::deliver(const Route& route, int level, int y, const std::ui
 }
 
 // Makes what rows 0..available-1 of the level below allow, at this level and all coarser ones.
-void Pyramid::State::advance(Band& band, const Route& route, Course& course, int level, int available) {
-  if (level > course.top)
-    return;
+void Pyramid::State::advance(const Route& route, Course& course, int level, int available) {
   Step& step = course.step[level];
+  const int last = step.source_height - 1;
+  const auto read = [&](int y) -> const std::uint8_t* {
+    const int row = reflect_101(y, step.source_height);
+    return level - 1 == route.source_level ? course.source_lines.row(row) : course.step[level - 1].row(row);
+  };
   while (step.made.end < step.end) {
-    const int y = step.made.end, last = step.source_height - 1;
-    std::uint8_t* out =
-        step.direct && step.own.holds(y) ? planes[level][route.component[0]].row(y) : step.ring_row(y);
+    const int y = step.made.end;
     if (!step.begun) {
       if (std::min(std::max(2 * y, y == 0 ? 2 : 0), last) >= available)
         return;
-      reduce(band, route, course, level, 2 * y - 2, 2 * y - 2, out);
-      reduce(band, route, course, level, 2 * y - 1, 2 * y, out);
+      reduce(step, read(2 * y - 2), read(2 * y - 2), step.row(y));
+      reduce(step, read(2 * y - 1), read(2 * y), step.row(y));
       step.begun = true;
     }
     if (std::min(2 * y + 2, last) >= available)
       return;
-    reduce(band, route, course, level, 2 * y + 1, 2 * y + 2, out);
-    if (!step.direct && step.own.holds(y))
+    std::uint8_t* const out = step.row(y);
+    reduce(step, read(2 * y + 1), read(2 * y + 2), out);
+    if (step.delivered && step.own.holds(y))
       deliver(route, level, y, out);
     ++step.made.end;
-    advance(band, route, course, level + 1, step.made.end);
+    if (level < course.top && allows_more(step.made.end, step.end))
+      advance(route, course, level + 1, step.made.end);
   }
 }
 
@@ -429,24 +452,32 @@ void Pyramid::State::run(Band& band, const Routes& ways) {
   for (int r = 0; r < ways.count; ++r) {
     const Route& route = ways.route[r];
     const Rows source = band.course[r].source;
-    begin(band.course[r], route);
+    begin(band, band.course[r], route);
     if (source.end > source.first) {
       first = std::min(first, source.first << route.source_level);
       end = std::max(end, source.end << route.source_level);
     }
   }
+  // The row of the frame with which a route gets on that was given `available` rows of its source; end: none.
+  const auto next = [&](std::size_t r, int available) {
+    const Course& course = band.course[r];
+    const int level = ways.route[r].source_level, last = course.source.end;
+    return course.top > level && available < last ? (next_that_allows(available, last) - 1) << level : end;
+  };
+  std::array<int, 3> due{};
+  for (std::size_t r = 0; r < static_cast<std::size_t>(ways.count); ++r) {
+    const int level = ways.route[r].source_level;
+    due[r] = next(r, (first + (1 << level) - 1) >> level);
+  }
   for (int y = first; y < end; ++y) {
     if (ways.route[0].staged)
       stage(band, y);
-    for (int r = 0; r < ways.count; ++r) {
-      const Route& route = ways.route[r];
-      Course& course = band.course[r];
-      const int available = std::min((y >> route.source_level) + 1, course.source.end);
-      // Rows of the next level begin and end with the odd ones among them, and with the last.
-      const bool again = y % (1 << route.source_level) != 0;
-      if (again || (available % 2 == 0 && available < course.source.end))
+    for (std::size_t r = 0; r < static_cast<std::size_t>(ways.count); ++r) {
+      if (y != due[r])
         continue;
-      advance(band, route, course, route.source_level + 1, available);
+      const int level = ways.route[r].source_level, available = (y >> level) + 1;
+      advance(ways.route[r], band.course[r], level + 1, available);
+      due[r] = next(r, available);
     }
   }
 }

@@ -18,6 +18,12 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+#if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
+#define TERRAINSEG_GATHERS 1
+#else
+#define TERRAINSEG_GATHERS 0
+#endif
+
 HWY_INLINE int within(int value, int least, int most) {
   return value < least ? least : (value > most ? most : value);
 }
@@ -62,11 +68,21 @@ void weigh_cells(const ComponentRow& in, const std::array<std::int32_t, 3>& weig
                  int count, std::uint8_t* out) {
 #if HWY_TARGET != HWY_SCALAR
   const D32 d;
-  if (cover(count, static_cast<int>(hn::Lanes(d)), [&](int i) HWY_ATTR {
-        const V32 sum =
-            weighted(weights, load_cells(in[0] + i), load_cells(in[1] + i), load_cells(in[2] + i));
-        const hn::Rebind<std::uint8_t, D32> d8;
-        hn::StoreU(hn::DemoteTo(d8, hn::ShiftRight<16>(hn::Add(sum, hn::Set(d, offset)))), d8, out + i);
+  const int n = static_cast<int>(hn::Lanes(d));
+  const auto store = [&](int i, V32 sum) HWY_ATTR {
+    const hn::Rebind<std::uint8_t, D32> d8;
+    hn::StoreU(hn::DemoteTo(d8, hn::ShiftRight<16>(hn::Add(sum, hn::Set(d, offset)))), d8, out + i);
+  };
+  // Between ranges of one colour matrix only one component of three has a weight.
+  for (std::size_t k = 0; k < 3; ++k)
+    if (weights[(k + 1) % 3] == 0 && weights[(k + 2) % 3] == 0) {
+      const auto weight = hn::Set(d, weights[k]);
+      const std::uint8_t* const cells = in[k];
+      if (cover(count, n, [&](int i) HWY_ATTR { store(i, hn::Mul(weight, load_cells(cells + i))); }))
+        return;
+    }
+  if (cover(count, n, [&](int i) HWY_ATTR {
+        store(i, weighted(weights, load_cells(in[0] + i), load_cells(in[1] + i), load_cells(in[2] + i)));
       }))
     return;
 #endif
@@ -238,6 +254,49 @@ void write_segment(int start, int step, int most, int count, std::uint16_t* __re
     out[i] = static_cast<std::uint16_t>(within((start + i * step) >> 1, 0, most));
 }
 
+void octaves_looked_up(const std::uint32_t* __restrict values, const std::int16_t* __restrict table,
+                       int count, std::int16_t* __restrict out) {
+  int i = 0;
+#if TERRAINSEG_GATHERS
+  const hn::FixedTag<std::int32_t, 8> d;
+  const hn::Rebind<std::int16_t, decltype(d)> d16;
+  for (; i + 8 <= count; i += 8) {
+    const auto value = hn::LoadU(d, reinterpret_cast<const std::int32_t*>(values) + i);
+    auto shifted = hn::ShiftRight<2>(value), octave = hn::Zero(d);
+    // To nine bits.
+    const auto take = [&](std::int32_t octaves) HWY_ATTR {
+      const auto more =
+          hn::And(hn::VecFromMask(d, hn::Gt(shifted, hn::Set(d, (256 << octaves) - 1))), hn::Set(d, octaves));
+      shifted = hn::Shr(shifted, more);
+      octave = hn::Add(octave, more);
+    };
+    take(8);
+    take(4);
+    take(2);
+    take(1);
+    const auto entry = hn::Add(hn::ShiftLeft<8>(octave), hn::Sub(shifted, hn::Set(d, 256)));
+    const auto known = hn::VecFromMask(d, hn::Gt(value, hn::Zero(d)));
+    // Four bytes are read at each place.
+    const auto* base = reinterpret_cast<const std::int32_t*>(table);
+    const auto pair = hn::GatherOffset(d, base, hn::And(known, hn::Add(entry, entry)));
+    const auto first = hn::ShiftRight<16>(hn::ShiftLeft<16>(hn::And(known, pair)));
+    hn::StoreU(hn::DemoteTo(d16, first), d16, out + i);
+  }
+#endif
+  for (; i < count; ++i) {
+    int octave = 0;
+    std::uint32_t shifted = values[i] >> 2;
+    for (const int octaves : {8, 4, 2, 1})
+      if (shifted >> octaves >= 256) {
+        shifted >>= octaves;
+        octave += octaves;
+      }
+    out[i] = values[i] ? table[octave * 256 + static_cast<int>(shifted & 255)] : std::int16_t{0};
+  }
+}
+
+#undef TERRAINSEG_GATHERS
+
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels
 HWY_AFTER_NAMESPACE();
@@ -253,6 +312,7 @@ HWY_EXPORT(follow_cells);
 HWY_EXPORT(smooth_cells);
 HWY_EXPORT(strongest_of_strip);
 HWY_EXPORT(write_segment);
+HWY_EXPORT(octaves_looked_up);
 
 void weigh_components(const ComponentRow& in, const std::array<std::int32_t, 3>& weights, std::int32_t offset,
                       int count, std::uint8_t* out) {
@@ -288,6 +348,10 @@ void strongest_edges(const Strip& strip, const std::array<std::array<std::int32_
 
 void write_line(int start, int step, int most, int count, std::uint16_t* out) {
   HWY_DYNAMIC_DISPATCH(write_segment)(start, step, most, count, out);
+}
+
+void look_up_octaves(const std::uint32_t* values, const std::int16_t* table, int count, std::int16_t* out) {
+  HWY_DYNAMIC_DISPATCH(octaves_looked_up)(values, table, count, out);
 }
 
 } // namespace terrainseg::kernels

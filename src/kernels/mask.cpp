@@ -61,44 +61,55 @@ void write_plain(const std::uint8_t* __restrict boundary, const std::uint8_t* __
   }
 }
 
+#if HWY_TARGET != HWY_SCALAR
+using D8 = hn::CappedTag<std::uint8_t, 64>;
+
+// Calls block(x) so that blocks of a vector cover 0..width-1, two at a time as long as they fit, the last one
+// overlapping; false where none fits. The lines `ahead` of `out` are asked for once each.
+template <class Block>
+HWY_INLINE bool cover(int width, const std::uint8_t* out, std::ptrdiff_t ahead, const Block& block) {
+  constexpr int cache_line = 64;
+  const int n = static_cast<int>(hn::Lanes(D8()));
+  if (width < n)
+    return false;
+  int x = 0;
+  for (; x + 2 * n < width; x += 2 * n) {
+    for (int line = 0; line < 2 * n; line += cache_line)
+      __builtin_prefetch(out + x + line + ahead);
+    block(x);
+    block(x + n);
+  }
+  __builtin_prefetch(out + x + ahead);
+  if (x + n < width)
+    block(x);
+  block(width - n);
+  return true;
+}
+#endif
+
 void write_row(const std::uint8_t* boundary, const std::uint8_t* safe, int row, int width,
                [[maybe_unused]] std::ptrdiff_t ahead, std::uint8_t* out) {
-  int x = 0;
 #if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint8_t, 64> d;
-  const int n = static_cast<int>(hn::Lanes(d));
-  if (width >= n) {
-    const auto here = hn::Set(d, static_cast<std::uint8_t>(row)), zero = hn::Zero(d);
-    const auto doubtful = hn::Set(d, 128);
-    for (;;) {
-      __builtin_prefetch(out + x + ahead);
-      // A threshold is reached where nothing is left of it: x86 compares no unsigned bytes.
-      const auto below = hn::Eq(hn::SaturatedSub(hn::LoadU(d, boundary + x), here), zero);
-      const auto beyond = hn::Eq(hn::SaturatedSub(hn::LoadU(d, safe + x), here), zero);
-      const auto value = hn::Or(hn::IfThenElseZero(below, doubtful), hn::VecFromMask(d, beyond));
-      hn::StoreU(value, d, out + x);
-      if (x + n >= width)
-        return;
-      x = std::min(x + n, width - n);
-    }
-  }
+  const D8 d;
+  const auto here = hn::Set(d, static_cast<std::uint8_t>(row)), doubtful = hn::Set(d, 128);
+  if (cover(width, out, ahead, [&](int x) HWY_ATTR {
+        // x86 compares no unsigned bytes.
+        const auto below = hn::Eq(hn::Max(hn::LoadU(d, boundary + x), here), here);
+        const auto beyond = hn::Eq(hn::Max(hn::LoadU(d, safe + x), here), here);
+        // Not the mean of 0 and 255: Highway's runs over where it takes SVE's.
+        hn::StoreU(hn::Or(hn::IfThenElseZero(below, doubtful), hn::VecFromMask(d, beyond)), d, out + x);
+      }))
+    return;
 #endif
-  write_plain(boundary, safe, row, x, width, out);
+  write_plain(boundary, safe, row, 0, width, out);
 }
 
 void fill_row(std::uint8_t* row, int width, std::uint8_t value, [[maybe_unused]] std::ptrdiff_t ahead) {
 #if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint8_t, 64> d;
-  const int n = static_cast<int>(hn::Lanes(d));
-  if (width >= n) {
-    const auto values = hn::Set(d, value);
-    for (int x = 0; x + n < width; x += n) {
-      __builtin_prefetch(row + x + ahead);
-      hn::StoreU(values, d, row + x);
-    }
-    hn::StoreU(values, d, row + width - n);
+  const D8 d;
+  const auto values = hn::Set(d, value);
+  if (cover(width, row, ahead, [&](int x) HWY_ATTR { hn::StoreU(values, d, row + x); }))
     return;
-  }
 #endif
   std::memset(row, value, static_cast<std::size_t>(width));
 }

@@ -24,28 +24,9 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // --- where points lie, and what is seen there ---
 
-HWY_INLINE std::int32_t bounded(std::int64_t position, std::int32_t outside) {
-  return static_cast<std::int32_t>(position < -outside ? -outside : position > outside ? outside : position);
-}
-
-HWY_INLINE std::int64_t times(std::int64_t position, std::int64_t reciprocal) {
-  constexpr std::int64_t limit = std::int64_t{1} << 32;
-  const std::int64_t near = position >> 12;
-  return (near < -limit ? -limit : near > limit ? limit : near) * reciprocal >> 36;
-}
-
 std::int32_t difference_of(const PointPicture& picture, const PointMap& map, std::int64_t a, std::int64_t b,
                            std::int32_t value) {
-  const std::int64_t w = (map.across_w * a + map.below_w * b + map.w_offset) >> 16;
-  if (w < 1 << 18)
-    return no_difference;
-  const std::int64_t reciprocal = (std::int64_t{1} << 48) / w;
-  const std::int32_t u = bounded(map.middle +
-                                     times(((map.g0 * a) << 7) + map.g1 * b + map.x_offset, reciprocal),
-                                 map.outside),
-                     v = bounded(map.line +
-                                     times(((map.g3 * a) << 7) + map.g4 * b + map.y_offset, reciprocal),
-                                 map.outside);
+  const auto [u, v] = position_of(map, a, b);
   if (u < 0 || v < 0 || u >> 8 >= picture.width - 1 || v >> 8 >= picture.height - 1)
     return no_difference;
   const std::uint8_t *at = picture.pixels + (v >> 8) * picture.width + (u >> 8), *under = at + picture.width;

@@ -5,6 +5,7 @@
 // order does not matter.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -31,6 +32,27 @@ struct PointMap {
   std::int64_t g0, g1, g3, g4, x_offset, y_offset, across_w, below_w, w_offset;
   std::int32_t middle, line, outside;
 };
+
+struct PointPosition {
+  std::int32_t u, v; ///< Q8; far outside where the point lies behind the camera
+};
+
+/// Where a point of the later picture lies in the earlier one: one division.
+inline PointPosition position_of(const PointMap& map, std::int64_t a, std::int64_t b) {
+  const std::int64_t w = (map.across_w * a + map.below_w * b + map.w_offset) >> 16; // Q24
+  if (w < 1 << 18)
+    return {-map.outside, -map.outside};
+  const std::int64_t reciprocal = (std::int64_t{1} << 48) / w; // Q24
+  const auto placed = [&](std::int64_t position, std::int64_t middle) {
+    constexpr std::int64_t limit = std::int64_t{1} << 32;
+    // Q20 of Q32; beyond 2^20 pixels it is outside anyway.
+    const std::int64_t near = std::clamp(position >> 12, -limit, limit);
+    return static_cast<std::int32_t>(
+        std::clamp<std::int64_t>(middle + (near * reciprocal >> 36), -map.outside, map.outside));
+  };
+  return {placed(((map.g0 * a) << 7) + map.g1 * b + map.x_offset, map.middle),
+          placed(((map.g3 * a) << 7) + map.g4 * b + map.y_offset, map.line)};
+}
 
 /// Points that are compared: count numbers each.
 struct PointLists {

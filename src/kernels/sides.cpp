@@ -14,12 +14,39 @@ namespace terrainseg::kernels {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-void sum_of_blocks(const std::uint8_t* __restrict cells, int blocks, std::uint32_t* __restrict sums,
-                   std::uint32_t* __restrict squares) {
-  for (int b = 0; b < blocks; ++b) {
-    const std::uint32_t left = cells[2 * b], right = cells[2 * b + 1];
+#if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
+#define TERRAINSEG_GATHERS 1
+#else
+#define TERRAINSEG_GATHERS 0
+#endif
+
+void sum_of_blocks(const std::uint8_t* __restrict cells, const std::uint8_t* __restrict ground, int blocks,
+                   std::uint32_t* __restrict sums, std::uint32_t* __restrict squares) {
+  int b = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint32_t, 8> d32;
+  const hn::Rebind<std::uint16_t, decltype(d32)> d16;
+  const hn::Repartition<std::uint8_t, decltype(d16)> d8;
+  const int n = static_cast<int>(hn::Lanes(d32));
+  for (; b + n <= blocks; b += n) {
+    const auto in = hn::Sub(hn::Zero(d8), hn::LoadU(d8, ground + 2 * b));
+    const auto pairs = hn::BitCast(d16, hn::And(hn::LoadU(d8, cells + 2 * b), in));
+    const auto left = hn::And(pairs, hn::Set(d16, 255)), right = hn::ShiftRight<8>(pairs);
+    const auto sum = hn::PromoteTo(d32, hn::Add(left, right));
+    hn::StoreU(hn::Add(hn::LoadU(d32, sums + b), sum), d32, sums + b);
+    if (squares) {
+      const auto square =
+          hn::Add(hn::PromoteTo(d32, hn::Mul(left, left)), hn::PromoteTo(d32, hn::Mul(right, right)));
+      hn::StoreU(hn::Add(hn::LoadU(d32, squares + b), square), d32, squares + b);
+    }
+  }
+#endif
+  for (; b < blocks; ++b) {
+    const std::uint32_t left = ground[2 * b] ? cells[2 * b] : 0,
+                        right = ground[2 * b + 1] ? cells[2 * b + 1] : 0;
     sums[b] += left + right;
-    squares[b] += left * left + right * right;
+    if (squares)
+      squares[b] += left * left + right * right;
   }
 }
 
@@ -42,6 +69,61 @@ void running_differences(const std::uint32_t* __restrict a, const std::uint32_t*
   for (; i < count; ++i) {
     run += b[i] - a[i];
     out[i] = run;
+  }
+}
+
+/// 2^24 / n: a division takes longer than to look it up.
+struct Inverses {
+  static constexpr std::uint32_t count = 1 << 14;
+  std::uint32_t of[count];
+};
+constexpr Inverses make_inverses() {
+  Inverses inverses{};
+  for (std::uint32_t n = 1; n < Inverses::count; ++n)
+    inverses.of[n] = (1u << 24) / n;
+  return inverses;
+}
+constexpr Inverses inverses = make_inverses();
+
+void counts_of_boxes(const std::uint32_t* __restrict counts, int reach, std::uint32_t least, int count,
+                     const BoxCounts& out) {
+  const std::uint32_t *const counts_b = counts + reach, *const counts_c = counts_b + 1,
+                             *const counts_d = counts_c + reach;
+  int b = 0;
+#if TERRAINSEG_GATHERS
+  const hn::FixedTag<std::uint32_t, 8> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  for (; b + 8 <= count; b += 8) {
+    const auto at_a = hn::LoadU(d, counts + b), at_d = hn::LoadU(d, counts_d + b);
+    const auto left = hn::Sub(hn::LoadU(d, counts_b + b), at_a),
+               right = hn::Sub(at_d, hn::LoadU(d, counts_c + b)), all = hn::Sub(at_d, at_a);
+    // The whole has at least as many cells as its sides.
+    if (!hn::AllTrue(d, hn::Lt(all, hn::Set(d, Inverses::count))))
+      break;
+    const auto too_few = hn::Set(di, static_cast<std::int32_t>(least) - 1);
+    const auto has_enough = [&](auto n) HWY_ATTR {
+      return hn::BitCast(d, hn::VecFromMask(di, hn::Gt(hn::BitCast(di, n), too_few)));
+    };
+    const auto known = hn::And(has_enough(left), has_enough(right));
+    const auto inverse = [&](auto n) HWY_ATTR {
+      return hn::And(known, hn::GatherIndex(d, inverses.of, hn::BitCast(di, n)));
+    };
+    hn::StoreU(all, d, out.cells + b);
+    hn::StoreU(inverse(all), d, out.inverse + b);
+    hn::StoreU(inverse(left), d, out.inverse_left + b);
+    hn::StoreU(inverse(right), d, out.inverse_right + b);
+  }
+#endif
+  const auto inverse = [](std::uint32_t n)
+                           HWY_ATTR { return n < Inverses::count ? inverses.of[n] : (1u << 24) / n; };
+  for (; b < count; ++b) {
+    const std::uint32_t left = counts_b[b] - counts[b], right = counts_d[b] - counts_c[b],
+                        all = counts_d[b] - counts[b];
+    const bool known = left >= least && right >= least;
+    out.cells[b] = all;
+    out.inverse[b] = known ? inverse(all) : 0;
+    out.inverse_left[b] = known ? inverse(left) : 0;
+    out.inverse_right[b] = known ? inverse(right) : 0;
   }
 }
 
@@ -111,6 +193,27 @@ void deviations_of(const std::uint8_t* cells, const std::int16_t* left, const st
     dark_of_row(cells, left, right, count, dark);
 }
 
+void shade_of_row(const std::uint8_t* __restrict y, const std::uint8_t* __restrict ground,
+                  const std::uint8_t* __restrict dark, int enough, int count,
+                  std::uint8_t* __restrict shade) {
+  const auto least = static_cast<std::uint8_t>(enough);
+  for (int i = 0; i < count; ++i)
+    shade[i] = static_cast<std::uint8_t>(ground[i] & dark[i] & (y[i] > least ? 1 : 0));
+}
+
+void nearest_of_row(const std::uint8_t* __restrict shade, std::int16_t row, int count,
+                    std::int16_t* __restrict nearest) {
+  for (int i = 0; i < count; ++i)
+    nearest[i] = (shade[i] | shade[i + 1] | shade[i + 2]) ? row : nearest[i];
+}
+
+void shades_of_row(const DeviationRow& in, int enough, std::int16_t row, int count, std::uint8_t* work,
+                   std::int16_t* nearest) {
+  work[0] = work[count + 1] = 0;
+  shade_of_row(in.y, in.ground, in.dark, enough, count, work + 1);
+  nearest_of_row(work, row, count, nearest);
+}
+
 void oddness_of_row(const DeviationRow& in, const std::int16_t* __restrict nearest, std::int16_t reached,
                     int most, int count, std::uint8_t* __restrict out) {
   const std::uint8_t *const y = in.y, *const u = in.u, *const v = in.v, *const ground = in.ground,
@@ -135,6 +238,8 @@ void excess_of_row(const std::uint8_t* __restrict values, const std::uint8_t* __
   }
 }
 
+#undef TERRAINSEG_GATHERS
+
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels
 HWY_AFTER_NAMESPACE();
@@ -145,13 +250,21 @@ namespace terrainseg::kernels {
 HWY_EXPORT(sum_of_blocks);
 HWY_EXPORT(running_differences);
 HWY_EXPORT(sides_of_boxes);
+HWY_EXPORT(counts_of_boxes);
 HWY_EXPORT(twice_each);
 HWY_EXPORT(deviations_of);
+HWY_EXPORT(shades_of_row);
 HWY_EXPORT(oddness_of_row);
 HWY_EXPORT(excess_of_row);
 
-void add_blocks(const std::uint8_t* cells, int blocks, std::uint32_t* sums, std::uint32_t* squares) {
-  HWY_DYNAMIC_DISPATCH(sum_of_blocks)(cells, blocks, sums, squares);
+void add_blocks(const std::uint8_t* cells, const std::uint8_t* ground, int blocks, std::uint32_t* sums,
+                std::uint32_t* squares) {
+  HWY_DYNAMIC_DISPATCH(sum_of_blocks)(cells, ground, blocks, sums, squares);
+}
+
+void count_boxes(const std::uint32_t* counts, int reach, std::uint32_t least, int count,
+                 const BoxCounts& out) {
+  HWY_DYNAMIC_DISPATCH(counts_of_boxes)(counts, reach, least, count, out);
 }
 
 void run_differences(const std::uint32_t* a, const std::uint32_t* b, int count, std::uint32_t* out) {
@@ -170,6 +283,11 @@ void double_each(const std::int16_t* in, int count, std::int16_t* out) {
 void deviations(const std::uint8_t* cells, const std::int16_t* left, const std::int16_t* right,
                 const std::int16_t* inverse, int count, std::uint8_t* out, std::uint8_t* dark) {
   HWY_DYNAMIC_DISPATCH(deviations_of)(cells, left, right, inverse, count, out, dark);
+}
+
+void note_dark(const DeviationRow& in, int enough, std::int16_t row, int count, std::uint8_t* work,
+               std::int16_t* nearest) {
+  HWY_DYNAMIC_DISPATCH(shades_of_row)(in, enough, row, count, work, nearest);
 }
 
 void oddness(const DeviationRow& in, const std::int16_t* nearest, std::int16_t reached, int most, int count,

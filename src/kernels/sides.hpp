@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Rows of cells against what lies to their left and right: the loops of the odd spots.
 //
-// No function reads or writes past its counts. All vector variants and the plain one give the same bits: the
-// loops are plain, and compilers make vectors of them for each target, but for running sums.
+// No function reads or writes past its counts. All vector variants and the plain one give the same bits: most
+// loops are plain, and compilers make vectors of them for each target.
 #pragma once
 
 #include <cstdint>
 
 namespace terrainseg::kernels {
 
-/// Blocks of two cells: sums[b] += cells[2 b] + cells[2 b + 1], squares[b] likewise of their squares; modulo
-/// 2^32.
-void add_blocks(const std::uint8_t* cells, int blocks, std::uint32_t* sums, std::uint32_t* squares);
+/// Blocks of two cells: sums[b] += cells[2 b] + cells[2 b + 1], as far as they are ground (1, else 0), and
+/// squares[b] likewise of their squares, unless it is nullptr; modulo 2^32.
+void add_blocks(const std::uint8_t* cells, const std::uint8_t* ground, int blocks, std::uint32_t* sums,
+                std::uint32_t* squares);
 
 /// out[i] = the sum of b - a up to and with i.
 void run_differences(const std::uint32_t* a, const std::uint32_t* b, int count, std::uint32_t* out);
@@ -24,6 +25,16 @@ struct BoxRow {
   const std::uint32_t* inverse_right; ///< likewise
   int reach;                          ///< blocks of each side
 };
+
+/// Where a BoxRow is written.
+struct BoxCounts {
+  std::uint32_t *cells, *inverse, *inverse_left, *inverse_right;
+};
+
+/// What a BoxRow tells, from running counts as compare_boxes() has sums: nothing where a side has fewer than
+/// `least` cells, at least 1.
+void count_boxes(const std::uint32_t* counts, int reach, std::uint32_t least, int count,
+                 const BoxCounts& out);
 
 /// What comes of them: means in Q4, variances in Q8; 0 where nothing is known.
 struct SideRow {
@@ -48,6 +59,11 @@ void deviations(const std::uint8_t* cells, const std::int16_t* left, const std::
 struct DeviationRow {
   const std::uint8_t *y, *u, *v, *ground, *dark;
 };
+
+/// nearest[i] = row where the ground of one of the cells i - 1 .. i + 1 is dark and y is more than `enough`.
+/// `work`: count + 2 bytes.
+void note_dark(const DeviationRow& in, int enough, std::int16_t row, int count, std::uint8_t* work,
+               std::int16_t* nearest);
 
 /// out[i] = min(most, half of the largest and of all three), 0 where there is no ground. Of luma a quarter
 /// counts where the cell is not dark and nearest[i] > reached.

@@ -104,6 +104,35 @@ TEST(Kernels, ReducePair) {
   });
 }
 
+// What is asked for ahead, of rows that share a page and of longer ones, changes nothing that is written.
+TEST(Kernels, ReducePairAhead) {
+  on_every_target([] {
+    std::mt19937 random(4);
+    for (int step = 1; step <= 4; ++step)
+      for (const int width : {1, 2, 31, 64, 65, 129, 257, 300, 960, 1365, 1920, 2731, 3840}) {
+        const int written = step == 3 ? 4 : step;
+        const std::size_t in = static_cast<std::size_t>(width) * step,
+                          size = static_cast<std::size_t>((width + 1) / 2) * written;
+        const Guarded<std::uint8_t> rows(2 * in, true);
+        fill(rows, Fill::noise, random);
+        const std::vector<std::uint16_t> partial(size, 123), held(size, 45);
+        const auto reduced_with = [&](std::ptrdiff_t ahead) {
+          Expected e{partial, held, std::vector<std::uint8_t>(size)};
+          reduce_pair(static_cast<Interleave>(step), rows.data(), rows.data() + in, width, ahead,
+                      {e.partial.data(), e.held.data()}, e.out.data());
+          return e;
+        };
+        const Expected without = reduced_with(0);
+        for (const std::ptrdiff_t ahead : {std::ptrdiff_t{64}, static_cast<std::ptrdiff_t>(2 * in)}) {
+          const Expected with = reduced_with(ahead);
+          ASSERT_EQ(with.out, without.out) << "step " << step << " width " << width;
+          ASSERT_EQ(with.partial, without.partial) << "step " << step << " width " << width;
+          ASSERT_EQ(with.held, without.held) << "step " << step << " width " << width;
+        }
+      }
+  });
+}
+
 TEST(Kernels, ReducePairVertically) {
   on_every_target([] {
     std::mt19937 random(2);
@@ -520,6 +549,10 @@ TEST(Kernels, WeighComponents) {
     for (auto& w : weights)
       w = between(-130000, 130000, random);
     const std::int32_t offset = between(-40000000, 40000000, random);
+    if (random() % 2) // as between ranges: one component alone has a weight
+      for (std::size_t c = 0, own = random() % 4; c < 3; ++c)
+        if (c != own)
+          weights[c] = 0;
     weigh_components(in.row(), weights, offset, count, out.data());
     for (std::size_t i = 0; i < out.size(); ++i) {
       const std::int64_t sum = std::int64_t{weights[0]} * in.a[i] + std::int64_t{weights[1]} * in.b[i] +
@@ -1030,23 +1063,88 @@ TEST(Kernels, AddBlocksAndDoubleEach) {
     std::mt19937 random(31);
     for (std::size_t blocks = 1; blocks <= 70; ++blocks)
       for (const bool at_end : {false, true}) {
-        const Guarded<std::uint8_t> cells(2 * blocks, at_end);
-        const Guarded<std::uint32_t> sums(blocks, at_end), squares(blocks, at_end);
+        const Guarded<std::uint8_t> cells(2 * blocks, at_end), ground(2 * blocks, at_end);
+        const Guarded<std::uint32_t> sums(blocks, at_end), squares(blocks, at_end), counts(blocks, at_end);
         const Guarded<std::int16_t> in(blocks, at_end), twice(2 * blocks, at_end);
         fill(cells, all_fills[blocks % 5], random);
+        for (std::uint8_t& is_ground : ground)
+          is_ground = blocks % 4 == 0 || random() % 3 > 0;
         for (std::size_t b = 0; b < blocks; ++b) {
           sums[b] = static_cast<std::uint32_t>(b);
           squares[b] = ~std::uint32_t{0};
+          counts[b] = 7;
           in[b] = static_cast<std::int16_t>(random());
         }
-        add_blocks(cells.data(), static_cast<int>(blocks), sums.data(), squares.data());
+        add_blocks(cells.data(), ground.data(), static_cast<int>(blocks), sums.data(), squares.data());
+        add_blocks(ground.data(), ground.data(), static_cast<int>(blocks), counts.data(), nullptr);
         double_each(in.data(), static_cast<int>(blocks), twice.data());
         for (std::size_t b = 0; b < blocks; ++b) {
-          const int left = cells[2 * b], right = cells[2 * b + 1];
+          const int left = ground[2 * b] * cells[2 * b], right = ground[2 * b + 1] * cells[2 * b + 1];
           ASSERT_EQ(sums[b], b + static_cast<std::size_t>(left + right)) << b << " of " << blocks;
           ASSERT_EQ(squares[b], static_cast<std::uint32_t>(left * left + right * right - 1));
+          ASSERT_EQ(counts[b], 7u + ground[2 * b] + ground[2 * b + 1]);
           ASSERT_EQ(twice[2 * b], in[b]);
           ASSERT_EQ(twice[2 * b + 1], in[b]);
+        }
+      }
+  });
+}
+
+TEST(Kernels, CountBoxes) {
+  on_every_target([] {
+    std::mt19937 random(36);
+    for (int count = 1; count <= 70; ++count)
+      for (const bool at_end : {false, true}) {
+        const int reach = 2 + count % 9;
+        const auto blocks = static_cast<std::size_t>(count), r = static_cast<std::size_t>(reach);
+        const Guarded<std::uint32_t> counts(blocks + 2 * r + 1, at_end), cells(blocks, at_end),
+            whole(blocks, at_end), lefts(blocks, at_end), rights(blocks, at_end);
+        // Few cells, and more than have an inverse that is looked up.
+        const unsigned most = count % 3 == 0 ? 4 : count % 3 == 1 ? 900 : 4000;
+        counts[0] = static_cast<std::uint32_t>(random()); // sums run over
+        for (std::size_t p = 1; p < counts.size(); ++p)
+          counts[p] = counts[p - 1] + random() % (random() % 8 ? most + 1 : 2);
+        const std::uint32_t least = 1 + random() % (most * static_cast<unsigned>(reach) / 2);
+        count_boxes(counts.data(), reach, least, count,
+                    {cells.data(), whole.data(), lefts.data(), rights.data()});
+        for (std::size_t b = 0; b < blocks; ++b) {
+          const std::uint32_t left = counts[b + r] - counts[b],
+                              right = counts[b + 2 * r + 1] - counts[b + r + 1],
+                              all = counts[b + 2 * r + 1] - counts[b];
+          const bool known = left >= least && right >= least;
+          ASSERT_EQ(cells[b], all) << b << " of " << count;
+          ASSERT_EQ(whole[b], known ? 16777216 / all : 0) << b << " of " << count;
+          ASSERT_EQ(lefts[b], known ? 16777216 / left : 0) << b << " of " << count;
+          ASSERT_EQ(rights[b], known ? 16777216 / right : 0) << b << " of " << count;
+        }
+      }
+  });
+}
+
+TEST(Kernels, LookUpOctaves) {
+  on_every_target([] {
+    std::mt19937 random(37);
+    const Guarded<std::int16_t> table(octaves_of_table * 256 + 1, true);
+    for (std::int16_t& entry : table)
+      entry = static_cast<std::int16_t>(random());
+    for (int count = 1; count <= 70; ++count)
+      for (const bool at_end : {false, true}) {
+        const auto size = static_cast<std::size_t>(count);
+        const Guarded<std::uint32_t> values(size, at_end);
+        const Guarded<std::int16_t> out(size, at_end);
+        for (std::uint32_t& value : values) {
+          const unsigned bit = 10 + random() % octaves_of_table;
+          const std::uint32_t below = static_cast<std::uint32_t>(random()) % (1u << bit);
+          const std::uint32_t rest[] = {0, (1u << bit) - 1, below, below};
+          value = random() % 9 ? (1u << bit) + rest[random() % 4] : 0;
+        }
+        look_up_octaves(values.data(), table.data(), count, out.data());
+        for (std::size_t i = 0; i < size; ++i) {
+          std::size_t entry = 0;
+          for (std::uint32_t e = 0; e < octaves_of_table; ++e)
+            if (values[i] >= 1u << (e + 10))
+              entry = e * 256 + values[i] / (4u << e) - 256;
+          ASSERT_EQ(out[i], values[i] ? table[entry] : 0) << values[i] << ' ' << i << " of " << count;
         }
       }
   });
@@ -1135,6 +1233,16 @@ TEST(Kernels, DeviationsAndOddness) {
           v[i] = random() % (i % 2 ? 20 : 128);
         }
         deviations(cells.data(), left.data(), right.data(), inverse.data(), count, y.data(), dark.data());
+        const std::vector<std::int16_t> before(nearest.begin(), nearest.end());
+        const Guarded<std::uint8_t> work(size + 2, at_end);
+        note_dark({y.data(), u.data(), v.data(), ground.data(), dark.data()}, 16, 7, count, work.data(),
+                  nearest.data());
+        for (std::size_t i = 0; i < size; ++i) {
+          bool near = false;
+          for (std::size_t k = i == 0 ? 0 : i - 1; k <= std::min(i + 1, size - 1); ++k)
+            near |= ground[k] && dark[k] && y[k] > 16;
+          ASSERT_EQ(nearest[i], near ? 7 : before[i]) << i << " of " << count;
+        }
         oddness({y.data(), u.data(), v.data(), ground.data(), dark.data()}, nearest.data(), 20, 96, count,
                 out.data());
         for (std::size_t i = 0; i < size; ++i) {
