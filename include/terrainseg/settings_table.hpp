@@ -55,6 +55,9 @@ TERRAINSEG_API const Setting* find_setting(std::string_view name);
 
 /// Whether the pipeline that `settings` choose uses it.
 TERRAINSEG_API bool is_used(const Setting& setting, const Settings& settings);
+/// Whether its value says something that the pipeline does not do: it is not used, and not merely switched
+/// off.
+TERRAINSEG_API bool is_idle(const Setting& setting, const Settings& settings);
 
 /// Decimal numbers travel in this unit, so that nothing but integers is needed to round them.
 inline constexpr std::int64_t billion = 1'000'000'000;

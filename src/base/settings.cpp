@@ -191,6 +191,13 @@ bool is_used(const Setting& setting, const Settings& settings) {
   return setting.used_by == UsedBy::both || setting.used_by == running;
 }
 
+bool is_idle(const Setting& setting, const Settings& settings) {
+  // The paper's column has the value that switches off what the paper's pipeline does not have.
+  const bool off = setting.used_by == UsedBy::free_space &&
+                   setting.get(settings) == setting.get(Settings::of(Preset::paper));
+  return !off && !is_used(setting, settings);
+}
+
 std::int64_t kept_value(std::int64_t billionths, std::int64_t scale) {
   // Whole and fraction apart: the product of a large number would not fit.
   const std::int64_t units = billionths / billion, rest = billionths % billion;

@@ -185,10 +185,14 @@ void FreeSpacePipeline::learn_window(const Settings& settings, const Grid& color
       clusters_);
   clock.lap(Stage::clustering);
   learn(terrain.models, training_.span(), learning_rule(settings, window_cells_.size()));
-  std::span<const std::uint8_t> joined;
-  if (settings.connected_ground)
-    joined = connected_.grow(grid_, kept_.cells);
-  mark_lessons(grid_, window_cells_, kept_.cells, joined, settings.negatives, boundary_, lessons_);
+  std::span<const std::uint8_t> same_ground;
+  vouched_ = {};
+  if (settings.connected_ground) {
+    connected_.grow(grid_, kept_.cells);
+    same_ground = connected_.taught();
+    vouched_ = connected_.vouched(grid_, kept_.cells, texture_);
+  }
+  mark_lessons(grid_, window_cells_, kept_.cells, same_ground, settings.negatives, boundary_, lessons_);
   learn_histograms(cells_, lessons_, settings.forget_shift, terrain);
   ++terrain.generation;
   taught_q8_ = static_cast<int>(256 * window_cells_.size() / grid_.size());
@@ -198,6 +202,7 @@ void FreeSpacePipeline::learn_window(const Settings& settings, const Grid& color
 
 // This frame's window is not learned: only what was learned before speaks.
 void FreeSpacePipeline::rely_on_memory() {
+  vouched_ = {};
   if (training_.count > 0)
     tables_are_old_ = true;
   training_.count = 0;
@@ -213,7 +218,7 @@ void FreeSpacePipeline::weigh_cells(const Settings& settings, std::span<const Ce
   measure_color_steps(grid_, exposure_.gain, settings.geodesic, steps_);
   if (settings.geodesic)
     geodesic_.raise(grid_, steps_, trusted, penalty_);
-  score_cells(grid_, cells_, likelihoods(settings, terrain), penalty_, score_);
+  score_cells(grid_, cells_, likelihoods(settings, terrain), penalty_, {vouched_, trusted}, score_);
 }
 
 // The slow horizon follows the boundary.
@@ -227,9 +232,22 @@ void FreeSpacePipeline::find_boundary(const Settings& settings, bool continued, 
   // The first frame knows no horizon: it is searched twice, the second time with its own.
   for (int pass = terrain.horizon == 0 ? 0 : 1; pass < 2; ++pass) {
     row_prior(grid_.height, terrain.horizon, settings.row_prior, settings.caution, prior_);
+    if (continued)
+      deny_rows_before(first_row_of_plane(settings), prior_);
     search_.find(grid_, average_, prior_, settings.ground_behind, boundary_);
     terrain.horizon = follow_horizon(pass == 0 ? 0 : terrain.horizon, boundary_, grid_.height, scratch_);
   }
+}
+
+// A plane ends at its vanishing line, which motion knows after some metres: the first row of the grid in
+// which there may be ground, a 32nd of the height above the line that the last frame told, for ground
+// that rises a little.
+int FreeSpacePipeline::first_row_of_plane(const Settings& settings) const {
+  const std::int32_t line = standing_.vanishing_row(); // Q16 rows of the frame
+  if (settings.motion == Motion::off || line < 0)
+    return 0;
+  const int row = (line >> 16) - (pyramid_.height(0) >> 5);
+  return std::max((row + (1 << grid_.level) - 1) >> grid_.level, 0);
 }
 
 // All curves brought to rows of the frame, one per column of a mask of that level.
@@ -243,6 +261,8 @@ void FreeSpacePipeline::refine_curves(const FrameTask& task, int mask_level, Fre
   for (std::size_t x = 0; x < curves.safe.size(); ++x)
     curves.safe[x] = std::max(curves.safe[x], curves.boundary[x]);
   curves.ground_behind = behind_.any;
+  for (FrameCurve* rows : {&curves.behind_first, &curves.behind_end})
+    rows->reserve(curves.safe.size()); // however late ground is first seen behind something
   if (!behind_.any)
     return;
   bring(behind_.first, curves.behind_first);
@@ -250,6 +270,14 @@ void FreeSpacePipeline::refine_curves(const FrameTask& task, int mask_level, Fre
   for (std::size_t x = 0; x < curves.safe.size(); ++x)
     curves.behind_end[x] =
         std::min(curves.behind_end[x], static_cast<std::uint16_t>(std::max(curves.boundary[x] - 1, 0)));
+}
+
+// This frame's curves with a column per 2^level of the frame: the mask's, where those are as fine.
+const FreeSpaceCurves& FreeSpacePipeline::curves_at(const FrameTask& task, int level) {
+  if (level == task.settings.mask_level)
+    return curves_;
+  refine_curves(task, level, fine_curves_);
+  return fine_curves_;
 }
 
 // A mask that is smaller than the cells that are searched has too few columns for them.
@@ -262,12 +290,10 @@ void FreeSpacePipeline::find_spots(const FrameTask& task, const Rectangle& windo
     return;
   const int level = std::max(grid_.level - 1, 0), finest = std::max(level - 1, 0),
             column_level = std::min(settings.mask_level, finest);
-  const bool coarse = settings.mask_level > finest;
-  if (coarse)
-    refine_curves(task, column_level, fine_curves_);
+  const FreeSpaceCurves& curves = curves_at(task, column_level);
   const auto look = [&](SpotSearch& search, int cells, int rows) {
     search.found =
-        search.spots.find(pyramid_, transform_, coarse ? fine_curves_ : curves_,
+        search.spots.find(pyramid_, transform_, curves,
                           {cells, column_level, slow_horizon, window, settings.ignore_regions, rows});
     if (search.found)
       search.spots.lower(settings.mask_level, below_things_);
@@ -285,10 +311,7 @@ bool FreeSpacePipeline::find_standing(const FrameTask& task, Estimate& estimate)
   // As with spots: what motion sees must not depend on the mask's size.
   const int column_level =
       std::min(settings.mask_level, StandingThings::coarsest_columns(pyramid_, grid_.level));
-  const bool coarse = column_level < settings.mask_level;
-  if (coarse)
-    refine_curves(task, column_level, fine_curves_);
-  const bool any = standing_.find(pyramid_, coarse ? fine_curves_ : curves_,
+  const bool any = standing_.find(pyramid_, curves_at(task, column_level),
                                   {grid_.level, column_level, task.frame.pts, settings.ignore_regions});
   estimate.vanishing_row = standing_.vanishing_row();
   estimate.speed_over_height = standing_.speed_over_height();

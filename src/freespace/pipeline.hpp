@@ -54,7 +54,9 @@ class FreeSpacePipeline final : public Pipeline {
   void rely_on_memory();
   void weigh_cells(const Settings& settings, std::span<const Cell> trusted, const Terrain& terrain);
   void find_boundary(const Settings& settings, bool continued, Terrain& terrain);
+  int first_row_of_plane(const Settings& settings) const;
   void refine_curves(const FrameTask& task, int mask_level, FreeSpaceCurves& curves);
+  const FreeSpaceCurves& curves_at(const FrameTask& task, int level);
   void find_spots(const FrameTask& task, const Rectangle& window, std::uint32_t slow_horizon);
   bool find_standing(const FrameTask& task, Estimate& estimate);
   void tell_confidence(const Settings& settings, bool stands, const Estimate& estimate,
@@ -91,6 +93,7 @@ class FreeSpacePipeline final : public Pipeline {
   LocalReference local_reference_;
   ColorSteps steps_;
   GeodesicPenalty geodesic_;
+  std::span<const std::uint8_t> vouched_; ///< of this frame; held by connected_
   CellPenalties penalty_;
   ScoreAverage averaging_;
   CellScores score_, average_, revised_;

@@ -166,7 +166,12 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
   std::uint16_t* sums = sums_.data() + (row - first) * hypotheses * plane + 1;
   std::uint16_t* seen = seen_.data() + (row - first) * plane + 1;
   std::uint16_t* shift = shifts_.data() + static_cast<std::ptrdiff_t>(row - first) * columns_;
-  std::fill_n(sums - 1, hypotheses * plane, std::uint16_t{0});
+  const auto leave_out = [&](int from, int end) {
+    for (int k = 0; k < hypotheses; ++k)
+      std::fill(sums + k * plane + from, sums + k * plane + end, std::uint16_t{0});
+  };
+  leave_out(-1, 0);
+  leave_out(columns_, columns_ + 1);
   std::fill_n(seen - 1, plane, std::uint16_t{0});
   std::fill_n(shift, columns_, std::uint16_t{0});
   const int down = below(view, 4 * row) + 384;
@@ -178,13 +183,17 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
   for (int next = 0; next < columns_; next += block / 4) {
     const int j = std::min(next, columns_ - block / 4);
     const std::uint8_t* ground_around = near_.data() + j; // from the cell to the left on
-    if (std::none_of(ground_around, ground_around + 6, [](std::uint8_t cell) { return cell != 0; }))
+    if (std::none_of(ground_around, ground_around + 6, [](std::uint8_t cell) { return cell != 0; })) {
+      leave_out(next, j + block / 4); // the last block has cells of the one before it
       continue;
+    }
     const std::ptrdiff_t at = (4 * (row - first) + above_) * stride_ + 4 * j + side_margin;
     std::array<std::int32_t, hypotheses> offsets{};
     const int length = place(t, view, 4 * j, down, at, offsets.data());
-    if (length < 32) // two pixels
+    if (length < 32) { // two pixels
+      leave_out(next, j + block / 4);
       continue;
+    }
     std::array<std::uint8_t, 4> whole{};
     kernels::compare_cells(picture.row(4 * row) + 4 * j, picture.width, warped_.data() + at, stride_,
                            offsets.data(), sums + j, plane, whole.data());

@@ -76,8 +76,17 @@ PlaneMotion with_line_moved(const PlaneMotion& motion, int rows, int focal) {
 }
 
 PixelMap::PixelMap(const PlaneMotion& motion, const GroundCamera& view)
-    : g_(motion.g), x_offset_(motion.g[2] * view.focal * 256), y_offset_(motion.g[5] * view.focal * 256),
-      across_w_(motion.g[6] * 32768 / view.focal), below_w_(motion.g[7] * 256 / view.focal),
-      w_offset_(motion.g[8] * 65536), middle_((view.width - 1) * 128), line_(view.vanishing_row) {}
+    : map_{motion.g[0],
+           motion.g[1],
+           motion.g[3],
+           motion.g[4],
+           motion.g[2] * view.focal * 256,
+           motion.g[5] * view.focal * 256,
+           motion.g[6] * 32768 / view.focal,
+           motion.g[7] * 256 / view.focal,
+           motion.g[8] * 65536,
+           (view.width - 1) * 128,
+           view.vanishing_row,
+           outside} {}
 
 } // namespace terrainseg

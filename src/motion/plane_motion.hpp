@@ -61,43 +61,15 @@ PlaneMotion with_line_moved(const PlaneMotion& motion, int rows, int focal);
 class PixelMap {
  public:
   PixelMap(const PlaneMotion& motion, const GroundCamera& view);
-  struct Position {
-    std::int32_t u, v; ///< Q8; far outside where the point lies behind the camera
-  };
+  using Position = kernels::PointPosition;
   /// Where a pixel lies in the earlier frame; sub-pixels by across() and below() of it.
-  Position at(int across, int below) const {
-    const std::int64_t x = ((g_[0] * across) << 7) + g_[1] * below + x_offset_; // Q32 of a pixel
-    const std::int64_t y = ((g_[3] * across) << 7) + g_[4] * below + y_offset_;
-    const std::int64_t w = (across_w_ * across + below_w_ * below + w_offset_) >> 16; // Q24
-    if (w < one_q24 / 64)
-      return {-outside, -outside};
-    const std::int64_t reciprocal = (std::int64_t{1} << 48) / w; // Q24
-    return {within(middle_ + times(x, reciprocal)), within(line_ + times(y, reciprocal))};
-  }
-
-  /// The same for lists of points.
-  kernels::PointMap of_points() const {
-    return {g_[0],     g_[1],    g_[3],     g_[4],   x_offset_, y_offset_,
-            across_w_, below_w_, w_offset_, middle_, line_,     outside};
-  }
+  Position at(int across, int below) const { return kernels::position_of(map_, across, below); }
+  const kernels::PointMap& of_points() const { return map_; } ///< for lists of points
 
   static constexpr std::int32_t outside = 1 << 20;
 
  private:
-  /// Q32 by Q24 as Q8; a position beyond 2^20 pixels is outside anyway.
-  static std::int64_t times(std::int64_t position, std::int64_t reciprocal) {
-    const std::int64_t limit = std::int64_t{1} << 32;
-    const std::int64_t near = position >> 12; // Q20
-    return (near < -limit ? -limit : near > limit ? limit : near) * reciprocal >> 36;
-  }
-  static std::int32_t within(std::int64_t position) {
-    return static_cast<std::int32_t>(position < -outside  ? -outside
-                                     : position > outside ? outside
-                                                          : position);
-  }
-  std::array<std::int64_t, 9> g_;
-  std::int64_t x_offset_, y_offset_, across_w_, below_w_, w_offset_;
-  std::int32_t middle_, line_;
+  kernels::PointMap map_;
 };
 
 } // namespace terrainseg

@@ -108,7 +108,7 @@ std::string hash_of_drive() {
 
 using Hashes = std::map<std::string, std::string>;
 
-Hashes computed() {
+Hashes compute() {
   Hashes hashes;
   for (Preset preset : {Preset::paper, Preset::standard}) {
     const std::string name = preset == Preset::paper ? "paper " : "default ";
@@ -121,8 +121,13 @@ Hashes computed() {
   return hashes;
 }
 
+const Hashes& computed() {
+  static const Hashes hashes = compute();
+  return hashes;
+}
+
 TEST(MaskHashes, AreThoseOnRecord) {
-  const Hashes now = computed();
+  const Hashes& now = computed();
   if (const char* path = std::getenv("TERRAINSEG_WRITE_GOLDEN")) {
     std::ofstream out(path);
     for (const auto& [name, hash] : now)
@@ -141,7 +146,7 @@ TEST(MaskHashes, AreThoseOnRecord) {
 }
 
 TEST(MaskHashes, DependOnThePicture) {
-  const Hashes now = computed();
+  const Hashes& now = computed();
   EXPECT_NE(now.at("paper I420"), now.at("paper RGB"));
   EXPECT_EQ(now.at("paper I420"), now.at("paper NV21"));
   EXPECT_EQ(now.at("default RGB"), now.at("default ABGR"));
@@ -149,7 +154,7 @@ TEST(MaskHashes, DependOnThePicture) {
 
 // Frames of more bits that hold the same upper 8, and other layouts of the same samples.
 TEST(MaskHashes, OfOnePictureInSeveralFormatsAgree) {
-  const Hashes now = computed();
+  const Hashes& now = computed();
   for (const std::string preset : {"default ", "paper "}) {
     for (const char* format : {"NV12", "P010_10LE", "I420_10LE"})
       EXPECT_EQ(now.at(preset + format), now.at(preset + "I420")) << preset << format;

@@ -60,7 +60,7 @@ double worth(const test::OwnedGrid& g, const CellScores& score, const RowPriors&
     }
     sum += stretch;
     if (!before.empty())
-      sum -= 48 * std::min(std::abs(r - before[j]), 2);
+      sum -= 80 * std::min(std::abs(r - before[j]), 3);
     if (j > 0)
       for (int i = std::min(curve[j], curve[j - 1]); i < std::max(curve[j], curve[j - 1]); ++i)
         sum -= std::max(16.0, 140 - 72 * std::log2((step(i, j, i, j - 1) + 32) / 32));

@@ -85,6 +85,48 @@ class ByDefinition {
     return joined;
   }
 
+  // Of the joined cells those within twelve grey levels of the seeds' chroma, of both together.
+  std::vector<std::uint8_t> taught(const std::vector<Cell>& seeds) const {
+    const test::OwnedGrid& g = p_.grid;
+    std::vector<std::uint8_t> joined = grown(seeds);
+    double u = 0, v = 0;
+    for (const Cell& s : seeds) {
+      u += at(g.u, s.y, s.x) / static_cast<double>(seeds.size());
+      v += at(g.v, s.y, s.x) / static_cast<double>(seeds.size());
+    }
+    u = std::trunc(4 * u + 1e-9) / 4, v = std::trunc(4 * v + 1e-9) / 4; // as the code has them
+    for (int i = 0; i < g.height; ++i)
+      for (int j = 0; j < g.width; ++j)
+        if (std::abs(at(g.u, i, j) - u) + std::abs(at(g.v, i, j) - v) > 12)
+          joined[g.at(i, j)] = 0;
+    return joined;
+  }
+
+  // Of the joined cells those of the seeds' chroma that are no darker than they by more than a sixth.
+  std::vector<std::uint8_t> vouched(const std::vector<Cell>& seeds,
+                                    const std::vector<std::uint16_t>& texture) const {
+    const test::OwnedGrid& g = p_.grid;
+    std::vector<std::uint8_t> joined = grown(seeds);
+    const auto mean = [&](const auto& value) {
+      double sum = 0;
+      for (const Cell& s : seeds)
+        sum += value(s);
+      return sum / static_cast<double>(seeds.size());
+    };
+    // In quarters of a grey level, whole ones, as the code has them.
+    const auto quarters = [&](const auto& plane) {
+      return std::trunc(mean([&](const Cell& s) { return 4 * at(plane, s.y, s.x); }));
+    };
+    const bool dull = mean([&](const Cell& s) { return texture[g.at(s.y, s.x)] / 16.0; }) < 3.5;
+    const double y = quarters(g.y), u = quarters(g.u), v = quarters(g.v);
+    for (int i = 0; i < g.height; ++i)
+      for (int j = 0; j < g.width; ++j)
+        if (dull || y - 4 * at(g.y, i, j) > std::trunc((y + 32) / 6) ||
+            std::abs(4 * at(g.u, i, j) - u) + std::abs(4 * at(g.v, i, j) - v) > 32)
+          joined[g.at(i, j)] = 0;
+    return joined;
+  }
+
   std::vector<std::uint8_t> edgeless() const {
     const test::OwnedGrid& g = p_.grid;
     std::vector<std::uint8_t> none(g.size(), 0);
@@ -112,9 +154,10 @@ class ByDefinition {
 TEST(ConnectedGround, IsWhatTheDefinitionSays) {
   std::mt19937 dice(5);
   const auto up_to = [&](unsigned n) { return static_cast<int>(dice() % n); };
-  int joined = 0, apart = 0, edgeless = 0, edges = 0;
+  int joined = 0, apart = 0, vouched = 0, doubted = 0, edgeless = 0, edges = 0;
   for (int round = 0; round < 60; ++round) {
-    Picture p = picture(1 + up_to(40), 1 + up_to(30), 20 + up_to(200));
+    const int width = 1 + up_to(40), height = 1 + up_to(30), luma = 20 + up_to(200);
+    Picture p = picture(width, height, luma);
     const int grain = 1 + up_to(14), chroma = 1 + up_to(4), rough = 1 + up_to(700);
     for (std::size_t i = 0; i < p.grid.size(); ++i) {
       p.grid.y[i] =
@@ -126,13 +169,24 @@ TEST(ConnectedGround, IsWhatTheDefinitionSays) {
       p.grid.ignored[i] = dice() % 15 == 0;
     }
     std::vector<Cell> seeds;
-    for (int k = 0; k < 1 + up_to(8); ++k)
-      seeds.push_back({static_cast<std::int16_t>(up_to(static_cast<unsigned>(p.grid.width))),
-                       static_cast<std::int16_t>(up_to(static_cast<unsigned>(p.grid.height)))});
+    for (int k = 0; k < 1 + up_to(8); ++k) {
+      const int x = up_to(static_cast<unsigned>(width)), y = up_to(static_cast<unsigned>(height));
+      seeds.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
+    }
     ConnectedGround ground;
     ground.look(p.grid, p.cells);
     const auto grown = ground.grow(p.grid, seeds);
     EXPECT_EQ(grown, ByDefinition(p).grown(seeds)) << round;
+    EXPECT_EQ(ground.taught(), ByDefinition(p).taught(seeds)) << round;
+    std::vector<std::uint16_t> texture(p.grid.size());
+    const int least = 10 + up_to(60); // half of the pictures are dull
+    for (std::uint16_t& t : texture)
+      t = static_cast<std::uint16_t>(least + up_to(40));
+    const auto alike = ground.vouched(p.grid, seeds, texture);
+    EXPECT_EQ(alike, ByDefinition(p).vouched(seeds, texture)) << round;
+    vouched += static_cast<int>(std::count(alike.begin(), alike.end(), 1));
+    for (std::size_t i = 0; i < grown.size(); ++i)
+      doubted += grown[i] && !alike[i];
     const auto none = ground.edgeless(p.grid);
     EXPECT_EQ(none, ByDefinition(p).edgeless()) << round;
     joined += static_cast<int>(std::count(grown.begin(), grown.end(), 1));
@@ -140,7 +194,7 @@ TEST(ConnectedGround, IsWhatTheDefinitionSays) {
     edgeless += static_cast<int>(std::count(none.begin(), none.end(), 1));
     edges += static_cast<int>(std::count(none.begin(), none.end(), 0));
   }
-  for (const int count : {joined, apart, edgeless, edges}) // the pictures have both
+  for (const int count : {joined, apart, vouched, doubted, edgeless, edges}) // the pictures have both
     EXPECT_GT(count, 1000);
 }
 
@@ -193,6 +247,46 @@ TEST(ConnectedGround, IsNothingWithoutSeeds) {
   ground.look(p.grid, p.cells);
   const auto& joined = ground.grow(p.grid, {});
   EXPECT_EQ(std::count(joined.begin(), joined.end(), 0), 40 * 30);
+  const auto& taught = ground.taught();
+  EXPECT_EQ(std::count(taught.begin(), taught.end(), 0), 40 * 30);
+  const auto& vouched = ground.vouched(p.grid, {}, std::vector<std::uint16_t>(p.grid.size(), 500));
+  EXPECT_EQ(std::count(vouched.begin(), vouched.end(), 0), 40 * 30);
+}
+
+// Twice as light little by little is the same ground, half as light an obstacle's foot may be.
+TEST(ConnectedGround, SeedsVouchForMoreLightAndNotForLess) {
+  Picture p = picture(40, 30);
+  for (int i = 0; i < 30; ++i)
+    for (int j = 0; j < 40; ++j)
+      p.grid.y[p.grid.at(i, j)] = static_cast<std::uint8_t>(100 + (j < 20 ? 1 : -1) * (29 - i) * 2);
+  const std::vector<Cell> left{{10, 29}}, right{{30, 29}};
+  const std::vector<std::uint16_t> rough(p.grid.size(), 100), dull(p.grid.size(), 50);
+  ConnectedGround ground;
+  ground.look(p.grid, p.cells);
+  EXPECT_EQ(ground.grow(p.grid, left)[p.grid.at(0, 10)], 1);
+  EXPECT_EQ(ground.vouched(p.grid, left, rough)[p.grid.at(0, 10)], 1);
+  EXPECT_EQ(ground.vouched(p.grid, left, dull)[p.grid.at(0, 10)], 0);
+  EXPECT_EQ(ground.grow(p.grid, right)[p.grid.at(10, 30)], 1);
+  EXPECT_EQ(ground.vouched(p.grid, right, rough)[p.grid.at(22, 30)], 1);
+  EXPECT_EQ(ground.vouched(p.grid, right, rough)[p.grid.at(10, 30)], 0);
+}
+
+// Two grey levels a row are no step, twelve are another colour.
+TEST(ConnectedGround, WhatItTeachesHasTheSeedsChroma) {
+  Picture p = picture(40, 30);
+  for (int i = 0; i < 30; ++i)
+    for (int j = 0; j < 40; ++j)
+      (j < 20 ? p.grid.u : p.grid.v)[p.grid.at(i, j)] = static_cast<std::uint8_t>(128 + 2 * (29 - i));
+  for (const int column : {10, 30}) {
+    ConnectedGround ground;
+    ground.look(p.grid, p.cells);
+    const auto& joined = ground.grow(p.grid, {{static_cast<std::int16_t>(column), 29}});
+    const auto& taught = ground.taught();
+    for (int i = 0; i < 30; ++i) {
+      EXPECT_EQ(joined[p.grid.at(i, column)], 1) << i;
+      EXPECT_EQ(taught[p.grid.at(i, column)], i >= 29 - 6) << i;
+    }
+  }
 }
 
 } // namespace

@@ -472,7 +472,7 @@ TEST(FilterSettings, RoundAsTheElementDoes) {
 }
 
 TEST(FilterSettings, StartFromThePresetAndTheSequence) {
-  const Settings s = filter_settings("paper,caution=-8,texture=true,horizon=auto,seed=7", 6);
+  const Settings s = filter_settings("paper,free-space=true,caution=-8,texture=true,horizon=auto,seed=7", 6);
   EXPECT_EQ(s.mass_cap, 64);
   EXPECT_EQ(s.window_bottom, 6);
   EXPECT_EQ(s.caution, -8);
@@ -570,6 +570,11 @@ TEST(Rendered, PlacesNeedNoFolder) {
   EXPECT_GT(cv::norm(first.picture.bgr(), other_place.picture.bgr(), cv::NORM_L1), 0);
   EXPECT_EQ(cv::norm(first.picture.bgr(), s.read(0).picture.bgr(), cv::NORM_L1), 0);
   EXPECT_EQ(open_sequence("scene:road:day").size(), 120u);
+  const Sequence wet = open_sequence("scene:road:sun+wet:7", {2, 1}),
+                 dry = open_sequence("scene:road:sun:7", {2, 1});
+  EXPECT_EQ(wet.name, "road sun+wet 7");
+  EXPECT_EQ(cv::countNonZero(wet.read(1).labels != dry.read(1).labels), 0);
+  EXPECT_GT(cv::norm(wet.read(1).picture.bgr(), dry.read(1).picture.bgr(), cv::NORM_L1), 0);
 }
 
 TEST(Rendered, DrivesRunAtThirtyHertzAndForgetBetweenSeeds) {
@@ -599,10 +604,10 @@ TEST(Rendered, DrivesRunAtThirtyHertzAndForgetBetweenSeeds) {
 
 TEST(Rendered, WhatThereIsIsSaid) {
   for (const char* wrong :
-       {"scene:", "scene:road", "scene:road:noon", "scene:wood:day", "scene:road:day:x", "scene:road:day:1:2",
-        "scene:road:day:fly", "scene:road:day:turn@10x10", "scene:road:day:turn@640",
-        "scene:road:day:turn#8-7", "scene:road:day:turn#1-99999", "scene:road:day@640x360",
-        "scene:road:day:99999999999999999999"})
+       {"scene:", "scene:road", "scene:road:noon", "scene:road:sun+dry", "scene:road:+wet", "scene:wood:day",
+        "scene:road:day:x", "scene:road:day:1:2", "scene:road:day:fly", "scene:road:day:turn@10x10",
+        "scene:road:day:turn@640", "scene:road:day:turn#8-7", "scene:road:day:turn#1-99999",
+        "scene:road:day@640x360", "scene:road:day:99999999999999999999"})
     EXPECT_THROW(open_sequence(wrong), std::runtime_error) << wrong;
   EXPECT_THROW(open_sequence("scene:road:day", {0, 2}), std::runtime_error);
 }
@@ -611,6 +616,23 @@ TEST_F(EvalSequence, WrongNamesAreNamed) {
   for (const char* engine : {"nonsense", "default,texture=maybe", "default,colour=1", "default,caution=99",
                              "rows:x", "reference,texture=false", "default,caution=2x", "masks:/nowhere"})
     EXPECT_THROW(run(engine), std::runtime_error) << engine;
+}
+
+// Nobody measures a setting that nothing reads.
+TEST_F(EvalSequence, SettingsWithoutEffectAreNamed) {
+  for (const char* engine : {"default,threshold=2.1", "default,bit-shift=3", "paper,texture=true",
+                             "default,free-space=false,geodesic=true", "paper,doubtful=3"})
+    try {
+      filter_settings(engine, 0);
+      ADD_FAILURE() << engine;
+    } catch (const std::runtime_error& error) {
+      const std::string told = error.what(), words = engine;
+      const std::size_t name = words.rfind(',') + 1;
+      EXPECT_NE(told.find(words.substr(name, words.rfind('=') - name) + " has "), std::string::npos) << told;
+    }
+  for (const char* engine : {"paper,texture=false", "paper,threshold=2.1", "default,motion=off",
+                             "default,threshold=2.1,free-space=false", "paper,window-bottom=4"})
+    EXPECT_NO_THROW(run(engine)) << engine;
 }
 
 } // namespace

@@ -7,6 +7,8 @@
 
 #include <gtest/gtest.h>
 
+#include "support/grids.hpp"
+
 namespace terrainseg {
 namespace {
 
@@ -157,6 +159,27 @@ TEST(Likelihood, TextureIsForWhatTheWindowShows) {
   Likelihood().build(t, {}, 0, without, tables);
   for (const int v : tables.texture)
     EXPECT_EQ(v, 0);
+}
+
+TEST(Likelihood, WhatIsVouchedForIsNeverAgainst) {
+  const CellBins cells = cells_of({{100, 128, 128, 5}, {30, 90, 90, 9}, {30, 90, 90, 9}, {200, 150, 150, 1}});
+  const test::OwnedGrid grid = test::gray_grid(4, 1);
+  LikelihoodTables tables{};
+  tables.color[cells.color[0]] = 20;
+  tables.color[cells.color[1]] = -20;
+  tables.texture.fill(-40);
+  tables.texture[5] = 15;
+  const CellPenalties none{0, 0, 0, 0};
+  CellScores score;
+  score_cells(grid, cells, tables, none, {}, score);
+  EXPECT_EQ(score, (CellScores{16 * 35, 16 * -48, 16 * -48, 16 * -40}));
+  const std::vector<std::uint8_t> vouched{1, 1, 0, 1};
+  const std::vector<Cell> ground{{0, 0}}, both{{0, 0}, {3, 0}};
+  score_cells(grid, cells, tables, none, {vouched, ground}, score);
+  EXPECT_EQ(score, (CellScores{16 * 35, 16 * 24, 16 * -48, 16 * 24}));
+  // Seeds that are hardly ground themselves: (35 - 40) / 2.
+  score_cells(grid, cells, tables, none, {vouched, both}, score);
+  EXPECT_EQ(score, (CellScores{16 * 35, 16 * -2, 16 * -48, 16 * -2}));
 }
 
 } // namespace

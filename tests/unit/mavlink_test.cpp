@@ -5,8 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <string>
+
+#include "exchange/mavlink_stream.hpp"
 
 namespace terrainseg {
 namespace {
@@ -193,6 +196,22 @@ std::vector<std::uint8_t> attitude_frame() {
   bytes.push_back(static_cast<std::uint8_t>(crc));
   bytes.push_back(static_cast<std::uint8_t>(crc >> 8));
   return bytes;
+}
+
+// A time stamp is any 64 bits; the sanitizers see a sum that runs over.
+TEST(MavlinkStream, GoesOnAfterTimesThatNoStreamHas) {
+  constexpr std::int64_t least = std::numeric_limits<std::int64_t>::min(),
+                         most = std::numeric_limits<std::int64_t>::max();
+  for (const std::int64_t odd : {least, most, least + 1, most - 1, std::int64_t{-2}}) {
+    MavlinkStream stream;
+    EXPECT_FALSE(stream.at(0, 0, nullptr, {}).empty());
+    stream.at(odd, 0, nullptr, {});
+    stream.at(odd, 0, nullptr, {});
+    for (const std::int64_t other : {least, most, std::int64_t{0}})
+      stream.at(other, 0, nullptr, {});
+    stream.at(1'000'000'000, 0, nullptr, {});
+    EXPECT_FALSE(stream.at(2'000'000'000, 0, nullptr, {}).empty()) << odd;
+  }
 }
 
 TEST(Mavlink, AttitudeIsFoundAmongOthers) {

@@ -2,11 +2,14 @@
 // From pixels to metres: against computed points, OpenCV's camera models, and geometry written apart.
 #include <gtest/gtest.h>
 
+#include <bit>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <opencv2/calib3d.hpp>
 
+#include "kernel_harness.hpp"
 #include "metric/camera_info.hpp"
 #include "metric/free_space_ranges.hpp"
 #include "metric/horizon_monitor.hpp"
@@ -170,6 +173,68 @@ TEST(Metric, RangesOfABoundary) {
     }
 }
 
+// Bit by bit those of the plain target, with a wide lens and a last block of one column, too.
+TEST(Metric, EveryTargetGivesTheSameRanges) {
+  Camera wide = pinhole();
+  wide.fx = wide.fy = 120;
+  const Mount mount = low_mount(-4);
+  for (const Camera& camera : {barrel(), wide})
+    for (const int columns : {1, 63, 65, 320, 640}) {
+      std::vector<std::uint16_t> boundary(static_cast<std::size_t>(columns));
+      for (std::size_t i = 0; i < boundary.size(); ++i)
+        boundary[i] = static_cast<std::uint16_t>(100 + i * 37 % 381);
+      FreeSpaceRanges ranges;
+      ranges.adapt(camera, 640, 480, {0, 0, 640, 480}, columns);
+      std::vector<std::vector<std::uint32_t>> of_targets;
+      testing::on_every_target([&] {
+        const RangeColumns& found = ranges.measure(boundary, false, mount, 8);
+        std::vector<std::uint32_t>& bits = of_targets.emplace_back();
+        for (const auto* values : {&found.ranges, &found.bearings, &found.low, &found.high})
+          for (const float value : *values)
+            bits.push_back(std::bit_cast<std::uint32_t>(value));
+      });
+      ASSERT_FALSE(of_targets.empty());
+      for (const auto& bits : of_targets)
+        EXPECT_EQ(bits, of_targets.front()) << columns;
+    }
+}
+
+// Straight down a column the arc tangent of a neighbour is far away: each bearing is its own.
+TEST(Metric, BearingsOfAWideLens) {
+  Camera wide = pinhole();
+  wide.fx = wide.fy = 40;
+  const Mount mount = low_mount();
+  FreeSpaceRanges ranges;
+  ranges.adapt(wide, 640, 480, {0, 0, 640, 480}, 80);
+  const RangeColumns& found = ranges.measure(std::vector<std::uint16_t>(80, 400), false, mount, 8);
+  for (int i = 0; i < 80; ++i) {
+    const auto ray = undistort(wide, (i + 0.5) * 8 - 0.5, 399.5);
+    ASSERT_TRUE(ray);
+    EXPECT_NEAR(found.bearings[static_cast<std::size_t>(i)], GroundProjection(mount).bearing(*ray),
+                0.0006 * degree + 2e-7)
+        << i;
+  }
+}
+
+// Its columns lie on both sides of half a turn.
+TEST(Metric, BearingsOfACameraThatLooksBack) {
+  for (const double yaw : {180.0, -180.0, 179.0, -178.0}) {
+    Mount mount = low_mount();
+    mount.yaw = yaw * degree;
+    FreeSpaceRanges ranges;
+    ranges.adapt(pinhole(), 640, 480, {0, 0, 640, 480}, 320);
+    const RangeColumns& found = ranges.measure(std::vector<std::uint16_t>(320, 400), false, mount, 8);
+    for (int i = 0; i < 320; ++i) {
+      const auto ray = undistort(pinhole(), (i + 0.5) * 2 - 0.5, 399.5);
+      ASSERT_TRUE(ray);
+      const double is = found.bearings[static_cast<std::size_t>(i)];
+      EXPECT_LE(std::abs(is), std::numbers::pi + 1e-6) << yaw << ", " << i;
+      EXPECT_NEAR(std::remainder(is - GroundProjection(mount).bearing(*ray), 2 * std::numbers::pi), 0,
+                  0.0006 * degree + 2e-7);
+    }
+  }
+}
+
 TEST(Metric, UnknownIsNoDistance) {
   FreeSpaceRanges ranges;
   ranges.adapt(pinhole(), 640, 480, {0, 0, 640, 480}, 64);
@@ -189,6 +254,17 @@ TEST(Metric, TablesFollowTheLayout) {
   ranges.adapt(pinhole(), 1280, 960, {0, 0, 1280, 960}, 64);
   EXPECT_NEAR(ranges.measure(std::vector<std::uint16_t>(64, 600), false, low_mount(), 8).ranges[32], before,
               0.005);
+}
+
+TEST(Metric, TablesAreMadeOnlyWhenSomethingChanges) {
+  using Clock = std::chrono::steady_clock;
+  FreeSpaceRanges ranges;
+  const auto begin = Clock::now();
+  ranges.adapt(barrel(), 1920, 1080, {0, 0, 1920, 1080}, 1920);
+  const auto made = Clock::now();
+  for (int i = 0; i < 100; ++i)
+    ranges.adapt(barrel(), 1920, 1080, {0, 0, 1920, 1080}, 1920);
+  EXPECT_LT(Clock::now() - made, made - begin);
 }
 
 TEST(Metric, WhereTheErrorReachesAFifth) {
@@ -311,6 +387,18 @@ TEST(Pose, BetweenTwoAndStale) {
 }
 
 // A frame's time may be anything: a difference beyond 2^63 is none that is near.
+TEST(Pose, BetweenTwoSoundOnesIsSound) {
+  PoseTrack track;
+  track.add({0, 0, 0, std::nullopt, 0.1});
+  track.add({50'000'000, 0, 0, std::nullopt, 1e-300});
+  for (const std::int64_t time : {0, 1, 25'000'000, 49'999'999, 50'000'000}) {
+    const auto pose = track.at(time);
+    ASSERT_TRUE(pose);
+    EXPECT_EQ(flaw_of(*pose), nullptr) << time;
+  }
+  EXPECT_EQ(track.at(50'000'000)->height, 1e-300);
+}
+
 TEST(Pose, AFrameFarFromEveryPose) {
   constexpr auto lowest = std::numeric_limits<std::int64_t>::min(),
                  highest = std::numeric_limits<std::int64_t>::max();

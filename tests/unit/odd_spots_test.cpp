@@ -110,7 +110,7 @@ class ByDefinition {
     const Rectangle& window = s_.view.window;
     const auto candidate = [&](int i, int j) {
       const bool inside = i >= window.y >> k && j >= window.x >> k && j <= (window.x + window.width) >> k;
-      return s_.oddness(i, j) >= 24 && !inside;
+      return s_.oddness(i, j) >= 28 && !inside;
     };
     Bytes seed(static_cast<std::size_t>(w_ * h_), 0), odd = seed;
     for (int i = 0; i < h_; ++i)
@@ -122,7 +122,7 @@ class ByDefinition {
     for (int i = 0; i < h_; ++i)
       for (int j = 0; j < w_; ++j)
         odd[at(i, j)] =
-            candidate(i, j) && mean_over(i, j, 8, [&](int y, int x) { return seed[at(y, x)]; }) > 0;
+            candidate(i, j) && mean_over(i, j, 4, [&](int y, int x) { return seed[at(y, x)]; }) > 0;
     int first = h_;
     for (int i = h_ - 1; i >= 0; --i)
       for (int j = 0; j < w_; ++j)

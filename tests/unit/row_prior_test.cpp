@@ -38,6 +38,17 @@ TEST(RowPrior, CautionIsTakenOffEverywhere) {
   }
 }
 
+TEST(RowPrior, DeniesTheRowsBefore) {
+  RowPriors plain, denied;
+  row_prior(30, 100, true, 5, plain);
+  for (const int first : {-3, 0, 1, 17, 30, 99}) {
+    denied = plain;
+    deny_rows_before(first, denied);
+    for (int i = 0; i < 30; ++i)
+      EXPECT_EQ(denied[i], i < first ? plain[i] - 256 : plain[i]) << first << ' ' << i;
+  }
+}
+
 TEST(RowPrior, TheSlowHorizonJumpsFirstThenFollowsByAQuarter) {
   std::vector<std::uint16_t> scratch;
   const GridCurve at_20(60, 20), at_40(60, 40);

@@ -5,6 +5,7 @@
 #include <array>
 
 #include "base/fixed_log.hpp"
+#include "kernels/cells.hpp"
 
 namespace terrainseg {
 namespace {
@@ -27,8 +28,49 @@ constexpr std::array<std::int16_t, 256> brightness = [] {
   return table;
 }();
 
-std::uint8_t normalised_chroma(int chroma, int gain) {
-  return static_cast<std::uint8_t>(std::clamp(128 + (((chroma - 128) * gain) >> 8), 0, 255));
+/// Sums of differences are looked up as so many times themselves: from 2^10 on.
+constexpr int lookup_shift = 4;
+static_assert(noise_floor << lookup_shift >= 1 << 10);
+
+// log2 Q8 of what is looked up.
+constexpr auto octave_table = [] {
+  std::array<std::int16_t, kernels::octaves_of_table * 256 + 1> table{};
+  for (std::uint64_t i = 0; i + 1 < table.size(); ++i)
+    table[i] = static_cast<std::int16_t>(log2_q8((256 + i % 256) << (i / 256 + 2)) - 256 * lookup_shift);
+  return table;
+}();
+
+// The gain is below 2^12: that of the darkest mean. Compilers make vectors of it.
+void scale_differences(const std::uint16_t* __restrict differences, std::uint32_t gain, std::size_t count,
+                       std::uint32_t* __restrict out) {
+  for (std::size_t i = 0; i < count; ++i)
+    out[i] = ((differences[i] * gain >> 8) + noise_floor) << lookup_shift;
+}
+
+// Luma as the exposure has it, and the gain that it gives to chroma.
+void look_up_exposure(const std::uint8_t* __restrict in, const ExposureTables& exposure, int count,
+                      std::uint8_t* __restrict luma, std::uint32_t* __restrict gain) {
+  for (int j = 0; j < count; ++j) {
+    luma[j] = exposure.luma[in[j]];
+    gain[j] = exposure.chroma_gain[in[j]];
+  }
+}
+
+// Compilers make vectors of this and of the next.
+void normalise_chroma(const std::uint8_t* __restrict in, const std::uint32_t* __restrict gain, int count,
+                      std::uint8_t* __restrict out) {
+  for (int j = 0; j < count; ++j) {
+    const int beyond = ((in[j] - 128) * static_cast<int>(gain[j])) >> 8; // 16 bits hold it
+    const auto chroma = static_cast<std::int16_t>(128 + beyond);
+    out[j] = static_cast<std::uint8_t>(std::clamp(chroma, std::int16_t{0}, std::int16_t{255}));
+  }
+}
+
+void bin_colors(const std::uint8_t* __restrict y, const std::uint8_t* __restrict u,
+                const std::uint8_t* __restrict v, int count, std::uint16_t* __restrict color) {
+  for (int j = 0; j < count; ++j)
+    color[j] = static_cast<std::uint16_t>((y[j] >> luma_bin_shift) << 8 | (u[j] >> chroma_bin_shift) << 4 |
+                                          v[j] >> chroma_bin_shift);
 }
 
 // Along one axis: `count` neighbours `slice` bins apart in every block.
@@ -56,33 +98,25 @@ void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, cons
   out.color.resize(grid.size());
   out.texture.resize(grid.size());
   out.roughness.resize(grid.size());
-  // Bytes may alias anything, also where the vectors' memory lies: without pointers of its own the loop would
-  // look that up for every cell.
+  out.gain.resize(static_cast<std::size_t>(grid.width));
   for (int row = 0; row < grid.height; ++row) {
     const auto [grid_y, grid_u, grid_v] = grid.row(row);
     const std::size_t first = grid.at(row, 0);
-    std::uint8_t* __restrict luma = &out.luma[first];
-    std::uint8_t* __restrict out_u = &out.u[first];
-    std::uint8_t* __restrict out_v = &out.v[first];
-    std::uint16_t* __restrict color = &out.color[first];
-    for (int j = 0; j < grid.width; ++j) {
-      const int y = exposure.luma[grid_y[j]], gain = exposure.chroma_gain[grid_y[j]];
-      const std::uint8_t u = normalised_chroma(grid_u[j], gain), v = normalised_chroma(grid_v[j], gain);
-      luma[j] = static_cast<std::uint8_t>(y);
-      out_u[j] = u;
-      out_v[j] = v;
-      color[j] = static_cast<std::uint16_t>((y >> luma_bin_shift) << 8 | (u >> chroma_bin_shift) << 4 |
-                                            v >> chroma_bin_shift);
-    }
+    look_up_exposure(grid_y, exposure, grid.width, &out.luma[first], out.gain.data());
+    normalise_chroma(grid_u, out.gain.data(), grid.width, &out.u[first]);
+    normalise_chroma(grid_v, out.gain.data(), grid.width, &out.v[first]);
   }
+  bin_colors(out.luma.data(), out.u.data(), out.v.data(), static_cast<int>(grid.size()), out.color.data());
+  out.differences.resize(grid.size());
+  scale_differences(texture.data(), static_cast<std::uint32_t>(exposure.gain), grid.size(),
+                    out.differences.data());
+  kernels::look_up_octaves(out.differences.data(), octave_table.data(), static_cast<int>(grid.size()),
+                           out.roughness.data());
   const std::uint8_t* const luma = out.luma.data();
-  const std::uint16_t* const differences = texture.data();
   std::int16_t* __restrict roughness = out.roughness.data();
   std::uint8_t* __restrict bin = out.texture.data();
   for (std::size_t i = 0; i < grid.size(); ++i) {
-    const int rough =
-        log2_q8(((static_cast<std::uint32_t>(differences[i]) * exposure.gain) >> 8) + noise_floor) - 512 +
-        brightness[luma[i]];
+    const int rough = roughness[i] - 512 + brightness[luma[i]];
     roughness[i] = static_cast<std::int16_t>(rough);
     bin[i] = static_cast<std::uint8_t>(std::clamp((rough * bins_per_octave) >> 16, 0, texture_bins - 1));
   }

@@ -25,6 +25,7 @@ struct CellBins {
   std::vector<std::uint16_t> color;     ///< 0..color_bins - 1
   std::vector<std::uint8_t> texture;    ///< 0..texture_bins - 1
   std::vector<std::int16_t> roughness;  ///< log2 in Q8, freed of the light: what the texture's bins part
+  std::vector<std::uint32_t> gain, differences; ///< memory of bin_cells()
 };
 
 /// The normalised colours of all cells, to be clustered.

@@ -2,12 +2,21 @@
 #include "freespace/cues/connected_ground.hpp"
 
 #include <algorithm>
+#include <limits>
 
 namespace terrainseg {
 namespace {
 
 /// What is smoother than the seeds by this is sky: 1024ths of an octave.
 constexpr int sky_is_smoother = 1600;
+/// Chroma of cells that are taught and of those that seeds vouch for, both together, quarters of a grey
+/// level. Taught without a limit an indoor floor takes walls along: 3.47 % wrong, 3.33 with, 3.18 with 36.
+constexpr int taught_chroma = 48, vouched_chroma = 32;
+/// They are darker by one part in so many at most: off the road 16.4 % unsafe, 17.3 without.
+constexpr int vouched_darker = 6;
+/// Least texture of the seeds: night shows less. Without it a smooth car in the window at dusk vouches for
+/// cars.
+constexpr int least_texture = 56;
 /// Rows above and below a boundary in which an edge explains it: the curve is smooth, edges are not.
 constexpr int edge_reach = 3;
 /// Added to the sum of two lumas, quarters of a grey level: in the dark all is noise.
@@ -27,6 +36,19 @@ template <typename In> void smooth_columns(const In* in, int width, std::int16_t
 // In 16 bits, as all that is compared here: no difference of two values needs more.
 std::int16_t distance(std::int16_t a, std::int16_t b) {
   return static_cast<std::int16_t>(std::max(a, b) - std::min(a, b));
+}
+
+// Of the cells of `in` those as light as the darkest luma at least, and near the chroma that is given.
+void keep_like(const std::array<const std::int16_t*, 3>& smooth, const std::array<std::int16_t, 3>& like,
+               int most_chroma, const std::uint8_t* __restrict in, std::size_t count,
+               std::uint8_t* __restrict out) {
+  const auto [y, u, v] = smooth;
+  const auto [darkest, like_u, like_v] = like;
+  const auto most = static_cast<std::int16_t>(most_chroma);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto chroma = static_cast<std::int16_t>(distance(u[i], like_u) + distance(v[i], like_v));
+    out[i] = static_cast<std::uint8_t>(in[i] & (y[i] >= darkest) & (chroma <= most));
+  }
 }
 
 } // namespace
@@ -75,18 +97,17 @@ void ConnectedGround::compare(const Grid& grid, std::size_t from, std::size_t to
 
 const std::vector<std::uint8_t>& ConnectedGround::grow(const Grid& grid, const std::vector<Cell>& seeds) {
   joined_.assign(grid.size(), 0);
+  means_ = {};
   if (seeds.empty())
     return joined_;
   const auto width = static_cast<std::size_t>(grid.width);
-  std::int64_t sum = 0;
   int lowest = 0;
   for (const Cell& seed : seeds) {
-    const std::size_t cell = grid.at(seed.y, seed.x);
-    joined_[cell] = 1;
-    sum += smooth_[3][cell];
+    joined_[grid.at(seed.y, seed.x)] = 1;
     lowest = std::max(lowest, int{seed.y});
   }
-  const auto smoothest = static_cast<int>(sum / static_cast<std::int64_t>(seeds.size())) - sky_is_smoother;
+  means_ = means_of(grid, seeds);
+  const int smoothest = means_[3] - sky_is_smoother;
   rough_enough_.resize(grid.size());
   for (std::size_t i = 0; i < grid.size(); ++i)
     rough_enough_[i] = smooth_[3][i] >= smoothest;
@@ -100,6 +121,44 @@ const std::vector<std::uint8_t>& ConnectedGround::grow(const Grid& grid, const s
     spread(grid.at(i, 0), width);
   }
   return joined_;
+}
+
+std::array<int, 4> ConnectedGround::means_of(const Grid& grid, const std::vector<Cell>& seeds) const {
+  std::array<std::int64_t, 4> sums{};
+  for (const Cell& seed : seeds)
+    for (std::size_t c = 0; c < 4; ++c)
+      sums[c] += smooth_[c][grid.at(seed.y, seed.x)];
+  std::array<int, 4> means{};
+  for (std::size_t c = 0; c < 4; ++c)
+    means[c] = static_cast<int>(sums[c] / static_cast<std::int64_t>(seeds.size()));
+  return means;
+}
+
+const std::vector<std::uint8_t>& ConnectedGround::taught() {
+  taught_.resize(joined_.size());
+  keep_like({smooth_[0].data(), smooth_[1].data(), smooth_[2].data()},
+            {std::numeric_limits<std::int16_t>::min(), static_cast<std::int16_t>(means_[1]),
+             static_cast<std::int16_t>(means_[2])},
+            taught_chroma, joined_.data(), joined_.size(), taught_.data());
+  return taught_;
+}
+
+const std::vector<std::uint8_t>& ConnectedGround::vouched(const Grid& grid, const std::vector<Cell>& seeds,
+                                                          const std::vector<std::uint16_t>& texture) {
+  vouched_.assign(grid.size(), 0);
+  if (seeds.empty())
+    return vouched_;
+  std::int64_t sum = 0;
+  for (const Cell& seed : seeds)
+    sum += texture[grid.at(seed.y, seed.x)];
+  if (sum < least_texture * static_cast<std::int64_t>(seeds.size()))
+    return vouched_;
+  const auto [y, u, v, rough] = means_;
+  const int darkest = y - (y + dark_luma) / vouched_darker;
+  keep_like({smooth_[0].data(), smooth_[1].data(), smooth_[2].data()},
+            {static_cast<std::int16_t>(darkest), static_cast<std::int16_t>(u), static_cast<std::int16_t>(v)},
+            vouched_chroma, joined_.data(), grid.size(), vouched_.data());
+  return vouched_;
 }
 
 // From the three cells below each cell of a row.

@@ -43,10 +43,18 @@ void mark_lessons(const Grid& grid, std::span<const Cell> window, std::span<cons
 void learn_histograms(const CellBins& cells, const std::vector<Lesson>& lessons, int forget_shift,
                       Terrain& learned);
 
+/// Ground that is joined to the window: 1 per cell (empty = none), and the cells that vouch for it.
+struct Vouched {
+  std::span<const std::uint8_t> cells;
+  std::span<const Cell> seeds;
+};
+
 /// Score of every cell in Q4 (16 * 32 = 1 nat), positive for the terrain: what its colour and its texture
-/// say, less its `penalty` (32 = 1 nat); no more than 1.5 nats either way, and 0 where ignored.
+/// say, less its `penalty` (32 = 1 nat); no more than 1.5 nats either way, and 0 where ignored. Cells that
+/// are vouched for have three quarters of a nat at least, or what colour and texture say of the seeds in the
+/// mean where that is less.
 void score_cells(const Grid& grid, const CellBins& cells, const LikelihoodTables& tables,
-                 const CellPenalties& penalty, CellScores& score);
+                 const CellPenalties& penalty, const Vouched& vouched, CellScores& score);
 
 class Likelihood {
  public:

@@ -62,6 +62,30 @@ void raise_to(const Value* __restrict values, int count, std::int16_t* __restric
     most[x] = std::max(most[x], static_cast<std::int16_t>(values[x]));
 }
 
+void look_at(const std::uint8_t* __restrict labels, const int* __restrict pixels, int count,
+             std::uint8_t* __restrict out) {
+  for (int x = 0; x < count; ++x)
+    out[x] = labels[pixels[x]];
+}
+
+/// What speaks for the label, and what the whole picture adds: as far as the table goes.
+void turn_to(const std::uint8_t* __restrict labels, const std::int16_t* __restrict sums, std::int16_t whole,
+             int count, std::int16_t* __restrict out) {
+  constexpr auto last = static_cast<std::int16_t>(confidence_table.size() - 1);
+  for (int x = 0; x < count; ++x) {
+    const auto against = static_cast<std::int16_t>(-sums[x]);
+    const auto sum = static_cast<std::int16_t>((labels[x] == mask_traversable ? sums[x] : against) + whole);
+    const std::int16_t least = sum < 0 ? std::int16_t{0} : sum;
+    out[x] = least < last ? least : last;
+  }
+}
+
+void look_up(const std::int16_t* __restrict sums, const std::uint8_t* __restrict ignored, int count,
+             std::uint8_t* __restrict out) {
+  for (int x = 0; x < count; ++x)
+    out[x] = ignored[x] ? std::uint8_t{0} : confidence_table[static_cast<std::size_t>(sums[x])];
+}
+
 bool any_of(const std::int16_t* values, int count) {
   int any = 0;
   for (int x = 0; x < count; ++x)
@@ -136,21 +160,20 @@ void Evidence::subtract_standing(const FinerCells<std::int16_t>& standing) {
 }
 
 void Evidence::tell(const Grid& grid, const GrayView& mask, int mask_level, std::uint8_t frame_confidence,
-                    const MutablePlane& confidence) const {
+                    const MutablePlane& confidence) {
   const int whole = without_confidence + full_confidence * frame_confidence / 255;
   const auto pixel = [&](int index, int count) {
     return std::min(subsampled(index << level_, mask_level), count - 1);
   };
+  pixels_.resize(static_cast<std::size_t>(width_));
+  for (int j = 0; j < width_; ++j)
+    pixels_[static_cast<std::size_t>(j)] = pixel(j, mask.width);
+  labels_.resize(static_cast<std::size_t>(width_));
+  turned_.resize(static_cast<std::size_t>(width_));
   for (int i = 0; i < height_; ++i) {
-    const std::uint8_t* const labels = mask.plane.row(pixel(i, mask.height));
-    const std::int16_t* const sums = &sums_[grid.at(i, 0)];
-    const std::uint8_t* const ignored = &grid.ignored[grid.at(i, 0)];
-    std::uint8_t* const out = confidence.row(i);
-    for (int j = 0; j < width_; ++j) {
-      const bool ground = labels[pixel(j, mask.width)] == mask_traversable;
-      const int evidence = (ground ? sums[j] : -sums[j]) + whole;
-      out[j] = ignored[j] ? std::uint8_t{0} : confidence_of(evidence);
-    }
+    look_at(mask.plane.row(pixel(i, mask.height)), pixels_.data(), width_, labels_.data());
+    turn_to(labels_.data(), &sums_[grid.at(i, 0)], static_cast<std::int16_t>(whole), width_, turned_.data());
+    look_up(turned_.data(), &grid.ignored[grid.at(i, 0)], width_, confidence.row(i));
   }
 }
 

@@ -40,7 +40,7 @@ class Evidence {
   /// where the grid is ignored. `frame_confidence` is that of the whole mask, 0..255. Doubtful pixels are not
   /// traversable.
   void tell(const Grid& grid, const GrayView& mask, int mask_level, std::uint8_t frame_confidence,
-            const MutablePlane& confidence) const;
+            const MutablePlane& confidence);
 
   /// Per cell of the grid, 32 = 1 nat, positive = ground.
   std::span<const std::int16_t> sums() const { return sums_; }
@@ -51,7 +51,10 @@ class Evidence {
 
   int level_ = 0, width_ = 0, height_ = 0;
   std::vector<std::int16_t> sums_, strongest_;
-  std::vector<int> ends_; ///< of each cell's columns among finer cells
+  std::vector<int> ends_;            ///< of each cell's columns among finer cells
+  std::vector<int> pixels_;          ///< of the mask, of each column of cells
+  std::vector<std::uint8_t> labels_; ///< of a row of cells
+  std::vector<std::int16_t> turned_; ///< its evidence for them
 };
 
 /// 255 * (2 p - 1) of evidence for a label, 32 = 1 nat; 0 where there is none.

@@ -15,6 +15,8 @@ std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
   const std::size_t width = curves.safe.size();
   boundary_.resize(width);
   safe_.resize(width);
+  behind_first_.resize(width);
+  behind_end_.resize(width);
   std::uint64_t traversable = 0;
   for (std::size_t x = 0; x < width; ++x) {
     // A mask row is what its top pixel row is.
@@ -42,8 +44,6 @@ std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
 FreeSpace::Stretch FreeSpace::bring_behind(const FreeSpaceCurves& curves, int mask_level,
                                            std::uint64_t& traversable) {
   const std::size_t width = curves.safe.size();
-  behind_first_.resize(width);
-  behind_end_.resize(width);
   Stretch all{static_cast<int>(width), 0, 65535, 0};
   for (std::size_t x = 0; x < width; ++x) {
     const int end = std::min<int>(subsampled(curves.behind_end[x], mask_level), boundary_[x]),

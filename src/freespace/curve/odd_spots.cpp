@@ -2,11 +2,11 @@
 #include "freespace/curve/odd_spots.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
 
 #include "base/fixed_log.hpp"
 #include "base/lattice.hpp"
+#include "kernels/cells.hpp"
 #include "kernels/sides.hpp"
 #include "terrainseg/estimate.hpp"
 
@@ -28,14 +28,16 @@ constexpr int dark_enough = 16; ///< Q4: one deviation
 constexpr int most_oddness = 96;
 /// Q4 of a deviation: of a cell, and of the mean of a box around a seed. 40 finds a tenth more of the things
 /// that stand on rendered trails and plains, for half a point of error on trails and 0.05 in town.
-constexpr int odd_enough = 24, seed_enough = 48;
+constexpr int odd_enough = 28, seed_enough = 48;
 /// Of a seed far away. With this and far_nearest_rows 32 % of the things on rendered plains are called ground
 /// in place of 39 by day, 53 in place of 62 at dusk, for 0.01 of error on the drives. 12 rows find half of
 /// that, 42 flickers more.
 constexpr int far_seed_enough = 44;
 /// Half the size of the boxes around seeds, and around cells that a seed must be near to, sixty-fourths of
-/// the distance. Of the former 2 or 4 find as many things; at 4 twice as much of each stays unseen.
-constexpr int seed_reach = 3, growth_reach = 8;
+/// the distance. Of the former 2 or 4 find as many things; at 4 twice as much of each stays unseen. Of the
+/// latter 8 takes in the ground around things; 3 is as good in error, but a tenth more of the things on
+/// rendered plains is called ground.
+constexpr int seed_reach = 3, growth_reach = 4;
 
 // Traversable pixels; returns how many there were.
 int make_doubtful(std::uint8_t* pixels, int count) {
@@ -82,22 +84,13 @@ constexpr std::int16_t inverse_root(std::uint32_t variance_q8) {
 }
 
 /// It has as many values as the logarithm: of the highest nine bits of the variance, which is below 2^25.
-constexpr int least_exponent = 10, exponents = 15;
+constexpr int least_exponent = 10;
 constexpr auto root_table = [] {
-  std::array<std::int16_t, exponents * 256> table{};
-  for (std::uint32_t i = 0; i < table.size(); ++i)
+  std::array<std::int16_t, kernels::octaves_of_table * 256 + 1> table{};
+  for (std::uint32_t i = 0; i + 1 < table.size(); ++i)
     table[i] = inverse_root((256 + i % 256) << (least_exponent - 8 + i / 256));
   return table;
 }();
-
-/// inverse_root(), and 0 for 0.
-std::int16_t inverse_deviation(std::uint32_t variance_q8) {
-  if (variance_q8 == 0)
-    return 0;
-  const int shift = std::bit_width(variance_q8) - 9;
-  return root_table[static_cast<std::size_t>(shift - least_exponent + 8) * 256 +
-                    ((variance_q8 >> shift) & 255)];
-}
 
 } // namespace
 
@@ -118,11 +111,14 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   blocks_y_ = (height_ >> 1) + 1;
   const std::size_t size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   odd_.resize(size);
-  spot_.assign(size, 0);
+  for (const std::uint32_t cell : candidates_) // no others belong to spots
+    spot_[cell] = 0;
+  candidates_.clear();
+  spot_.resize(size);
   row_ends_.assign(static_cast<std::size_t>(height_), 0);
   for (auto* cells : {&queue_, &candidates_}) // now: not in the frame in which something is first found
     cells->reserve(size);
-  seed_.reserve(size);
+  seed_.resize(size);
   columns_.reserve(static_cast<std::size_t>(width_));
   const bool any_ground = outline_ground(curves);
   std::fill_n(odd_.begin(), std::min(first_, height_) * width_, std::uint8_t{0});
@@ -153,6 +149,8 @@ bool OddSpots::outline_ground(const FreeSpaceCurves& curves) {
   };
   cells_of(curves.safe, safe_);
   first_ = *std::min_element(safe_.begin(), safe_.end());
+  behind_first_.reserve(w);
+  behind_end_.reserve(w);
   if (curves.ground_behind) {
     cells_of(curves.behind_first, behind_first_);
     cells_of(curves.behind_end, behind_end_);
@@ -197,11 +195,6 @@ void OddSpots::sum_blocks() {
     sums.resize(stride * (static_cast<std::size_t>(blocks_y_) + 1));
     std::fill_n(&sums[static_cast<std::size_t>(first_block) * stride], stride, 0u);
   }
-  // The ground's cells, one column to the right and zeros about them; a row of squares nobody wants of their
-  // count.
-  line_.assign(2 * stride, 0);
-  unused_.resize(stride);
-  std::uint8_t* __restrict line = line_.data() + 1;
   for (int I = first_block; I < blocks_y_; ++I) {
     const std::size_t above = static_cast<std::size_t>(I) * stride, here = above + stride;
     for (auto& sums : sums_)
@@ -209,14 +202,23 @@ void OddSpots::sum_blocks() {
     for (int i = std::max(2 * I - 1, first_); i <= std::min(2 * I, height_ - 1); ++i) {
       const std::size_t row = static_cast<std::size_t>(i) * w;
       const std::uint8_t* const ground = &ground_[row];
-      std::copy_n(ground, w, line);
-      kernels::add_blocks(line_.data(), blocks_x_, &sums_[0][here], unused_.data());
-      for (std::size_t c = 0; c < 3; ++c) {
-        const std::uint8_t* const color = &color_[c][row];
-        for (std::size_t j = 0; j < w; ++j)
-          line[j] = static_cast<std::uint8_t>(color[j] & -ground[j]);
-        kernels::add_blocks(line_.data(), blocks_x_, &sums_[1 + c][here], &sums_[4 + c][here]);
-      }
+      const auto add = [&](const std::uint8_t* values, std::uint32_t* sums, std::uint32_t* squares) {
+        // Of the first block one column is in the picture; of an even number of them one of the last, too.
+        const auto add_alone = [&](std::size_t column, std::size_t block) {
+          const std::uint32_t value = ground[column] ? values[column] : 0;
+          sums[block] += value;
+          if (squares)
+            squares[block] += value * value;
+        };
+        add_alone(0, 0);
+        kernels::add_blocks(values + 1, ground + 1, (width_ - 1) / 2, sums + 1,
+                            squares ? squares + 1 : nullptr);
+        if (width_ % 2 == 0)
+          add_alone(w - 1, stride - 1);
+      };
+      add(ground, &sums_[0][here], nullptr);
+      for (std::size_t c = 0; c < 3; ++c)
+        add(&color_[c][row], &sums_[1 + c][here], &sums_[4 + c][here]);
     }
   }
 }
@@ -238,38 +240,19 @@ void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
   }
 }
 
-// The boxes of a block row, from their counts: nothing is known where a side has too little ground.
-void OddSpots::count_cells(std::size_t pad, std::uint32_t full) {
-  const auto blocks = static_cast<std::size_t>(blocks_x_);
-  const std::uint32_t* const strip = strips_[0].data();
-  for (auto* values : {&box_cells_, &box_inverse_[0], &box_inverse_[1], &box_inverse_[2]})
-    values->resize(blocks);
-  // Most boxes hold as many cells as the one before: divisions are dear.
-  std::array<std::uint32_t, 3> last{1, 1, 1}, inverse{1u << 24, 1u << 24, 1u << 24};
-  for (std::size_t J = 0; J < blocks; ++J) {
-    // The strip's entry p is the sum of all blocks left of p - pad.
-    const std::size_t a = J, b = J + pad, c = b + 1, d = c + pad;
-    const std::array<std::uint32_t, 3> n{strip[d] - strip[a], strip[b] - strip[a], strip[d] - strip[c]};
-    const bool known = n[1] * least_side >= full && n[2] * least_side >= full;
-    box_cells_[J] = n[0];
-    for (std::size_t side = 0; side < 3; ++side) {
-      if (known && n[side] != last[side]) {
-        last[side] = n[side];
-        inverse[side] = (1u << 24) / n[side];
-      }
-      box_inverse_[side][J] = known ? inverse[side] : 0;
-    }
-  }
-}
-
 void OddSpots::compare_sides(int I) {
   const int away = distance(2 * I), reach = std::max((box_width * away / 16 + 1) >> 1, 2),
             rows = std::max((box_height * away / 16 + 1) >> 1, 1);
   const int top = std::max(I - rows, 0), bottom = std::min(I + rows + 1, blocks_y_);
   const auto blocks = static_cast<std::size_t>(blocks_x_);
   sum_strips(top, bottom, static_cast<std::size_t>(reach));
-  count_cells(static_cast<std::size_t>(reach),
-              4u * static_cast<std::uint32_t>(reach) * static_cast<std::uint32_t>(bottom - top));
+  // Nothing is known where a side has too little ground.
+  const auto full = 4u * static_cast<std::uint32_t>(reach) * static_cast<std::uint32_t>(bottom - top);
+  for (auto* values : {&box_cells_, &box_inverse_[0], &box_inverse_[1], &box_inverse_[2]})
+    values->resize(blocks);
+  kernels::count_boxes(
+      strips_[0].data(), reach, (full + least_side - 1) / least_side, blocks_x_,
+      {box_cells_.data(), box_inverse_[0].data(), box_inverse_[1].data(), box_inverse_[2].data()});
   const kernels::BoxRow boxes{box_cells_.data(), box_inverse_[0].data(), box_inverse_[1].data(),
                               box_inverse_[2].data(), reach};
   for (auto* values : {&block_left_, &block_right_, &block_deviation_})
@@ -279,8 +262,7 @@ void OddSpots::compare_sides(int I) {
     const auto floor = static_cast<std::uint32_t>(deviation_floor[k] * deviation_floor[k] << 8);
     kernels::compare_boxes(strips_[1 + k].data(), strips_[4 + k].data(), boxes, floor, blocks_x_,
                            {block_left_.data(), block_right_.data(), variance_.data()});
-    for (std::size_t J = 0; J < blocks; ++J)
-      block_deviation_[J] = inverse_deviation(variance_[J]);
+    kernels::look_up_octaves(variance_.data(), root_table.data(), blocks_x_, block_deviation_.data());
     const auto spread = [&](const std::vector<std::int16_t>& from, std::vector<std::int16_t>& to) {
       to.resize(2 * blocks);
       kernels::double_each(from.data(), blocks_x_, to.data());
@@ -304,17 +286,12 @@ void OddSpots::measure_row(int row) {
   const std::uint8_t *const ground = &ground_[at], *const y = deviation_[0].data(),
                             *const dark = dark_.data();
   // A column wider on both sides.
-  shade_.assign(w + 2, 0);
-  std::uint8_t* __restrict shade = shade_.data();
-  for (std::size_t j = 0; j < w; ++j)
-    shade[j + 1] = ground[j] & dark[j] & static_cast<std::uint8_t>(y[j] > dark_enough);
-  std::int16_t* __restrict nearest = nearest_dark_.data();
-  const auto here = static_cast<std::int16_t>(row);
-  for (std::size_t j = 0; j < w; ++j)
-    nearest[j] = (shade[j] | shade[j + 1] | shade[j + 2]) ? here : nearest[j];
+  shade_.resize(w + 2);
+  const kernels::DeviationRow deviations{y, deviation_[1].data(), deviation_[2].data(), ground, dark};
+  kernels::note_dark(deviations, dark_enough, static_cast<std::int16_t>(row), width_, shade_.data(),
+                     nearest_dark_.data());
   const auto reached = static_cast<std::int16_t>(row + std::max(shadow_reach * distance(row) / 64, 1));
-  kernels::oddness({y, deviation_[1].data(), deviation_[2].data(), ground, dark}, nearest, reached,
-                   most_oddness, width_, &odd_[at]);
+  kernels::oddness(deviations, nearest_dark_.data(), reached, most_oddness, width_, &odd_[at]);
 }
 
 // Cells that are odd enough, outside of the window, row by row.
@@ -381,7 +358,8 @@ template <typename Add, typename Visit> void OddSpots::sum_around(int sixty_four
   }
 }
 
-// Where the mean oddness of the ground around a candidate is enough.
+// Where the mean oddness of the ground around a candidate is enough. The rest of seed_ is 0: keep_islands()
+// leaves nothing of it.
 bool OddSpots::seed() {
   const int enough = is_far() ? far_seed_enough : seed_enough;
   const auto w = static_cast<std::size_t>(width_);
@@ -389,7 +367,6 @@ bool OddSpots::seed() {
   if (largest(&odd_[from], odd_.size() - from) < enough)
     return false;
   list_candidates();
-  seed_.assign(odd_.size(), 0);
   bool any = false;
   sum_around(
       seed_reach,

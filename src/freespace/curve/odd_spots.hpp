@@ -64,7 +64,6 @@ class OddSpots {
   void read_cells(const Pyramid& pyramid, const ColorTransform& transform);
   void sum_blocks();
   void sum_strips(int top, int bottom, std::size_t pad);
-  void count_cells(std::size_t pad, std::uint32_t full);
   void compare_sides(int block_row);
   void measure_row(int row);
   int row_of(std::uint32_t cell) const { return static_cast<int>(cell / static_cast<std::uint32_t>(width_)); }
@@ -87,9 +86,7 @@ class OddSpots {
   std::array<std::vector<std::uint32_t>, sum_count>
       sums_; ///< of blocks and those above; from the first that has ground
   std::array<std::vector<std::uint32_t>, sum_count> strips_; ///< of a block row: integral over its box's rows
-  std::vector<std::uint8_t> line_;
-  std::vector<std::uint32_t> unused_;
-  std::vector<std::uint32_t> box_cells_;                  ///< of a block row, per block
+  std::vector<std::uint32_t> box_cells_;                     ///< of a block row, per block
   std::array<std::vector<std::uint32_t>, 3> box_inverse_; ///< 2^24 / cells: of the box, its left, its right
   std::vector<std::uint32_t> variance_;                   ///< Q8
   std::vector<std::int16_t> block_left_, block_right_, block_deviation_;

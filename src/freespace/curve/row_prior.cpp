@@ -13,6 +13,8 @@ constexpr int middle = 51;    ///< the neutral row lies below the horizon: Q8 of
 constexpr int middle_per_row = 214; ///< ... and what it gains with the horizon, Q8
 constexpr int first_middle = 128;
 constexpr int upper_end = 14; ///< percent of the columns
+/// 8 nats a cell: with 2 a ridge of the ground's colour stays ground where it has no edge to the ground.
+constexpr int denied = 256;
 
 } // namespace
 
@@ -25,6 +27,12 @@ void row_prior(int grid_height, std::uint32_t slow_horizon, bool enabled, int ca
     prior[static_cast<std::size_t>(i)] =
         static_cast<std::int16_t>((enabled ? (2 * strongest * slope) >> 8 : 0) - caution);
   }
+}
+
+void deny_rows_before(int first, RowPriors& prior) {
+  for (int i = 0; i < std::min(first, static_cast<int>(prior.size())); ++i)
+    prior[static_cast<std::size_t>(i)] =
+        static_cast<std::int16_t>(prior[static_cast<std::size_t>(i)] - denied);
 }
 
 std::uint32_t follow_horizon(std::uint32_t slow_horizon, const GridCurve& boundary, int grid_height,

@@ -13,6 +13,9 @@ namespace terrainseg {
 /// height, 0 = none yet: then the middle of the picture. With `enabled` false only the caution is left.
 void row_prior(int grid_height, std::uint32_t slow_horizon, bool enabled, int caution, RowPriors& prior);
 
+/// Takes so much from the rows of the grid before `first` that hardly any ground ends there.
+void deny_rows_before(int first, RowPriors& prior);
+
 /// The slow horizon follows the upper end of `boundary` (rows of the grid per column) by a quarter, or jumps
 /// to it when there is none yet. Q8 of the height, 1..255.
 std::uint32_t follow_horizon(std::uint32_t slow_horizon, const GridCurve& boundary, int grid_height,

@@ -63,6 +63,8 @@ int StandingThings::coarsest_columns(const Pyramid& pyramid, int grid_level) {
 
 void StandingThings::forget() {
   motion_.forget();
+  vanishing_row_ = -1;
+  speed_ = 0;
 }
 
 /// Cells whose centres lie in the ground, outside what is ignored.

@@ -40,7 +40,8 @@ class StandingThings {
   /// Makes traversable pixels where something stands not traversable; returns how many.
   std::uint64_t mark(const MutablePlane& mask, int width, int height, int mask_level) const;
 
-  /// Of the last find(): row of the ground's vanishing line, Q16 rows of the frame, -1 = unknown.
+  /// Of the last find() since forget(): row of the ground's vanishing line, Q16 rows of the frame, -1 =
+  /// unknown.
   std::int32_t vanishing_row() const { return vanishing_row_; }
   /// Forward speed over the camera's height, Q16 1/s; 0 = still or unknown.
   std::int32_t speed_over_height() const { return speed_; }
