@@ -279,13 +279,34 @@ class Ground {
   const Stage& s_;
 };
 
+/// How wet a point of the ground is: dark with water, and covered by it.
+struct Water {
+  float damp = 0, puddle = 0;
+};
+
+Water water_at(const Stage& stage, const Spot& spot, const Footprint& foot) {
+  // Puddles are longer along the way; those much smaller than a pixel are gone.
+  const float scale = stage.settings.kind == Kind::corridor ? 3.0F : 1.0F;
+  const float level = stage.noise.at(spot.x * 0.4F * scale + 57.1F, spot.z * 0.16F * scale + 23.7F) +
+                      0.3F * stage.noise.at(spot.x * 1.6F * scale + 11.9F, spot.z * 0.8F * scale) +
+                      0.08F * stage.noise.at(spot.x * 8, spot.z * 4);
+  const float seen = clamp01(1.5F - 0.25F * foot.z * scale);
+  return {seen * smooth(0.1F, 0.24F, level), seen * smooth(0.24F, 0.26F, level)};
+}
+
+/// Share of light that water mirrors, by the slope at which the view meets it (1 = straight down).
+float mirrored_share(float slope) {
+  const float graze = 1 - slope, g2 = graze * graze;
+  return 0.03F + 0.97F * g2 * g2 * graze;
+}
+
 /// A direction around the rover in -2..2 that grows like an angle; 0 = forward. Cheaper than an angle.
 float bearing(const Vec3& ray) {
   const float a = ray.x / (std::abs(ray.x) + std::abs(ray.z) + 1e-9F);
   return ray.z >= 0 ? a : (a >= 0 ? 2 - a : -2 - a);
 }
 
-/// Calls `pixel(ray, footprint, shadow, light, label)` for what no thing covers.
+/// Calls `pixel(ray, footprint, at, light, label)` for what no thing covers; at = index of the pixel.
 template <class Pixel>
 void each_open_pixel(const Stage& stage, const Ground& ground, Canvas& canvas, Pixel&& pixel) {
   const Camera& c = stage.moment.camera;
@@ -303,7 +324,7 @@ void each_open_pixel(const Stage& stage, const Ground& ground, Canvas& canvas, P
         Color light;
         std::uint8_t label = not_traversable;
         foot.position = static_cast<float>(i);
-        pixel(c.ray(static_cast<float>(x0 + i), static_cast<float>(y)), foot, canvas.shade[at], light, label);
+        pixel(c.ray(static_cast<float>(x0 + i), static_cast<float>(y)), foot, at, light, label);
         canvas.under(at, light, 1, label);
       }
     }
@@ -311,18 +332,19 @@ void each_open_pixel(const Stage& stage, const Ground& ground, Canvas& canvas, P
 
 class Outdoors {
  public:
-  Outdoors(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), ground_(stage) {
+  Outdoors(const Stage& stage, const Canvas& mirror, Canvas& canvas)
+      : s_(stage), mirror_(mirror), canvas_(canvas), ground_(stage) {
     horizontal_light_ = stage.light.on({0, 1, 0});
   }
 
   void draw() {
     each_open_pixel(s_, ground_, canvas_,
-                    [this](const Vec3& ray, const Footprint& foot, const Color& shadow, Color& light,
-                           std::uint8_t& label) { pixel(ray, foot, shadow, light, label); });
+                    [this](const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
+                           std::uint8_t& label) { pixel(ray, foot, at, light, label); });
   }
 
  private:
-  void pixel(const Vec3& ray, const Footprint& foot, const Color& shadow, Color& light,
+  void pixel(const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
              std::uint8_t& label) const {
     const Camera& c = s_.moment.camera;
     const float level = std::sqrt(ray.x * ray.x + ray.z * ray.z);
@@ -332,12 +354,30 @@ class Outdoors {
       if (distance < 0.6F * s_.place.clearing || distance < clearing(ray)) {
         const Spot spot = {c.position.x + t * ray.x, c.position.z + t * ray.z, distance};
         Color surface = ground_.at(spot, foot, label);
-        const float shade = 1 - 0.14F * smooth(0.1F, 0.5F, ground_.cloud_shadow(spot, foot));
+        const float shade = 1 - s_.light.cloud_shade * smooth(0.1F, 0.5F, ground_.cloud_shadow(spot, foot));
+        const Color& shadow = canvas_.shade[at];
+        if (s_.settings.wet && label == driven_terrain) {
+          const Water water = water_at(s_, spot, foot);
+          surface = mix(surface * (1 - 0.45F * water.damp), s_.place.surface * 0.5F, 0.75F * water.puddle);
+          const float share = mirrored_share(-ray.y / std::sqrt(dot(ray, ray))) * water.puddle;
+          light = hazed(surface * horizontal_light_ * shadow * (1 - share), distance);
+          if (share > 0)
+            light = light + mirrored(ray, elevation, at) * share;
+          return;
+        }
         light = hazed(surface * horizontal_light_ * shadow * shade, distance);
         return;
       }
     }
     far_away(ray, elevation, light, label);
+  }
+
+  Color mirrored(const Vec3& ray, float elevation, std::size_t at) const {
+    Color behind;
+    std::uint8_t label = 0;
+    if (mirror_.open[at] >= Canvas::hidden)
+      far_away({ray.x, -ray.y, ray.z}, -elevation, behind, label);
+    return mirror_.light[at] + behind * mirror_.open[at];
   }
 
   // How far open ground reaches: the view closes sideways and stays open along the way.
@@ -413,24 +453,26 @@ class Outdoors {
   }
 
   const Stage& s_;
+  const Canvas& mirror_;
   Canvas& canvas_;
   Ground ground_;
   Color horizontal_light_;
 };
 
-/// Straight and endless: floor, two walls with doors, a ceiling with lamps.
+/// Straight and endless: floor, two walls with doors, or with windows to the sun, a ceiling with lamps.
 class Indoors {
  public:
-  Indoors(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), ground_(stage) {}
+  Indoors(const Stage& stage, const Canvas& mirror, Canvas& canvas)
+      : s_(stage), mirror_(mirror), canvas_(canvas), ground_(stage), sunny_(stage.light.window_light.g > 0) {}
 
   void draw() {
     each_open_pixel(s_, ground_, canvas_,
-                    [this](const Vec3& ray, const Footprint& foot, const Color& shadow, Color& light,
-                           std::uint8_t& label) { pixel(ray, foot, shadow, light, label); });
+                    [this](const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
+                           std::uint8_t& label) { pixel(ray, foot, at, light, label); });
   }
 
  private:
-  void pixel(const Vec3& ray, const Footprint& foot, const Color& shadow, Color& light,
+  void pixel(const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
              std::uint8_t& label) const {
     const Camera& c = s_.moment.camera;
     const float half = s_.place.half_width;
@@ -448,7 +490,7 @@ class Indoors {
     if (on_floor < 1)
       wall_light = to_wall < to_ceiling ? wall(ray, to_wall) : ceiling(ray, to_ceiling);
     if (on_floor > 0)
-      floor_light = floor(ray, to_floor, to_wall, foot, shadow);
+      floor_light = floor(ray, to_floor, to_wall, foot, at);
     light = on_floor >= 1 ? floor_light : on_floor <= 0 ? wall_light : mix(wall_light, floor_light, on_floor);
     label = on_floor >= 0.5F ? driven_terrain : not_traversable;
   }
@@ -464,23 +506,50 @@ class Indoors {
     return mix(color, s_.light.haze, d * d / (1 + d * d));
   }
 
-  Color floor(const Vec3& ray, float t, float to_wall, const Footprint& foot, const Color& shadow) const {
+  // The sun through a window, 1.3 m wide in each stretch of 4 m.
+  float window(float z, float height, float along, float size) const {
+    const float u = std::abs(fraction(z * 0.25F) - 0.5F) * 4;
+    return clamp01((0.65F - u) / along + 0.5F) * clamp01((0.5F - std::abs(height - 1.5F)) / size + 0.5F) *
+           (1 - clamp01((0.03F - u) / along + 0.5F));
+  }
+  bool has_windows(float ray_x) const { return sunny_ && (ray_x > 0) == (s_.light.window_sun.x > 0); }
+
+  Color sun_on(const Vec3& point, const Vec3& normal, float size) const {
+    const Vec3& sun = s_.light.window_sun;
+    const float way = ((sun.x > 0 ? s_.place.half_width : -s_.place.half_width) - point.x) / sun.x;
+    const float pane = window(point.z + way * sun.z, point.y + way * sun.y, size, size);
+    return s_.light.window_light * (pane * std::max(dot(normal, sun), 0.0F));
+  }
+
+  Color floor(const Vec3& ray, float t, float to_wall, const Footprint& foot, std::size_t at) const {
     const Camera& c = s_.moment.camera;
     const Spot spot = {c.position.x + t * ray.x, c.position.z + t * ray.z, t};
     std::uint8_t label = 0;
     const float inside = std::max(s_.place.half_width - std::abs(spot.x), 0.0F);
     const float corner = 1 - 0.35F / (1 + 12 * inside); // light that the wall takes away
-    Color color = ground_.at(spot, foot, label) * s_.light.on({0, 1, 0}) * shadow * (pool(spot.z) * corner);
-    if (s_.place.gloss > 0) {
+    Color surface = ground_.at(spot, foot, label);
+    Water water;
+    if (s_.settings.wet) {
+      water = water_at(s_, spot, foot);
+      surface = mix(surface * (1 - 0.3F * water.damp), s_.place.surface * 0.6F, 0.75F * water.puddle);
+    }
+    Color color = surface * s_.light.on({0, 1, 0}) * canvas_.shade[at] * (pool(spot.z) * corner);
+    if (sunny_)
+      color = color + surface * sun_on({spot.x, 0, spot.z}, {0, 1, 0}, foot.z);
+    if (s_.place.gloss > 0 || water.puddle > 0) {
       // What the mirrored ray meets, the stronger the flatter it comes in.
       const Vec3 mirrored = {ray.x, -ray.y, ray.z};
       const float slope = -ray.y / std::sqrt(dot(ray, ray)), graze = 1 - slope;
-      const float strength = s_.place.gloss * (0.06F + 0.94F * graze * graze * graze);
+      const float gloss = s_.place.gloss * (0.06F + 0.94F * graze * graze * graze);
+      const float strength = water.puddle > 0 ? mix(gloss, mirrored_share(slope), water.puddle) : gloss;
       const float rough = 1 + 0.25F * s_.noise.at(spot.x * 16, spot.z * 4) * foot.amplitude[1];
       const float to_ceiling = (c.position.y + corridor_height) / -ray.y; // from below the floor
       const Color seen = to_wall < to_ceiling ? wall_from(mirrored, to_wall, -c.position.y)
                                               : ceiling_from(mirrored, to_ceiling);
-      color = color + seen * (strength * rough);
+      if (water.puddle > 0)
+        color = color + mix(seen, mirror_.light[at] + seen * mirror_.open[at], water.puddle) * strength;
+      else
+        color = color + seen * (strength * rough);
     }
     return hazed(color, t);
   }
@@ -505,7 +574,13 @@ class Indoors {
     // A door in most stretches of 4 m, 0.95 m wide, framed; its place differs from stretch to stretch.
     const int stretch = floor_of(z * 0.25F);
     const std::uint32_t key = hash(s_.settings.seed, side + 61, static_cast<std::uint32_t>(stretch & 511));
-    if (unit(key) < 0.6F) {
+    Color glow; // of windows, and of the sun that comes through those opposite
+    if (has_windows(ray.x)) {
+      const float frame = window(z, height, along + 0.12F, size + 0.12F),
+                  pane = window(z, height, along, size);
+      color = mix(mix(color, p.wall * 0.6F, frame), Color{}, pane);
+      glow = Color{1.3F, 1.5F, 1.8F} * pane;
+    } else if (unit(key) < 0.6F) {
       const float middle = 1.2F + 1.6F * unit(hash(key, 1));
       const float u = std::abs(z - 4 * static_cast<float>(stretch) - middle);
       const float frame = clamp01((0.55F - u) / along + 0.5F) * clamp01((2.12F - height) / size + 0.5F);
@@ -538,7 +613,12 @@ class Indoors {
     const float skirting = clamp01((0.09F - height) / size + 0.5F);
     color = mix(color, p.wall * 0.25F, skirting);
     const float corner = 1 - 0.3F / (1 + 8 * std::max(std::min(height, corridor_height - height), 0.0F));
-    return color * s_.light.on({0, 0.35F, 0}, 0.0F) * (pool(z) * corner * 1.25F);
+    if (sunny_ && !has_windows(ray.x)) {
+      const Vec3 normal = {ray.x > 0 ? -1.0F : 1.0F, 0, 0};
+      glow = color * sun_on({-normal.x * p.half_width, height, z}, normal, along);
+    }
+    const Color lamps = color * s_.light.on({0, 0.35F, 0}, 0.0F) * (pool(z) * corner * 1.25F);
+    return sunny_ ? lamps + glow : lamps;
   }
 
   Color ceiling(const Vec3& ray, float t) const { return hazed(ceiling_from(ray, t), t); }
@@ -555,17 +635,19 @@ class Indoors {
   }
 
   const Stage& s_;
+  const Canvas& mirror_;
   Canvas& canvas_;
   Ground ground_;
+  bool sunny_;
 };
 
 } // namespace
 
-void draw_backdrop(const Stage& stage, Canvas& canvas) {
+void draw_backdrop(const Stage& stage, const Canvas& mirror, Canvas& canvas) {
   if (stage.settings.kind == Kind::corridor)
-    Indoors(stage, canvas).draw();
+    Indoors(stage, mirror, canvas).draw();
   else
-    Outdoors(stage, canvas).draw();
+    Outdoors(stage, mirror, canvas).draw();
 }
 
 } // namespace terrainseg::scene

@@ -18,7 +18,7 @@ struct Stage {
   const Moment& moment;
 };
 
-/// Fills what is still open.
-void draw_backdrop(const Stage& stage, Canvas& canvas);
+/// Fills what is still open. `mirror` holds what water on the ground shows of things, where there is any.
+void draw_backdrop(const Stage& stage, const Canvas& mirror, Canvas& canvas);
 
 } // namespace terrainseg::scene

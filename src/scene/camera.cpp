@@ -58,6 +58,13 @@ int Camera::horizon_row(int height) const {
   return row >= 0 && row < static_cast<float>(height) ? static_cast<int>(row) : -1;
 }
 
+Camera Camera::mirrored() const {
+  Camera below = *this;
+  for (Vec3* v : {&below.position, &below.right, &below.down, &below.forward, &below.step_x, &below.step_y})
+    v->y = -v->y;
+  return below;
+}
+
 Moment moment_of(const Settings& settings, const Path& path, std::uint64_t number, int width, int height) {
   const Rover rover = rover_of(settings.kind);
   Moment moment;

@@ -39,6 +39,8 @@ struct Camera {
     return forward + step_x * (x - center_x) + step_y * (y - center_y);
   }
   float depth(const Vec3& point) const { return dot(point - position, forward); }
+  /// The view of what the ground mirrors, pixel by pixel: from below, upwards.
+  Camera mirrored() const;
   /// Row of level rays at the middle of the width, rounded; -1 outside the picture.
   int horizon_row(int height) const;
 };

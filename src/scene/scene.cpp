@@ -12,13 +12,15 @@ namespace terrainseg::scene {
 
 struct Renderer::State {
   State(const Settings& s, int width, int height)
-      : settings(s), path(s), noise(hash(s.seed, 91)), place(place_of(s)), canvas(width, height) {}
+      : settings(s), path(s), noise(hash(s.seed, 91)), place(place_of(s)), canvas(width, height),
+        mirror(s.wet ? width : 0, s.wet ? height : 0) {}
 
   Settings settings;
   Path path;
   Noise noise;
   Place place;
   Canvas canvas;
+  Canvas mirror; ///< what still water shows
   Developer developer;
   std::vector<Thing> things;
 };
@@ -37,8 +39,14 @@ int Renderer::render(std::uint64_t number, const MutableFrame& frame, const Muta
   const Stage stage = {s.settings, s.place, s.path, s.noise, light, moment};
   s.canvas.clear();
   things_in_sight(s.settings, s.place, s.path, moment, s.things);
+  if (s.settings.wet) {
+    const Moment below = {moment.seconds, moment.camera.mirrored()};
+    s.mirror.clear();
+    draw_things({s.settings, s.place, s.path, s.noise, light, below}, s.things, s.mirror);
+  }
   draw_things(stage, s.things, s.canvas);
-  draw_backdrop(stage, s.canvas);
+  draw_shadows(stage, s.things, s.canvas);
+  draw_backdrop(stage, s.mirror, s.canvas);
   const auto key =
       hash(s.settings.seed, static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(number >> 32));
   s.developer.develop(s.canvas, light, key, frame);

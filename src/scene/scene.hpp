@@ -31,6 +31,7 @@ enum class Light : std::uint8_t {
   day,
   dusk,  ///< low sun or few lamps, a dark picture and a noisy sensor
   drift, ///< day, while exposure and white balance wander
+  sun,   ///< a low sun in a clear sky: hard shadows, the rover's own too; in a corridor through windows
 };
 
 enum class Motion : std::uint8_t {
@@ -46,6 +47,7 @@ struct Settings {
   Motion motion = Motion::straight;
   std::uint32_t seed = 1; ///< another seed, another place
   int obstacles = 40;     ///< 0..100: share of the places for an obstacle that have one
+  bool wet = false;       ///< puddles that mirror stand on what is driven on; the truth does not mind
 
   bool operator==(const Settings&) const = default;
 };
@@ -95,7 +97,7 @@ struct View {
 
 class Renderer {
  public:
-  /// Width and height in pixels, 1..32767. Keeps about 30 bytes a pixel.
+  /// Width and height in pixels, 1..32767. Keeps about 30 bytes a pixel, twice as much when wet.
   Renderer(const Settings& settings, int width, int height);
   ~Renderer();
   Renderer(Renderer&&) noexcept;

@@ -3,6 +3,9 @@
 
 #include <algorithm>
 
+#include "scene/box.hpp"
+#include "scene/hard_shadows.hpp"
+
 namespace terrainseg::scene {
 namespace {
 
@@ -10,17 +13,6 @@ namespace {
 struct Sample {
   Color light;
   float alpha = 1;
-};
-
-// A box that stands upright, turned about its middle.
-struct Box {
-  Vec3 base;
-  float half_x, half_z, low, high;
-  float cos_yaw, sin_yaw;
-
-  Vec3 side() const { return {cos_yaw, 0, -sin_yaw}; }
-  Vec3 ahead() const { return {sin_yaw, 0, cos_yaw}; }
-  Vec3 corner(float x, float y, float z) const { return base + side() * x + ahead() * z + Vec3{0, y, 0}; }
 };
 
 enum class Face : std::uint8_t { side, end, top };
@@ -33,15 +25,16 @@ class Painter {
  public:
   Painter(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), camera_(stage.moment.camera) {}
 
+  bool too_far_for_shadows(const Thing& thing) const {
+    return camera_.depth(thing.base) > (thing.kind == Thing::Kind::tree ? 45.0F : 90.0F);
+  }
+
   void shadow(const Thing& thing) {
-    const float depth = camera_.depth(thing.base);
-    if (depth > (thing.kind == Thing::Kind::tree ? 45.0F : 90.0F))
-      return;
     std::array<Vec3, 16> corners;
     if (s_.settings.kind != Kind::corridor && s_.light.sun.y > 0.01F) {
       const float reach = std::min(1 / s_.light.sun.y, 14.0F);
       const Vec3 along = {-s_.light.sun.x * reach, 0, -s_.light.sun.z * reach};
-      const Color kept = shadow_color();
+      const Color kept = s_.light.kept_in_shadow(0.06F);
       if (thing.kind == Thing::Kind::tree) {
         const Vec3 middle = thing.base + along * (thing.height * 0.62F);
         const float stretch =
@@ -60,11 +53,15 @@ class Painter {
         const int count = ellipse(middle, along, length + 0.6F * thing.half_x, thing.half_x, corners);
         darken(corners, count, kept, 0.04F * thing.half_x + 0.01F, false);
       } else {
-        const int count = cast_hull(thing, along * thing.height, corners);
+        const int count = cast_hull(box_of(thing, 0, thing.height), along, corners);
         darken(corners, count, kept, 0.05F, false);
       }
     }
-    // Where a thing stands little light gets under it.
+  }
+
+  /// Where a thing stands little light gets under it.
+  void contact(const Thing& thing) {
+    std::array<Vec3, 16> corners;
     const float rim = thing.kind == Thing::Kind::car ? 0.12F : 0.06F;
     if (thing.kind == Thing::Kind::tree || thing.kind == Thing::Kind::bush ||
         thing.kind == Thing::Kind::rock) {
@@ -104,15 +101,6 @@ class Painter {
   }
 
  private:
-  static Box box_of(const Thing& thing, float low, float high) {
-    return {thing.base, thing.half_x, thing.half_z, low, high, thing.cos_yaw, thing.sin_yaw};
-  }
-
-  Color shadow_color() const {
-    const Color lit = s_.light.on({0, 1, 0}), dark = s_.light.on({0, 1, 0}, 0.06F);
-    return {dark.r / lit.r, dark.g / lit.g, dark.b / lit.b};
-  }
-
   static int ellipse(const Vec3& middle, const Vec3& along, float length, float width,
                      std::array<Vec3, 16>& corners) {
     const float norm = std::sqrt(along.x * along.x + along.z * along.z) + 1e-6F;
@@ -122,34 +110,6 @@ class Painter {
       const double turns = static_cast<double>(i) / count;
       corners[i] = middle + a * (length * static_cast<float>(cosine(turns))) +
                    b * (width * static_cast<float>(sine(turns)));
-    }
-    return count;
-  }
-
-  // The hull of a box's footprint and the same moved along the light.
-  static int cast_hull(const Thing& thing, const Vec3& cast, std::array<Vec3, 16>& corners) {
-    const Box box = box_of(thing, 0, 0);
-    std::array<Vec3, 8> points;
-    for (int i = 0; i < 8; ++i) {
-      points[i] = box.corner(i & 1 ? thing.half_x : -thing.half_x, 0, i & 2 ? thing.half_z : -thing.half_z);
-      if (i & 4)
-        points[i] = points[i] + cast;
-    }
-    std::sort(points.begin(), points.end(),
-              [](const Vec3& a, const Vec3& b) { return a.x < b.x || (a.x == b.x && a.z < b.z); });
-    const auto turn = [](const Vec3& o, const Vec3& a, const Vec3& b) {
-      return (a.x - o.x) * (b.z - o.z) - (a.z - o.z) * (b.x - o.x);
-    };
-    int count = 0;
-    for (int pass = 0; pass < 2; ++pass) {
-      const int start = count;
-      for (int i = 0; i < 8; ++i) {
-        const Vec3& point = points[pass ? 7 - i : i];
-        while (count >= start + 2 && turn(corners[count - 2], corners[count - 1], point) <= 0)
-          --count;
-        corners[count++] = point;
-      }
-      --count; // the last point begins the next pass
     }
     return count;
   }
@@ -565,7 +525,9 @@ float reach_of(const Thing& thing) {
 
 void draw_things(const Stage& stage, std::vector<Thing>& things, Canvas& canvas) {
   const Camera& camera = stage.moment.camera;
-  std::erase_if(things, [&](const Thing& thing) { return camera.depth(thing.base) < -reach_of(thing) - 3; });
+  if (!stage.light.clear)
+    std::erase_if(things,
+                  [&](const Thing& thing) { return camera.depth(thing.base) < -reach_of(thing) - 3; });
   // The key settles ties, so that the order does not hang on the sort's own habits.
   std::sort(things.begin(), things.end(), [&](const Thing& a, const Thing& b) {
     const float da = camera.depth(a.base), db = camera.depth(b.base);
@@ -574,8 +536,19 @@ void draw_things(const Stage& stage, std::vector<Thing>& things, Canvas& canvas)
   Painter painter(stage, canvas);
   for (const Thing& thing : things)
     painter.thing(thing);
-  for (const Thing& thing : things)
-    painter.shadow(thing);
+}
+
+void draw_shadows(const Stage& stage, const std::vector<Thing>& things, Canvas& canvas) {
+  if (stage.light.clear)
+    cast_hard_shadows(stage, things, canvas);
+  Painter painter(stage, canvas);
+  for (const Thing& thing : things) {
+    if (painter.too_far_for_shadows(thing))
+      continue;
+    if (!stage.light.clear)
+      painter.shadow(thing);
+    painter.contact(thing);
+  }
 }
 
 } // namespace terrainseg::scene

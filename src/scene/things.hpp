@@ -8,7 +8,10 @@
 
 namespace terrainseg::scene {
 
-/// Sorts `things` from near to far, draws them, then leaves their shadows in the canvas for the backdrop.
+/// Sorts `things` from near to far and draws them.
 void draw_things(const Stage& stage, std::vector<Thing>& things, Canvas& canvas);
+
+/// Leaves the shadows of `things` in the canvas for the backdrop.
+void draw_shadows(const Stage& stage, const std::vector<Thing>& things, Canvas& canvas);
 
 } // namespace terrainseg::scene

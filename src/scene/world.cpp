@@ -31,6 +31,11 @@ Color obstacle_color(Dice& dice, const Color& own, const Color& ground, float li
   return ground * brightness;
 }
 
+/// How far behind the rover something may stand whose shadow is in sight.
+float shadow_reach(const Settings& s) {
+  return s.light == Light::sun ? 48 : 0;
+}
+
 Color car_color(Dice& dice) {
   constexpr Color paints[] = {{0.45F, 0.02F, 0.02F},   {0.03F, 0.07F, 0.3F},   {0.6F, 0.6F, 0.6F},
                               {0.025F, 0.025F, 0.03F}, {0.13F, 0.13F, 0.135F}, {0.3F, 0.31F, 0.33F},
@@ -98,7 +103,7 @@ void add_rock(std::vector<Thing>& things, float x, float z, float size, Dice& di
 void road(const Settings& s, const Place& place, const Path& path, const Moment& moment,
           std::vector<Thing>& things) {
   const float z0 = moment.camera.position.z, filled = static_cast<float>(s.obstacles) / 100;
-  each_cell(z0 - 14, z0 + 130, 16, hash(s.seed, 1), [&](float z, Dice dice) {
+  each_cell(z0 - 14 - shadow_reach(s), z0 + 130, 16, hash(s.seed, 1), [&](float z, Dice dice) {
     for (const float side : {-1.0F, 1.0F}) {
       if (place.urban && dice.chance(0.85F)) {
         Thing house;
@@ -137,7 +142,7 @@ void road(const Settings& s, const Place& place, const Path& path, const Moment&
           }
     }
   });
-  each_cell(z0 - 6, z0 + 110, 32, hash(s.seed, 2), [&](float z, Dice dice) {
+  each_cell(z0 - 6 - shadow_reach(s), z0 + 110, 32, hash(s.seed, 2), [&](float z, Dice dice) {
     Thing pole;
     pole.kind = Thing::Kind::pole;
     const float x = dice.chance(0.5F) ? 1.0F : -1.0F;
@@ -148,7 +153,7 @@ void road(const Settings& s, const Place& place, const Path& path, const Moment&
     things.push_back(pole);
   });
   // Parked cars and, as often of the asphalt's own colour, concrete blocks.
-  each_cell(z0 - 4, z0 + 90, 8, hash(s.seed, 3), [&](float z, Dice dice) {
+  each_cell(z0 - 4 - shadow_reach(s), z0 + 90, 8, hash(s.seed, 3), [&](float z, Dice dice) {
     for (const float side : {-1.0F, 1.0F}) {
       const bool there = dice.chance(filled), is_car = dice.chance(place.urban ? 0.8F : 0.25F);
       const float middle = z + 4 + dice.roll(-0.6F, 0.6F);
@@ -202,7 +207,7 @@ void road(const Settings& s, const Place& place, const Path& path, const Moment&
 void trail(const Settings& s, const Place& place, const Path& path, const Moment& moment,
            std::vector<Thing>& things) {
   const float z0 = moment.camera.position.z, filled = static_cast<float>(s.obstacles) / 100;
-  each_cell(z0 - 4, z0 + 60, 4, hash(s.seed, 11), [&](float z, Dice dice) {
+  each_cell(z0 - 4 - shadow_reach(s), z0 + 60, 4, hash(s.seed, 11), [&](float z, Dice dice) {
     for (const float side : {-1.0F, 1.0F}) {
       for (int i = 0; i < 2; ++i)
         if (dice.chance(0.6F)) {
@@ -309,7 +314,13 @@ Lighting lighting_of(const Settings& settings, double seconds) {
   const float azimuth = dice.roll();
   const bool dusk = settings.light == Light::dusk;
   light.clouds = dice.roll(0.15F, 0.75F);
+  const bool sun = settings.light == Light::sun;
   if (settings.kind == Kind::corridor) {
+    if (sun) { // from the side, or nothing of it came in
+      const float across = dice.roll(0.17F, 0.33F);
+      light.window_sun = toward_sun(dice.roll(0.09F, 0.13F), azimuth < 0.5F ? across : -across);
+      light.window_light = {2.4F, 2.2F, 1.9F};
+    }
     light.sun = {0, 1, 0};
     light.sun_light = dusk ? Color{0.1F, 0.085F, 0.06F} : Color{0.38F, 0.37F, 0.34F};
     light.ambient = dusk ? Color{0.1F, 0.095F, 0.085F} : Color{0.46F, 0.46F, 0.45F};
@@ -324,6 +335,17 @@ Lighting lighting_of(const Settings& settings, double seconds) {
     light.zenith = {0.08F, 0.11F, 0.22F};
     light.haze_distance = 700;
     light.exposure = grey(1.4F);
+  } else if (sun) {
+    light.clear = true;
+    light.clouds = 0.1F;
+    light.cloud_shade = 0;
+    light.sun = toward_sun(dice.roll(0.04F, 0.075F), azimuth);
+    light.sun_light = {2.4F, 2.2F, 1.9F};
+    light.ambient = {0.2F, 0.225F, 0.27F};
+    light.haze = {0.6F, 0.67F, 0.78F};
+    light.zenith = {0.14F, 0.28F, 0.62F};
+    light.haze_distance = 1800;
+    light.exposure = grey(1.6F / light.on({0, 1, 0}).g);
   } else {
     light.sun = toward_sun(dice.roll(0.09F, 0.17F), azimuth);
     const float veil = smooth(0.55F, 0.75F, light.clouds); // overcast: weak shadows
@@ -402,6 +424,35 @@ Place place_of(const Settings& settings) {
     break;
   }
   return place;
+}
+
+void parts_of_the_rover(const Settings& settings, const Moment& moment, std::vector<Thing>& parts) {
+  const Camera& camera = moment.camera;
+  const Vec3 heading = {camera.forward.x, 0, camera.forward.z};
+  const float length = std::sqrt(dot(heading, heading));
+  Thing part;
+  part.kind = Thing::Kind::crate;
+  part.cos_yaw = heading.z / length;
+  part.sin_yaw = heading.x / length;
+  const Vec3 ahead = {part.sin_yaw, 0, part.cos_yaw}, eye = {camera.position.x, 0, camera.position.z};
+  const float height = camera.position.y;
+  const auto add = [&](float behind, float half_x, float half_z, float low, float high) {
+    part.base = eye - ahead * behind;
+    part.half_x = half_x;
+    part.half_z = half_z;
+    part.low = low;
+    part.height = high;
+    parts.push_back(part);
+  };
+  parts.clear();
+  if (settings.kind == Kind::road) { // a car, its camera behind the windscreen
+    add(0.9F, 0.88F, 2.1F, 0.2F, 0.65F * height);
+    add(0.9F, 0.75F, 1.0F, 0.6F * height, height + 0.15F);
+    return;
+  }
+  add(0.4F, 0.38F, 0.5F, 0.1F, 0.6F * height);
+  add(0.05F, 0.035F, 0.035F, 0, height);
+  add(0.05F, 0.14F, 0.06F, height - 0.05F, height + 0.08F);
 }
 
 void things_in_sight(const Settings& settings, const Place& place, const Path& path, const Moment& moment,

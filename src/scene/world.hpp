@@ -19,12 +19,21 @@ struct Lighting {
   Color zenith;
   float haze_distance = 500; ///< metres at which half is haze
   float clouds = 0.4F;       ///< cover, 0..1
+  float cloud_shade = 0.14F; ///< what the shadow of a thin cloud takes at most
   Color exposure{1, 1, 1};   ///< exposure and white balance
   float sensor_noise = 1.5F; ///< standard deviation in 8-bit steps
+  bool clear = false;        ///< outdoors: shadows have hard edges, and no sunlight in them
+  Vec3 window_sun;           ///< corridor: unit vector towards the sun behind its windows
+  Color window_light;        ///< corridor: on a surface that faces it; black = no windows
 
   Color on(const Vec3& normal, float lit = 1) const {
     const float facing = std::max(dot(normal, sun), 0.0F) * lit;
     return ambient * (0.62F + 0.38F * normal.y) + sun_light * facing;
+  }
+  /// What level ground keeps of its light where only the part `lit` of the sun reaches it.
+  Color kept_in_shadow(float lit) const {
+    const Color full = on({0, 1, 0}), dark = on({0, 1, 0}, lit);
+    return {dark.r / full.r, dark.g / full.g, dark.b / full.b};
   }
 };
 
@@ -57,12 +66,16 @@ struct Thing {
   float half_x = 0.5F; ///< metres, before turning
   float half_z = 0.5F;
   float height = 1;
+  float low = 0; ///< where it begins above the ground
   float cos_yaw = 1, sin_yaw = 0;
   Color color;
   std::uint32_t key = 0; ///< of its own details
 };
 
-/// Things that may be in sight, in no order. `things` is cleared first.
+/// The rover's own body, mast and head: nothing that it sees, but they throw shadows.
+void parts_of_the_rover(const Settings& settings, const Moment& moment, std::vector<Thing>& parts);
+
+/// Things that may be in sight or throw a shadow that is, in no order. `things` is cleared first.
 void things_in_sight(const Settings& settings, const Place& place, const Path& path, const Moment& moment,
                      std::vector<Thing>& things);
 

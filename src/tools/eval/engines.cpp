@@ -205,16 +205,24 @@ Settings filter_settings(const std::string& text, int window_bottom) {
   const std::vector<std::string> parts = split(text, ',');
   Settings settings = Settings::of(parts[0] == "paper" ? Preset::paper : Preset::standard);
   settings.window_bottom = window_bottom;
+  std::vector<const Setting*> changed;
   for (std::size_t i = 1; i < parts.size(); ++i) {
     if (parts[i] == input_bgr)
       continue;
     const std::size_t mark = std::min(parts[i].find('='), parts[i].size());
-    const std::string value = parts[i].substr(std::min(mark + 1, parts[i].size()));
-    if (const auto error = set_from_text(settings, parts[i].substr(0, mark), value))
+    const std::string setting = parts[i].substr(0, mark),
+                      value = parts[i].substr(std::min(mark + 1, parts[i].size()));
+    if (const auto error = set_from_text(settings, setting, value))
       throw std::runtime_error(error->message());
+    changed.push_back(find_setting(setting)); // none: regions, which both pipelines use
   }
   if (const auto error = validate(settings))
     throw std::runtime_error(text + ": " + error->message());
+  for (const Setting* setting : changed)
+    if (setting && is_idle(*setting, settings))
+      throw std::runtime_error(
+          text + ": " + setting->name + " has " +
+          (settings.free_space ? "an effect with free-space=false only" : "no effect with free-space=false"));
   return settings;
 }
 

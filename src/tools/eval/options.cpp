@@ -34,8 +34,8 @@ constexpr const char* summary =
     "  scene:KIND:LIGHT:MOTION[@WIDTHxHEIGHT][#FIRST[-LAST]]   drives of 90 frames at 30 Hz, one per seed "
     "(101-106),\n"
     "                            scored from frame 60 on\n"
-    "KIND is road, trail, corridor or plain, LIGHT day, dusk or drift, MOTION straight, turn, bumpy or "
-    "still.\n"
+    "KIND is road, trail, corridor or plain, LIGHT day, dusk, drift or sun (+wet: with puddles), MOTION\n"
+    "straight, turn, bumpy or still.\n"
     "With \"stills\": true each frame is shown four times, its last mask scored, and all forgotten.\n"
     "docs/accuracy.md explains the figures.";
 

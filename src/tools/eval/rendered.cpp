@@ -18,7 +18,7 @@ constexpr const char* prefix = "scene:";
 constexpr unsigned default_seed = 101; // places that no test and no tuning has looked at
 
 constexpr std::array kinds{"road", "trail", "corridor", "plain"};
-constexpr std::array lights{"day", "dusk", "drift"};
+constexpr std::array lights{"day", "dusk", "drift", "sun"};
 constexpr std::array motions{"straight", "turn", "bumpy", "still"};
 
 static_assert(int{label_terrain} == int{scene::driven_terrain} &&
@@ -113,7 +113,7 @@ Sequence place_of(const std::string& name, const scene::Settings& settings, cons
 
 /// What `text` asks for, or nothing when it makes no sense.
 std::optional<Sequence> parse(const std::string& text) {
-  static const std::regex form("scene:([a-z]+):([a-z]+)(?::([0-9]+)|:([a-z]+)(?:@([0-9]+)x([0-9]+))?"
+  static const std::regex form("scene:([a-z]+):([a-z]+)(\\+wet)?(?::([0-9]+)|:([a-z]+)(?:@([0-9]+)x([0-9]+))?"
                                "(?:#([0-9]+)(?:-([0-9]+))?)?)?");
   std::smatch part;
   if (!std::regex_match(text, part, form))
@@ -125,15 +125,16 @@ std::optional<Sequence> parse(const std::string& text) {
   if (!kind || !light)
     return std::nullopt;
   scene::Settings settings{static_cast<scene::Kind>(*kind), static_cast<scene::Light>(*light)};
-  if (!part[4].matched) {
-    const auto seed = number(3, default_seed);
+  settings.wet = part[3].matched;
+  if (!part[5].matched) {
+    const auto seed = number(4, default_seed);
     settings.seed = seed.value_or(0);
     return seed ? std::optional(places_of(settings)) : std::nullopt;
   }
-  const auto motion = place_in(motions, part[4]);
-  const auto width = number(5, drives::width), height = number(6, drives::height);
-  const auto first = number(7, default_seed),
-             last = part[7].matched && !part[8].matched ? first : number(8, default_seed + 5);
+  const auto motion = place_in(motions, part[5]);
+  const auto width = number(6, drives::width), height = number(7, drives::height);
+  const auto first = number(8, default_seed),
+             last = part[8].matched && !part[9].matched ? first : number(9, default_seed + 5);
   const auto fits = [](const auto& side) { return side && *side >= 16 && *side <= 8192; };
   if (!motion || !fits(width) || !fits(height) || !first || !last || *last < *first ||
       *last - *first >= drives::most_seeds)
@@ -152,10 +153,12 @@ bool is_rendered(const std::string& text) {
 Sequence rendered_sequence(const std::string& text) {
   std::optional<Sequence> s = parse(text);
   if (!s)
-    throw std::runtime_error(text + ": not a rendered sequence; there are scene:KIND:LIGHT[:SEED] and "
-                                    "scene:KIND:LIGHT:MOTION[@WIDTHxHEIGHT][#FIRST[-LAST]] with road, trail, "
-                                    "corridor or plain; day, dusk or drift; straight, turn, bumpy or still; "
-                                    "sides of 16 to 8192 pixels, up to 1000 seeds");
+    throw std::runtime_error(
+        text +
+        ": not a rendered sequence; there are scene:KIND:LIGHT[:SEED] and "
+        "scene:KIND:LIGHT:MOTION[@WIDTHxHEIGHT][#FIRST[-LAST]] with road, trail, "
+        "corridor or plain; day, dusk, drift or sun, with +wet if it is wet; straight, turn, bumpy or still; "
+        "sides of 16 to 8192 pixels, up to 1000 seeds");
   s->folder = text;
   s->name = text.substr(std::string(prefix).size());
   std::replace(s->name.begin(), s->name.end(), ':', ' ');
