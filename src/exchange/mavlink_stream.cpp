@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "exchange/mavlink_stream.hpp"
 
+#include <algorithm>
+
 namespace terrainseg {
 namespace {
 
@@ -8,6 +10,8 @@ constexpr std::int64_t second = 1'000'000'000;
 constexpr std::int64_t obstacle_period = second / 15, heartbeat_period = second;
 constexpr std::int64_t tolerance =
     second / 500; ///< times of frames are rounded, to milliseconds in some containers
+/// Times that no stream has, beyond 146 years, count as these: no sum runs over.
+constexpr std::int64_t latest = std::int64_t{1} << 62;
 /// Frames may come in coding order; farther back is another run of the stream.
 constexpr std::int64_t most_reordering = second / 4;
 
@@ -24,6 +28,7 @@ bool is_due(std::optional<std::int64_t>& next, std::int64_t time, std::int64_t p
 
 std::span<const std::uint8_t> MavlinkStream::at(std::int64_t time, std::uint64_t time_us,
                                                 const MetricEstimate* metric, const MavlinkOptions& options) {
+  time = std::clamp(time, -latest, latest);
   if (last_ && time < *last_ - most_reordering)
     restart();
   if (!last_ || time > *last_)

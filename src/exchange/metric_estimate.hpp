@@ -39,6 +39,8 @@ struct MetricEstimate {
 };
 
 inline constexpr std::size_t most_ticks = 32;
+/// Longest distance that metres from outside may name: what is made of them counts in thousandths.
+inline constexpr double farthest_metres = 1e9;
 
 /// What metres that came from outside hold that none can hold; nullptr when they are sound.
 inline const char* flaw_of(const MetricEstimate& m) {
@@ -53,12 +55,13 @@ inline const char* flaw_of(const MetricEstimate& m) {
   if (columns < 1 || columns > longest_picture_side || m.bearings.size() != columns ||
       m.low.size() != columns || m.high.size() != columns)
     return "ranges, bearings, low and high do not have one float each for every mask column";
-  if (!std::isfinite(m.height) || m.height <= 0)
-    return "the camera's height is not above 0";
+  if (!(m.height > 0 && m.height <= farthest_metres))
+    return "the camera's height is not above 0 and at most 10^9 m";
   for (const double angle : {m.pitch, m.roll, m.yaw})
     if (!(std::abs(angle) <= 6.2832))
       return "pitch, roll or yaw is not an angle in radians";
-  if (!std::isfinite(m.range_max) || m.range_max <= 0 || !std::isfinite(m.range_min) || m.range_min < 0)
+  if (!(m.range_max > 0 && m.range_max <= farthest_metres) ||
+      !(m.range_min >= 0 && m.range_min <= farthest_metres))
     return "range-min or range-max is not a distance in metres";
   if (!are_ranges(m.ranges) || !are_ranges(m.low) || !are_ranges(m.high))
     return "a range is below 0";

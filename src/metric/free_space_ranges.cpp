@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
-#include <numbers>
+
+#include "metric/ground_blocks.hpp"
 
 namespace terrainseg::metric {
 namespace {
@@ -14,17 +16,6 @@ constexpr int node_rows =
 constexpr float unknown_value = std::numeric_limits<float>::quiet_NaN();
 constexpr float free_value = std::numeric_limits<float>::infinity();
 constexpr double range_error_limit = 0.2;
-constexpr double millidegree = std::numbers::pi / 180000;
-constexpr double near_angle = 0.06; ///< below it three terms of the series are exact to 1e-9
-
-constexpr std::size_t block = 8; ///< columns that share one arc tangent
-
-/// Rounded to a whole number, without a call: good below 2^51.
-double whole(double value) {
-  constexpr double shift = 6755399441055744.0; // 1.5 * 2^52
-  return (value + shift) - shift;
-}
-
 Mount pitched(Mount mount, double by) {
   mount.pitch += by;
   return mount;
@@ -52,12 +43,13 @@ void FreeSpaceRanges::adapt(const Camera& camera, int frame_width, int frame_hei
   camera_ = scaled(camera, frame_width, frame_height);
   region_ = mask_region;
   frame_height_ = frame_height;
-  rows_ = static_cast<std::size_t>(frame_height / node_rows) + 2;
-  nodes_.resize(count * rows_);
+  columns_ = count;
+  const std::size_t rows = static_cast<std::size_t>(frame_height / node_rows) + 2;
+  nodes_.resize(rows * count);
   for (std::size_t i = 0; i < count; ++i) {
     const double u = region_.x + (static_cast<double>(i) + 0.5) * region_.width / columns - 0.5;
-    for (std::size_t k = 0; k < rows_; ++k)
-      nodes_[i * rows_ + k] = undistort(camera_, u, static_cast<double>(k * node_rows))
+    for (std::size_t k = 0; k < rows; ++k)
+      nodes_[k * count + i] = undistort(camera_, u, static_cast<double>(k * node_rows))
                                   .value_or(ImagePoint{unknown_value, unknown_value});
   }
   for (auto* values : {&result_.ranges, &result_.bearings, &result_.low, &result_.high})
@@ -67,55 +59,29 @@ void FreeSpaceRanges::adapt(const Camera& camera, int frame_width, int frame_hei
 
 /// The ray through the upper edge of `row`: half a row above its centre.
 ImagePoint FreeSpaceRanges::ray(std::size_t column, int row) const {
-  const double v = std::max(row - 0.5, 0.0);
-  const std::size_t k = static_cast<std::size_t>(v) / node_rows;
-  const double part = v / node_rows - static_cast<double>(k);
-  const ImagePoint &above = nodes_[column * rows_ + k], &below = nodes_[column * rows_ + k + 1];
-  return {above.x + (below.x - above.x) * part, above.y + (below.y - above.y) * part};
+  constexpr unsigned halves_of_node = 2 * node_rows;
+  const unsigned halves = static_cast<unsigned>(std::max(2 * row - 1, 0)); // of a row
+  const double part = static_cast<int>(halves % halves_of_node) * (1.0 / halves_of_node);
+  const ImagePoint* const above = &nodes_[halves / halves_of_node * columns_ + column];
+  const ImagePoint* const below = above + columns_;
+  return {above->x + (below->x - above->x) * part, above->y + (below->y - above->y) * part};
 }
 
-/// Columns first .. first + block - 1, as far as there are: straight-line code that compilers make vectors
-/// of.
-void FreeSpaceRanges::measure_block(std::size_t first, std::span<const std::uint16_t> boundary,
-                                    const GroundProjection (&grounds)[3], double range_max) {
-  const std::size_t count = std::min(block, boundary.size() - first);
-  double x[block]{}, y[block]{};
-  for (std::size_t i = 0; i < count; ++i) {
-    const ImagePoint seen = ray(first + i, std::min<int>(boundary[first + i], frame_height_));
-    x[i] = seen.x;
-    y[i] = seen.y;
+/// The rays of `columns` columns from `first` on.
+RayBlock FreeSpaceRanges::rays(std::size_t first, std::size_t columns,
+                               std::span<const std::uint16_t> boundary) const {
+  RayBlock block;
+  for (std::size_t i = 0; i < columns; ++i) {
+    const int row = std::min<int>(boundary[first + i], frame_height_);
+    const ImagePoint seen = ray(first + i, row);
+    block.x[i] = seen.x;
+    block.y[i] = seen.y;
+    block.beyond[i] = row < frame_height_ ? free_value : unknown_value;
   }
-  float* const out[3] = {&result_.ranges[first], &result_.low[first], &result_.high[first]};
-  double forward[block], left[block];
-  for (int g = 2; g >= 0; --g) {
-    const GroundProjection& ground = grounds[g];
-    for (std::size_t i = 0; i < block; ++i) {
-      const ImagePoint seen{x[i], y[i]};
-      const double down = -ground.along(2, seen);
-      // At and above the horizon: so far away that it is beyond any range_max, in the ray's own direction.
-      const double t = ground.height() / std::max(down, least_descent);
-      forward[i] = ground.x() + t * ground.along(0, seen);
-      left[i] = ground.y() + t * ground.along(1, seen);
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-      const double range = std::sqrt(forward[i] * forward[i] + left[i] * left[i]);
-      const float rounded = static_cast<float>(whole(range * 1000) / 1000);
-      const float beyond = boundary[first + i] < frame_height_ ? free_value : unknown_value;
-      out[g][i] =
-          range > range_max ? beyond : rounded; // a NaN of a ray that the lens does not have stays one
-    }
-  }
-  // One arc tangent a block, from its middle column; the others by their angle to it: d - d^3 / 3 + d^5 / 5.
-  const std::size_t middle = count / 2;
-  const double reference = std::atan2(left[middle], forward[middle]);
-  for (std::size_t i = 0; i < count; ++i) {
-    const double across = forward[middle] * left[i] - left[middle] * forward[i];
-    const double along = forward[middle] * forward[i] + left[middle] * left[i];
-    const double d = across / along, d2 = d * d;
-    const double angle = std::abs(d) < near_angle && along > 0 ? reference + d * (1 - d2 * (1.0 / 3 - d2 / 5))
-                                                               : std::atan2(left[i], forward[i]);
-    result_.bearings[first + i] = static_cast<float>(whole(angle / millidegree) * millidegree);
-  }
+  std::fill(block.x + columns, std::end(block.x), block.x[columns - 1]);
+  std::fill(block.y + columns, std::end(block.y), block.y[columns - 1]);
+  std::fill(block.beyond + columns, std::end(block.beyond), unknown_value);
+  return block;
 }
 
 double FreeSpaceRanges::nearest(const Mount& mount) const {
@@ -139,8 +105,15 @@ const RangeColumns& FreeSpaceRanges::measure(std::span<const std::uint16_t> boun
       std::fill(values->begin(), values->end(), unknown_value);
     return result_;
   }
-  for (std::size_t first = 0; first < boundary.size(); first += block)
-    measure_block(first, boundary, grounds, range_max);
+  for (std::size_t first = 0; first < boundary.size(); first += block_columns) {
+    const std::size_t columns = std::min(block_columns, boundary.size() - first);
+    RangeBlock block;
+    metric::measure(rays(first, columns, boundary), columns, grounds, range_max, block);
+    std::copy_n(block.ranges, columns, &result_.ranges[first]);
+    std::copy_n(block.bearings, columns, &result_.bearings[first]);
+    std::copy_n(block.low, columns, &result_.low[first]);
+    std::copy_n(block.high, columns, &result_.high[first]);
+  }
   return result_;
 }
 

@@ -36,6 +36,8 @@ inline constexpr double row_error_of_height = 0.005;
 /// Metres at which one standard deviation of the angle is 20 % of the range: d^2 / h * error = 0.2 d.
 double expected_range_limit(const Mount& mount, const Camera& camera, int frame_height);
 
+struct RayBlock;
+
 class FreeSpaceRanges {
  public:
   /// Takes a calibration for frames of one size and masks of one layout; makes tables only when something
@@ -56,14 +58,14 @@ class FreeSpaceRanges {
 
  private:
   ImagePoint ray(std::size_t column, int row) const;
-  void measure_block(std::size_t first, std::span<const std::uint16_t> boundary,
-                     const GroundProjection (&grounds)[3], double range_max);
+  RayBlock rays(std::size_t first, std::size_t columns, std::span<const std::uint16_t> boundary) const;
 
   Camera calibration_, camera_;
   Rectangle region_;
   int frame_height_ = 0;
-  std::vector<ImagePoint> nodes_; ///< columns x (rows / node_rows + 2): rays, NaN where there is none
-  std::size_t rows_ = 0;          ///< nodes of a column
+  /// (rows / node_rows + 2) x columns: rays, NaN where there is none. Row by row, as a boundary runs.
+  std::vector<ImagePoint> nodes_;
+  std::size_t columns_ = 0;
   RangeColumns result_;
 };
 

@@ -56,6 +56,8 @@ class GroundProjection {
     const auto& row = rotation_[axis];
     return row[0] - row[1] * ray.x - row[2] * ray.y;
   }
+  /// What along() weighs 1, -x and -y of a ray by.
+  const double (&row(int axis) const)[3] { return rotation_[axis]; }
   double height() const { return height_; }
   double x() const { return x_; }
   double y() const { return y_; }

@@ -10,9 +10,6 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 
-double between(double a, double b, double part) {
-  return a + (b - a) * part;
-}
 /// Angles the short way round.
 double angle_between(double a, double b, double part) {
   const double turned = std::remainder(a + std::remainder(b - a, 2 * pi) * part, 2 * pi);
@@ -80,11 +77,12 @@ std::optional<Pose> PoseTrack::at(std::int64_t time) const {
     Pose pose = *next;
     pose.time = time;
     pose.roll = angle_between(last->roll, next->roll, part);
-    pose.pitch = between(last->pitch, next->pitch, part);
+    // Never beyond either: a + (b - a) * 1 need not be b, and a height would become 0.
+    pose.pitch = std::lerp(last->pitch, next->pitch, part);
     if (last->yaw && next->yaw)
       pose.yaw = angle_between(*last->yaw, *next->yaw, part);
     if (last->height && next->height)
-      pose.height = between(*last->height, *next->height, part);
+      pose.height = std::lerp(*last->height, *next->height, part);
     return pose;
   }
   if (near(last))
