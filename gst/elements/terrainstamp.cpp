@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "elements/terrainstamp.hpp"
+
+#include <gst/base/gstbasetransform.h>
+
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "exchange/precision_stamp.hpp"
+#include "support/buffer_pool.hpp"
+#include "support/guarded.hpp"
+#include "support/instance_state.hpp"
+#include "support/object.hpp"
+#include "support/plugin_api.hpp"
+#include "support/precision_time.hpp"
+#include "support/properties.hpp"
+
+GST_DEBUG_CATEGORY_STATIC(terrainstamp_debug);
+#define GST_CAT_DEFAULT terrainstamp_debug
+
+namespace terrainseg {
+namespace {
+
+enum class StampMode : std::uint8_t { write, read };
+
+struct StampSettings {
+  StampMode mode = StampMode::write;
+};
+
+GType mode_type() {
+  static const GEnumValue values[] = {
+      {static_cast<int>(StampMode::write), "Writes the time into pictures that carry none", "write"},
+      {static_cast<int>(StampMode::read),
+       "Reads it only, for the decoder to hand on, and trusts no picture right behind a gap", "read"},
+      {0, nullptr, nullptr}};
+  static const GType type = g_enum_register_static("GstTerrainStampMode", values);
+  return type;
+}
+
+const Property<StampSettings> stamp_table[] = {
+    {"mode", "Mode", "Whether the time is written, behind an encoder, or read, in front of a decoder",
+     property_playing, TERRAINSEG_CHOICE(StampSettings, mode, mode_type)},
+};
+
+} // namespace
+
+/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
+/// none.
+struct StampState {
+  StampSettings settings; // object lock
+  NalFraming framing;     // streaming
+  bool first = true;      // streaming; nothing has passed since the start or a flush
+  bool warned = false;    // streaming
+};
+
+} // namespace terrainseg
+
+using namespace terrainseg;
+
+/**
+ * SECTION:element-terrainstamp
+ * @title: terrainstamp
+ * @short_description: the precision time of each picture in H.264 and H.265
+ *
+ * Writes the precision time stamp of MISB ST 0604 into encoded video: the time that #GstTerrainExtract writes
+ * into the KLV unit of the same frame. At the other end #GstTerrainCombine finds the frame of a unit by it,
+ * to the microsecond, wherever demuxers and RTP receivers shift the time stamps of the two streams. Pictures
+ * that carry a stamp keep it.
+ *
+ * In front of a decoder, with `mode=read`, it attaches the stamp to what the decoder takes, which hands it on
+ * to its frames. `h264parse` does so by itself; `h265parse` of GStreamer 1.22 does not, and on links that
+ * lose packets a parser may take a stamp for the wrong picture.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 terrainscenesrc num-buffers=60 ! terrainseg ! tee name=t
+ * t. ! queue ! x264enc tune=zerolatency ! h264parse ! terrainstamp ! mux.
+ * t. ! queue ! terrainextract ! meta/x-klv,parsed=true ! mux. mpegtsmux name=mux ! filesink location=drive.ts
+ * ]|
+ *
+ * Since: 0.1
+ */
+struct GstTerrainStamp {
+  GstBaseTransform parent;
+  StampState* state; // in `memory`
+  InstanceMemory<StampState> memory;
+};
+struct GstTerrainStampClass {
+  GstBaseTransformClass parent_class;
+};
+
+G_DEFINE_TYPE(GstTerrainStamp, gst_terrain_stamp, GST_TYPE_BASE_TRANSFORM)
+GST_ELEMENT_REGISTER_DEFINE(terrainstamp, "terrainstamp", GST_RANK_NONE, gst_terrain_stamp_get_type())
+
+namespace {
+
+enum { property_mode = 1 };
+
+#define STAMP_CAPS                                                                                           \
+  "video/x-h264, stream-format = (string) { byte-stream, avc, avc3 }, alignment = (string) au; "             \
+  "video/x-h265, stream-format = (string) { byte-stream, hvc1, hev1 }, alignment = (string) au"
+
+GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(STAMP_CAPS));
+GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(STAMP_CAPS));
+
+GstTerrainStamp* self_of(gpointer object) {
+  return reinterpret_cast<GstTerrainStamp*>(object);
+}
+
+StampMode mode_of(gpointer object) {
+  ObjectLock lock(object);
+  return self_of(object)->state->settings.mode;
+}
+
+void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  if (id != property_mode) {
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+    return;
+  }
+  ObjectLock lock(object);
+  set_field(stamp_table[0], self_of(object)->state->settings, value);
+}
+
+void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
+  if (id != property_mode) {
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+    return;
+  }
+  ObjectLock lock(object);
+  get_field(stamp_table[0], self_of(object)->state->settings, value);
+}
+
+gboolean start(GstBaseTransform* transform) {
+  StampState& s = *self_of(transform)->state;
+  s.first = true;
+  s.warned = false;
+  return TRUE;
+}
+
+/// How many bytes the lengths in front of NAL units have; nothing when the caps do not tell.
+std::optional<unsigned> length_bytes_of(const GstStructure* fields, VideoCodec codec) {
+  if (g_strcmp0(gst_structure_get_string(fields, "stream-format"), "byte-stream") == 0)
+    return 0;
+  const GValue* value = gst_structure_get_value(fields, "codec_data");
+  GstBuffer* codec_data = value && GST_VALUE_HOLDS_BUFFER(value) ? gst_value_get_buffer(value) : nullptr;
+  GstMapInfo map;
+  if (!codec_data || !gst_buffer_map(codec_data, &map, GST_MAP_READ))
+    return std::nullopt;
+  const auto bytes = nal_length_bytes(codec, {map.data, map.size});
+  gst_buffer_unmap(codec_data, &map);
+  return bytes;
+}
+
+gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
+  const GstStructure* fields = gst_caps_get_structure(caps, 0);
+  const VideoCodec codec =
+      gst_structure_has_name(fields, "video/x-h265") ? VideoCodec::h265 : VideoCodec::h264;
+  const auto length_bytes = length_bytes_of(fields, codec);
+  if (!length_bytes) {
+    GST_ELEMENT_ERROR(transform, STREAM, FORMAT,
+                      ("The video's caps lack the codec_data that its stream-format needs: put h264parse or "
+                       "h265parse in front."),
+                      ("caps %" GST_PTR_FORMAT, printable(caps)));
+    return FALSE;
+  }
+  self_of(transform)->state->framing = {codec, *length_bytes};
+  return TRUE;
+}
+
+gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
+  if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP)
+    self_of(transform)->state->first = true;
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_stamp_parent_class)->sink_event(transform, event);
+}
+
+/// A buffer with the stamp at its place, which shares the memory of `in`.
+OwnedBuffer with_stamp(GstBuffer* in, const StampUnit& stamp, std::size_t place) {
+  const auto bytes = stamp.bytes();
+  OwnedBuffer out(gst_buffer_new());
+  OwnedBuffer unit(gst_buffer_new_allocate(nullptr, bytes.size(), nullptr));
+  if (!unit)
+    return nullptr;
+  gst_buffer_fill(unit.get(), 0, bytes.data(), bytes.size());
+  constexpr auto whole = static_cast<gssize>(-1);
+  constexpr auto everything = static_cast<GstBufferCopyFlags>(GST_BUFFER_COPY_METADATA);
+  if (!gst_buffer_copy_into(out.get(), in, everything, 0, static_cast<gsize>(whole)) ||
+      (place > 0 && !gst_buffer_copy_into(out.get(), in, GST_BUFFER_COPY_MEMORY, 0, place)))
+    return nullptr;
+  gst_buffer_append_memory(out.get(), gst_buffer_get_all_memory(unit.get()));
+  if (!gst_buffer_copy_into(out.get(), in, GST_BUFFER_COPY_MEMORY, place, static_cast<gsize>(whole)))
+    return nullptr;
+  return out;
+}
+
+/// Once: where the stamps would go is not to be found.
+void warn_formless(GstTerrainStamp* self, GstBuffer* in) {
+  GST_WARNING_OBJECT(self, "no slice in %" GST_PTR_FORMAT, printable(in));
+  if (std::exchange(self->state->warned, true))
+    return;
+  GST_ELEMENT_WARNING(
+      self, STREAM, FORMAT,
+      ("A buffer holds no whole picture and passes without its time: is a parser missing in front, or "
+       "does the link lose packets?"),
+      ("no slice in %" GST_PTR_FORMAT, printable(in)));
+}
+
+/// The picture with its stamp in the bytes and beside them.
+OwnedBuffer write_stamp(GstTerrainStamp* self, GstBuffer* in, const StampSearch& found) {
+  const StampState& s = *self->state;
+  if (found.several || found.time_us || !found.place) {
+    if (!found.place)
+      warn_formless(self, in);
+    return nullptr;
+  }
+  const std::uint64_t time_us = precision_time(in, GST_BASE_TRANSFORM(self)->segment);
+  OwnedBuffer out = with_stamp(in, StampUnit(s.framing, time_us, found.temporal), *found.place);
+  if (out && !stamp_of(out.get()))
+    note_stamp(out.get(), s.framing.codec, time_us);
+  return out;
+}
+
+/// The picture with the stamp of its bytes beside them, and no other.
+OwnedBuffer read_stamp(GstTerrainStamp* self, GstBuffer* in, const StampSearch& found, bool trusted) {
+  const bool stamped = trusted && found.place && found.time_us;
+  const auto noted = stamp_of(in);
+  if (stamped ? noted == found.time_us : !noted)
+    return nullptr;
+  OwnedBuffer out(gst_buffer_make_writable(gst_buffer_ref(in)));
+  forget_stamps(out.get());
+  if (stamped)
+    note_stamp(out.get(), self->state->framing.codec, *found.time_us);
+  return out;
+}
+
+/// What leaves for `in`: itself where nothing changes.
+GstFlowReturn stamped(GstTerrainStamp* self, GstBuffer* in, GstBuffer** out) {
+  StampState& s = *self->state;
+  // Behind a gap a parser may have joined the beginning of a lost picture, its stamp, with another one's
+  // slices.
+  const bool trusted = std::exchange(s.first, false) || !GST_BUFFER_IS_DISCONT(in);
+  GstMapInfo map;
+  if (!gst_buffer_map(in, &map, GST_MAP_READ)) {
+    GST_ELEMENT_ERROR(self, RESOURCE, READ, ("The memory of a picture cannot be read."), (nullptr));
+    return GST_FLOW_ERROR;
+  }
+  const StampSearch found = find_stamp({map.data, map.size}, s.framing);
+  gst_buffer_unmap(in, &map);
+  OwnedBuffer changed =
+      mode_of(self) == StampMode::read ? read_stamp(self, in, found, trusted) : write_stamp(self, in, found);
+  GST_LOG_OBJECT(self, "%s: %" GST_PTR_FORMAT, changed ? "stamped" : "as it was", printable(in));
+  *out = changed ? changed.release() : in;
+  return GST_FLOW_OK;
+}
+
+GstFlowReturn prepare_output(GstBaseTransform* transform, GstBuffer* in, GstBuffer** out) {
+  return guarded(transform, GST_FLOW_ERROR, [&] { return stamped(self_of(transform), in, out); });
+}
+
+GstFlowReturn nothing_left(GstBaseTransform*, GstBuffer*, GstBuffer*) {
+  return GST_FLOW_OK;
+}
+
+void finalize(GObject* object) {
+  std::destroy_at(self_of(object)->state);
+  G_OBJECT_CLASS(gst_terrain_stamp_parent_class)->finalize(object);
+}
+
+} // namespace
+
+static void gst_terrain_stamp_init(GstTerrainStamp* self) {
+  self->state = self->memory.make();
+  gst_base_transform_set_gap_aware(GST_BASE_TRANSFORM(self), TRUE);
+}
+
+static void gst_terrain_stamp_class_init(GstTerrainStampClass* klass) {
+  GST_DEBUG_CATEGORY_INIT(terrainstamp_debug, "terrainstamp", 0,
+                          "The precision time of pictures in H.264 and H.265");
+  auto* object_class = G_OBJECT_CLASS(klass);
+  auto* element_class = GST_ELEMENT_CLASS(klass);
+  auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
+
+  object_class->set_property = set_property;
+  object_class->get_property = get_property;
+  object_class->finalize = finalize;
+  install_properties<StampSettings>(object_class, property_mode, stamp_table);
+  mark_enums_as_plugin_api(object_class);
+  gst_element_class_add_static_pad_template(element_class, &sink_template);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_set_static_metadata(
+      element_class, "Terrain stamp", "Codec/Metadata/Video",
+      "Writes and reads the precision time of each picture in H.264 and H.265", "terrainseg maintainers");
+
+  transform_class->start = start;
+  transform_class->set_caps = set_caps;
+  transform_class->sink_event = sink_event;
+  transform_class->prepare_output_buffer = prepare_output;
+  transform_class->transform = nothing_left;
+}

@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "exchange/precision_stamp.hpp"
+
+#include <algorithm>
+
+namespace terrainseg {
+namespace {
+
+using Bytes = std::span<const std::uint8_t>;
+
+constexpr std::uint8_t h264_sei = 6, h265_prefix_sei = 39;
+constexpr std::uint8_t user_data_unregistered = 5;
+constexpr std::uint8_t message_size = sizeof(StampIdentifier) + sizeof(StampContent);
+constexpr std::uint8_t separator = 0xff;
+constexpr std::uint8_t trailing_bits = 0x80;
+
+std::size_t header_bytes(VideoCodec codec) {
+  return codec == VideoCodec::h264 ? 1 : 2;
+}
+
+std::uint8_t type_of(VideoCodec codec, std::uint8_t first) {
+  return codec == VideoCodec::h264 ? first & 31 : first >> 1 & 63;
+}
+
+bool is_sei(VideoCodec codec, std::uint8_t type) {
+  return type == (codec == VideoCodec::h264 ? h264_sei : h265_prefix_sei);
+}
+
+/// Whether the picture begins here: a slice, or what stands right in front of one (H.264's prefix, 14).
+bool is_picture(VideoCodec codec, std::uint8_t type) {
+  if (codec == VideoCodec::h265)
+    return type < 32;
+  return (type >= 1 && type <= 5) || type == 14 || type == 20 || type == 21;
+}
+
+/// The bytes of a NAL unit without the 3 of each 0 0 3 (emulation prevention).
+class Payload {
+ public:
+  explicit Payload(Bytes nal) : rest_(nal) {}
+
+  std::optional<std::uint8_t> next() {
+    if (zeros_ >= 2 && !rest_.empty() && rest_.front() == 3) {
+      rest_ = rest_.subspan(1);
+      zeros_ = 0;
+    }
+    if (rest_.empty())
+      return std::nullopt;
+    const std::uint8_t byte = rest_.front();
+    rest_ = rest_.subspan(1);
+    zeros_ = byte == 0 ? zeros_ + 1 : 0;
+    return byte;
+  }
+
+  /// A payload type or size: bytes of 255, and the last one. At most `most`; nothing beyond.
+  std::optional<std::uint32_t> number(std::uint32_t most) {
+    std::uint32_t sum = 0;
+    for (;;) {
+      const auto byte = next();
+      if (!byte || *byte > most - sum)
+        return std::nullopt;
+      sum += *byte;
+      if (*byte != 255)
+        return sum;
+    }
+  }
+
+  bool skip(std::uint32_t count) {
+    while (count > 0 && next())
+      --count;
+    return count == 0;
+  }
+
+ private:
+  Bytes rest_;
+  unsigned zeros_ = 0;
+};
+
+void note(StampSearch& found, std::uint64_t time_us) {
+  if (found.several)
+    return;
+  found.several = found.time_us && *found.time_us != time_us;
+  found.time_us = found.several ? std::nullopt : std::optional(time_us);
+}
+
+/// The messages of an SEI unit, without its header.
+void read_messages(Bytes nal, StampSearch& found) {
+  constexpr std::uint32_t most = 1 << 24;
+  Payload payload(nal);
+  for (;;) {
+    const auto type = payload.number(most);
+    const auto size = type ? payload.number(most) : std::nullopt;
+    if (!size)
+      return;
+    std::uint32_t left = *size;
+    if (*type == user_data_unregistered && left >= message_size) {
+      std::array<std::uint8_t, message_size> message{};
+      for (std::uint8_t& byte : message) {
+        const auto next = payload.next();
+        if (!next)
+          return;
+        byte = *next;
+      }
+      left -= message_size;
+      const Bytes whole(message);
+      if (const auto time =
+              stamp_time(whole.first(sizeof(StampIdentifier)), whole.subspan(sizeof(StampIdentifier))))
+        note(found, *time);
+    }
+    if (!payload.skip(left))
+      return;
+  }
+}
+
+/// What a NAL unit without its frame tells; true when it is the picture.
+bool see(Bytes nal, VideoCodec codec, StampSearch& found) {
+  if (nal.size() < header_bytes(codec))
+    return false;
+  const std::uint8_t type = type_of(codec, nal[0]);
+  if (is_picture(codec, type)) {
+    if (codec == VideoCodec::h265)
+      found.temporal = std::max<std::uint8_t>(nal[1] & 7, 1);
+    return true;
+  }
+  if (is_sei(codec, type))
+    read_messages(nal.subspan(header_bytes(codec)), found);
+  return false;
+}
+
+/// Behind the next start code (three bytes) from `at` on; the size when there is none.
+std::size_t behind_code(Bytes unit, std::size_t at) {
+  for (; at + 3 <= unit.size(); ++at)
+    if (unit[at] == 0 && unit[at + 1] == 0 && unit[at + 2] == 1)
+      return at + 3;
+  return unit.size();
+}
+
+void search_start_codes(Bytes unit, VideoCodec codec, StampSearch& found) {
+  std::size_t begin = behind_code(unit, 0);
+  while (begin < unit.size()) {
+    // A picture's end is of no interest, nor are its many bytes.
+    const bool picture = is_picture(codec, type_of(codec, unit[begin]));
+    const std::size_t next = picture ? unit.size() : behind_code(unit, begin);
+    const std::size_t end = next == unit.size() ? next : next - 3;
+    if (see(unit.subspan(begin, end - begin), codec, found)) {
+      const std::size_t code = begin - 3;
+      found.place = code > 0 && unit[code - 1] == 0 ? code - 1 : code;
+      return;
+    }
+    begin = next;
+  }
+}
+
+void search_lengths(Bytes unit, const NalFraming& framing, StampSearch& found) {
+  std::size_t at = 0;
+  while (unit.size() - at >= framing.length_bytes) {
+    std::size_t size = 0;
+    for (unsigned i = 0; i < framing.length_bytes; ++i)
+      size = size << 8 | unit[at + i];
+    const std::size_t begin = at + framing.length_bytes;
+    if (size > unit.size() - begin)
+      return;
+    if (see(unit.subspan(begin, size), framing.codec, found)) {
+      found.place = at;
+      return;
+    }
+    at = begin + size;
+  }
+}
+
+} // namespace
+
+StampContent stamp_content(std::uint64_t time_us) {
+  StampContent content = {stamp_status};
+  std::size_t at = 1;
+  for (int shift = 48; shift >= 0; shift -= 16) {
+    content[at++] = static_cast<std::uint8_t>(time_us >> (shift + 8));
+    content[at++] = static_cast<std::uint8_t>(time_us >> shift);
+    if (shift > 0)
+      content[at++] = separator;
+  }
+  return content;
+}
+
+std::optional<std::uint64_t> stamp_time(Bytes identifier, Bytes content) {
+  const auto is = [&](const StampIdentifier& known) { return std::ranges::equal(identifier, known); };
+  const bool nanoseconds = is(h265_nanoseconds);
+  if ((!nanoseconds && !is(h264_microseconds) && !is(h265_microseconds)) ||
+      content.size() < sizeof(StampContent))
+    return std::nullopt;
+  std::uint64_t time = 0;
+  for (std::size_t i = 1; i < sizeof(StampContent); ++i)
+    if (i % 3 != 0)
+      time = time << 8 | content[i];
+    else if (content[i] != separator)
+      return std::nullopt;
+  return nanoseconds ? time / 1000 : time;
+}
+
+StampSearch find_stamp(Bytes unit, const NalFraming& framing) {
+  StampSearch found;
+  if (framing.length_bytes == 0)
+    search_start_codes(unit, framing.codec, found);
+  else
+    search_lengths(unit, framing, found);
+  return found;
+}
+
+StampUnit::StampUnit(const NalFraming& framing, std::uint64_t time_us, std::uint8_t temporal) {
+  const bool h264 = framing.codec == VideoCodec::h264;
+  // No prevention bytes: the separators keep the time from making 0 0 0 to 0 0 3, and nothing else has a
+  // zero.
+  const std::size_t size = header_bytes(framing.codec) + 2 + message_size + 1;
+  if (framing.length_bytes == 0)
+    put(std::array<std::uint8_t, 4>{0, 0, 0, 1});
+  for (unsigned left = framing.length_bytes; left > 0; --left)
+    put(std::array{static_cast<std::uint8_t>(left > sizeof size ? 0 : size >> 8 * (left - 1))});
+  if (h264)
+    put(std::array{h264_sei});
+  else // layer 0, and the temporal layer of its picture
+    put(std::array{static_cast<std::uint8_t>(h265_prefix_sei << 1), temporal});
+  put(std::array{user_data_unregistered, message_size});
+  put(microseconds_identifier(framing.codec));
+  put(stamp_content(time_us));
+  put(std::array{trailing_bits});
+}
+
+void StampUnit::put(Bytes bytes) {
+  std::ranges::copy(bytes, bytes_.begin() + static_cast<std::ptrdiff_t>(size_));
+  size_ += bytes.size();
+}
+
+std::optional<unsigned> nal_length_bytes(VideoCodec codec, Bytes codec_data) {
+  // avcC: version, profile, compatibility, level, then the length; hvcC has it in its 22nd byte.
+  const std::size_t at = codec == VideoCodec::h264 ? 4 : 21;
+  if (codec_data.size() <= at || (codec == VideoCodec::h264 && codec_data[0] != 1))
+    return std::nullopt;
+  const unsigned bytes = (codec_data[at] & 3) + 1U;
+  return bytes == 3 ? std::nullopt : std::optional(bytes);
+}
+
+} // namespace terrainseg

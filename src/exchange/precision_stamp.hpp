@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The precision time stamp of MISB ST 0604 in H.264 and H.265: an SEI message "user data, unregistered"
+// (payload type 5) with one of MISB's identifiers, the time status of ST 0603, and the time in groups of two
+// bytes with 0xFF between, so that no time makes a start code. It stands in the access unit, where no demuxer
+// moves it.
+//
+// Integers only, no GStreamer.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+namespace terrainseg {
+
+enum class VideoCodec : std::uint8_t { h264, h265 };
+
+/// How NAL units lie in an access unit.
+struct NalFraming {
+  VideoCodec codec = VideoCodec::h264;
+  unsigned length_bytes = 0; ///< of the length in front of each; 0 = start codes (Annex B)
+};
+
+using StampIdentifier = std::array<std::uint8_t, 16>;
+/// "MISPmicrosectime".
+inline constexpr StampIdentifier h264_microseconds = {0x4d, 0x49, 0x53, 0x50, 0x6d, 0x69, 0x63, 0x72,
+                                                      0x6f, 0x73, 0x65, 0x63, 0x74, 0x69, 0x6d, 0x65};
+inline constexpr StampIdentifier h265_microseconds = {0xa8, 0x68, 0x7d, 0xd4, 0xd7, 0x59, 0x37, 0x58,
+                                                      0xa5, 0xce, 0xf0, 0x33, 0x8b, 0x65, 0x45, 0xf1};
+inline constexpr StampIdentifier h265_nanoseconds = {0xcf, 0x84, 0x82, 0x78, 0xee, 0x23, 0x30, 0x6c,
+                                                     0x92, 0x65, 0xe8, 0xfe, 0xf2, 0x2f, 0xb8, 0xb8};
+constexpr const StampIdentifier& microseconds_identifier(VideoCodec codec) {
+  return codec == VideoCodec::h264 ? h264_microseconds : h265_microseconds;
+}
+
+/// Time status: whether the clock is locked to a reference is not known; time runs on steadily.
+inline constexpr std::uint8_t stamp_status = 0x9f;
+
+/// What follows the identifier: status and time.
+using StampContent = std::array<std::uint8_t, 12>;
+StampContent stamp_content(std::uint64_t time_us);
+
+/// Microseconds, from the content behind an identifier; nothing when the identifier is another one, or the
+/// content is not of that form. Bytes behind the time are passed over.
+std::optional<std::uint64_t> stamp_time(std::span<const std::uint8_t> identifier,
+                                        std::span<const std::uint8_t> content);
+
+/// What an access unit says before its first slice.
+struct StampSearch {
+  std::optional<std::uint64_t> time_us; ///< the stamp; nothing when there is none, or two that differ
+  bool several = false;                 ///< stamps that differ: parts of two pictures
+  std::optional<std::size_t>
+      place; ///< where a stamp belongs; nothing without a slice, or with lengths that run over
+  std::uint8_t temporal = 1; ///< nuh_temporal_id_plus1 of the first slice (H.265)
+};
+/// Reads up to the first slice. Safe on hostile bytes: linear in their number, no memory.
+StampSearch find_stamp(std::span<const std::uint8_t> unit, const NalFraming& framing);
+
+/// A NAL unit with the stamp of a picture, as it lies in an access unit.
+class StampUnit {
+ public:
+  StampUnit(const NalFraming& framing, std::uint64_t time_us, std::uint8_t temporal = 1);
+  std::span<const std::uint8_t> bytes() const { return {bytes_.data(), size_}; }
+
+ private:
+  void put(std::span<const std::uint8_t> bytes);
+
+  std::array<std::uint8_t, 40> bytes_{};
+  std::size_t size_ = 0;
+};
+
+/// Bytes of a length, from `codec_data` of the caps (avcC or hvcC); nothing when it is not one.
+std::optional<unsigned> nal_length_bytes(VideoCodec codec, std::span<const std::uint8_t> codec_data);
+
+} // namespace terrainseg
