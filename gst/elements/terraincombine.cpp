@@ -14,6 +14,7 @@
 #include <list>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <type_traits>
@@ -26,6 +27,9 @@
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
 #include "support/object.hpp"
+#include "support/plugin_api.hpp"
+#include "support/precision_time.hpp"
+#include "support/properties.hpp"
 #include "support/unit_clock.hpp"
 #include "support/unit_store.hpp"
 #include "support/wall_clock.hpp"
@@ -55,6 +59,12 @@ constexpr std::chrono::seconds stall_limit{5};
 constexpr std::int64_t most_mask_per_frame = 16;
 /// Frames without metadata in a row after which the bus hears why.
 constexpr unsigned silence_frames = 60;
+/// Frames without a stamp in a row, behind stamped ones, after which the sender is taken to stamp no more.
+/// Before, a frame without has lost its stamp on the way: a unit that its time stamp fits may be a
+/// neighbour's.
+constexpr unsigned stampless_frames = 25;
+/// Frames with a stamp leave units alone that lie that near: links shift time stamps by less.
+constexpr Time most_shift = 10 * Time{GST_SECOND};
 
 struct ObjectUnref {
   void operator()(gpointer object) const { gst_mini_object_unref(GST_MINI_OBJECT_CAST(object)); }
@@ -64,14 +74,39 @@ struct ObjectUnref {
 struct Item {
   std::unique_ptr<GstMiniObject, ObjectUnref> object;
   Clock::time_point arrival;
-  Time time = never; ///< of a frame; never = unknown
+  Time time = never;                  ///< of a frame; never = unknown
+  std::optional<PrecisionTime> stamp; ///< of a frame; what its video says, where it goes by that
   bool is_frame() const { return GST_IS_BUFFER(object.get()); }
 };
 
 enum class Live : std::uint8_t { unknown, no, yes };
 
+enum class Match : std::uint8_t { automatic, time_stamps };
+
+struct CombineSettings {
+  Match match = Match::automatic;
+};
+
+GType match_type() {
+  static const GEnumValue values[] = {
+      {static_cast<int>(Match::automatic),
+       "By precision time, to the microsecond, where frames carry a stamp (terrainstamp); else by time "
+       "stamps",
+       "auto"},
+      {static_cast<int>(Match::time_stamps), "By time stamps, whatever stamps frames carry", "time-stamps"},
+      {0, nullptr, nullptr}};
+  static const GType type = g_enum_register_static("GstTerrainMatch", values);
+  return type;
+}
+
+const Property<CombineSettings> combine_table[] = {
+    {"match", "Match", "What a frame and its KLV unit find each other by", property_playing,
+     TERRAINSEG_CHOICE(CombineSettings, match, match_type)},
+};
+
 struct Counts {
   std::uint64_t matched = 0;  ///< frames with metadata
+  std::uint64_t precise = 0;  ///< of those, by precision time
   std::uint64_t lost = 0;     ///< frames without
   std::uint64_t rejected = 0; ///< units that were damaged or foreign
   std::uint64_t unused = 0;   ///< units whose frame never came
@@ -82,6 +117,7 @@ struct Counts {
 /// Everything behind the instance. "lock": `mutex`, held for moments only, never while a frame is processed.
 struct CombineState {
   std::atomic<guint> latency_ms = default_latency;
+  CombineSettings settings; // object lock
 
   std::mutex mutex;
   std::condition_variable changed;        // any of what follows
@@ -104,6 +140,9 @@ struct CombineState {
   std::uint64_t frames_left = 0;          // lock; counts frames that the task took
   Time frame_duration = 0;                // lock; of the caps or the last frame; 0 = unknown
   Time newest_unit = never;               // lock; largest time of a unit since the last flush
+  bool stamped = false;                   // lock; frames carry stamps
+  unsigned stampless = 0;                 // lock; frames without a stamp in a row
+  PrecisionTime last_stamp = 0;           // lock; of a frame
   unsigned silent_frames = 0;             // lock; since the last match
   unsigned silent_units = 0;              // lock; units, since the last match
   unsigned silent_gaps = 0;               // lock; gaps of the units, since the last match
@@ -147,6 +186,9 @@ using namespace terrainseg;
  * time and attaches each unit to its frame as `GstTerrainSegMeta`, which #GstTerrainOverlay draws. A frame
  * waits at most #GstTerrainCombine:latency for its unit where the pipeline is live.
  *
+ * Where the video carries the precision times that #GstTerrainStamp wrote, a unit goes to the frame of
+ * exactly its time and to no other, whatever the link did to the time stamps.
+ *
  * ## Example launch line
  * |[
  * gst-launch-1.0 filesrc location=drive.ts ! tsdemux name=d d. ! queue ! h264parse ! avdec_h264 ! c.sink
@@ -170,7 +212,7 @@ GST_ELEMENT_REGISTER_DEFINE(terraincombine, "terraincombine", GST_RANK_NONE, gst
 
 namespace {
 
-enum { property_latency = 1, property_stats };
+enum { property_latency = 1, property_stats, property_match };
 
 GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("video/x-raw(ANY)"));
@@ -316,9 +358,34 @@ std::string seconds_text(Time time) {
   return text;
 }
 
+/// By what a frame is matched.
+struct FrameTimes {
+  Time time, tolerance;
+  std::optional<PrecisionTime> stamp;
+};
+
+std::string late_units(const CombineState& s, Time behind) {
+  return "the units come " + seconds_text(behind) + " behind their frames: set latency to " +
+         std::to_string(s.latency_ms + static_cast<guint>(std::min<Time>(behind / GST_MSECOND, 60000))) +
+         " or more";
+}
+
+/// The same where frames carry stamps.
+std::string precise_silence(const CombineState& s, PrecisionTime frame) {
+  constexpr PrecisionTime most_delay = 60'000'000;
+  const PrecisionTime newest = s.units.precision_progress().value_or(0);
+  if (newest < frame && frame - newest <= most_delay && s.live != Live::no)
+    return late_units(s, static_cast<Time>(frame - newest) * static_cast<Time>(GST_USECOND));
+  return "the frames' precision times (now " + std::to_string(frame) + " us) are none of the units' (now " +
+         std::to_string(newest) +
+         " us): do the sender's terrainstamp and terrainextract see the same frames? match=time-stamps does "
+         "without "
+         "the stamps";
+}
+
 /// Why no frame has met a unit for a while, and what to do; empty while there is nothing to tell. The caller
 /// holds the lock.
-std::string silence_reason(CombineState& s, Time frame, Time tolerance) {
+std::string silence_reason(CombineState& s, const FrameTimes& frame) {
   if (s.told_silence || s.silent_frames < silence_frames || s.meta_eos ||
       (s.silent_units == 0 && s.silent_gaps > 0))
     return {};
@@ -326,22 +393,22 @@ std::string silence_reason(CombineState& s, Time frame, Time tolerance) {
   if (s.silent_units == 0)
     return "no KLV unit has come: is the sender's branch with terrainextract linked to the muxer, and the "
            "demuxer's meta/x-klv pad to this element?";
-  if (frame == never)
+  if (frame.stamp)
+    return precise_silence(s, *frame.stamp);
+  if (frame.time == never)
     return "the frames carry no time stamps: put an element that sets them (a parser, or appsrc with "
            "do-timestamp=true) in front";
   if (s.newest_unit == never)
     return "neither time stamps nor contents of the units tell their times: send them with time stamps";
-  if (s.newest_unit < frame - tolerance) {
-    const Time behind = frame - s.newest_unit;
+  if (s.newest_unit < frame.time - frame.tolerance) {
+    const Time behind = frame.time - s.newest_unit;
     if (s.live != Live::no)
-      return "the units come " + seconds_text(behind) + " behind their frames: set latency to " +
-             std::to_string(s.latency_ms + static_cast<guint>(std::min<Time>(behind / GST_MSECOND, 60000))) +
-             " or more";
+      return late_units(s, behind);
     return "the units' time stamps lie " + seconds_text(behind) +
            " before the video's: both streams need the same clock and segment";
   }
-  if (s.newest_unit > frame + tolerance)
-    return "the units' time stamps lie " + seconds_text(s.newest_unit - frame) +
+  if (s.newest_unit > frame.time + frame.tolerance)
+    return "the units' time stamps lie " + seconds_text(s.newest_unit - frame.time) +
            " after the video's: both streams need the same clock and segment";
   return "the units lie between the frames, more than half a frame away: is a videorate between the sender's "
          "terrainextract and the encoder?";
@@ -391,11 +458,53 @@ Clock::time_point deadline_of(const CombineState& s, Clock::time_point waiting_s
   return s.items.front().arrival + latency;
 }
 
-/// Waits for the unit of the first item, a frame. nullptr: there is none, or `s.flushing`.
+FrameTimes times_of(const CombineState& s, const Item& frame) {
+  return {frame.time, tolerance_of(s, GST_BUFFER(frame.object.get())), frame.stamp};
+}
+
+/// Whether the frames carry stamps by now, and whether the sender's time begins anew with this one.
+void follow_stamps(CombineState& s, const FrameTimes& frame) {
+  if (!frame.stamp) {
+    s.stamped = s.stamped && ++s.stampless < stampless_frames;
+    return;
+  }
+  s.stampless = 0;
+  if (std::exchange(s.stamped, true) && *frame.stamp < s.last_stamp)
+    s.counts.unused += s.units.restart_precisely(*frame.stamp);
+  s.last_stamp = *frame.stamp;
+}
+
+/// False for a frame that lost its stamp, too: a unit that lies nearest may be its neighbour's.
+bool can_match(const CombineState& s, const FrameTimes& frame) {
+  return frame.stamp || (frame.time != never && !s.stamped);
+}
+
+OwnedBuffer take_unit(CombineState& s, const FrameTimes& frame) {
+  return frame.stamp ? s.units.take_precise(*frame.stamp) : s.units.take(frame.time, frame.tolerance);
+}
+
+/// Drops units that neither this frame nor a later one can match; returns how many.
+std::uint64_t drop_past(CombineState& s, const FrameTimes& frame) {
+  if (!frame.stamp)
+    return s.units.drop_before(frame.time - frame.tolerance);
+  const std::uint64_t past = s.units.drop_before_precisely(*frame.stamp);
+  return frame.time == never ? past : past + s.units.drop_before(frame.time - most_shift);
+}
+
+/// Whether the frame's unit cannot come any more. Of gaps a stamp says nothing, and their time stamps lie
+/// with the link: live, the frame rather waits.
+bool is_past(const CombineState& s, const FrameTimes& frame) {
+  if (!frame.stamp)
+    return s.units.is_past(frame.time, frame.tolerance);
+  return s.units.is_past_precisely(*frame.stamp) ||
+         (s.live == Live::no && frame.time != never && s.units.is_gap(frame.time, frame.tolerance));
+}
+
+/// Waits for the unit of the first item, a frame of those times. nullptr: there is none, or `s.flushing`.
 ///
 /// Live, a frame waits `latency` from its arrival. Not live, the data alone decide: until the unit is there,
 /// or past, or the units have ended, or (one thread feeds both pads) the video ahead of it fills the queue.
-OwnedBuffer wait_for_unit(GstTerrainCombine* self, Lock& lock) {
+OwnedBuffer wait_for_unit(GstTerrainCombine* self, const FrameTimes& times, Lock& lock) {
   CombineState& s = *self->state;
   if (s.live_is_old) {
     s.live_is_old = false;
@@ -407,17 +516,16 @@ OwnedBuffer wait_for_unit(GstTerrainCombine* self, Lock& lock) {
       return nullptr;
   }
   const Clock::time_point since = Clock::now();
-  const Time time = s.items.front().time;
-  const Time tolerance = tolerance_of(s, GST_BUFFER(s.items.front().object.get()));
+  follow_stamps(s, times);
   OwnedBuffer unit;
-  while (!s.flushing && time != never) {
-    unit = s.units.take(time, tolerance);
-    if (const std::uint64_t past = s.units.drop_before(time - tolerance); past > 0) {
+  while (!s.flushing && can_match(s, times)) {
+    unit = take_unit(s, times);
+    if (const std::uint64_t past = drop_past(s, times); past > 0) {
       s.counts.unused += past;
       s.changed.notify_all(); // there is room
     }
-    if (unit || s.meta_eos || s.meta_flushing || s.meta_stalled || s.feeder_waits ||
-        s.units.is_past(time, tolerance) || !gst_pad_is_linked(self->meta))
+    if (unit || s.meta_eos || s.meta_flushing || s.meta_stalled || s.feeder_waits || is_past(s, times) ||
+        !gst_pad_is_linked(self->meta))
       break;
     if (Clock::now() >= deadline_of(s, since)) {
       GST_DEBUG_OBJECT(self, "no unit came in time; frames do not wait until one comes");
@@ -430,29 +538,29 @@ OwnedBuffer wait_for_unit(GstTerrainCombine* self, Lock& lock) {
 }
 
 /// Counts what became of a frame; what to tell of it. The caller holds the lock.
-std::string count_frame(CombineState& s, bool matched, Time time, Time tolerance) {
+std::string count_frame(CombineState& s, bool matched, const FrameTimes& frame) {
   if (matched) {
     ++s.counts.matched;
+    s.counts.precise += frame.stamp ? 1 : 0;
     s.silent_frames = s.silent_units = s.silent_gaps = 0;
     return {};
   }
   ++s.counts.lost;
   ++s.silent_frames;
-  return silence_reason(s, time, tolerance);
+  return silence_reason(s, frame);
 }
 
 void push_frame(GstTerrainCombine* self, Lock& lock) {
   CombineState& s = *self->state;
-  OwnedBuffer klv = wait_for_unit(self, lock);
+  const FrameTimes times = times_of(s, s.items.front());
+  OwnedBuffer klv = wait_for_unit(self, times, lock);
   if (s.flushing)
     return;
-  const Time time = s.items.front().time;
   OwnedBuffer frame(GST_BUFFER(s.items.front().object.release()));
   s.items.pop_front();
   ++s.frames_left;
   s.pushing = true;
   s.changed.notify_all();
-  const Time tolerance = tolerance_of(s, frame.get());
   const bool linked = gst_pad_is_linked(self->meta);
   lock.unlock();
   bool matched = klv != nullptr;
@@ -462,7 +570,7 @@ void push_frame(GstTerrainCombine* self, Lock& lock) {
       reject(self, "useless", flaw);
     }
   lock.lock();
-  const std::string reason = count_frame(s, matched, time, tolerance);
+  const std::string reason = count_frame(s, matched, times);
   const unsigned reconfigured = s.reconfigured;
   lock.unlock();
   GST_LOG_OBJECT(self, "%s: %" GST_PTR_FORMAT, matched ? "with its unit" : "without a unit",
@@ -577,15 +685,22 @@ template <class Done> void wait_for_task(CombineState& s, Lock& lock, Done done)
 void place_units(CombineState& s) {
   for (UnitClock::Placed& placed : s.clock.place()) {
     s.newest_unit = std::max(s.newest_unit, placed.time);
-    s.counts.unused += s.units.add(placed.time, std::move(placed.unit), placed.time);
+    s.counts.unused += s.units.add({placed.time, placed.time, placed.time_us, placed.time_us},
+                                   std::move(placed.unit), s.stamped);
   }
+}
+
+Match match_of(GstTerrainCombine* self) {
+  ObjectLock lock(self);
+  return self->state->settings.match;
 }
 
 GstFlowReturn take_frame(GstTerrainCombine* self, GstBuffer* frame) {
   CombineState& s = *self->state;
   std::list<Item> item;
   item.push_back({std::unique_ptr<GstMiniObject, ObjectUnref>(GST_MINI_OBJECT_CAST(frame)), Clock::now(),
-                  running_time(s.video_segment, GST_BUFFER_PTS(frame))});
+                  running_time(s.video_segment, GST_BUFFER_PTS(frame)),
+                  match_of(self) == Match::automatic ? stamp_of(frame) : std::nullopt});
   Lock lock(s.mutex);
   s.video_thread = std::this_thread::get_id();
   wait_for_task(s, lock, [&] { return s.flushing || s.flow != GST_FLOW_OK || !is_full(s); });
@@ -614,6 +729,7 @@ void flush_video(GstTerrainCombine* self, bool flushing) noexcept {
   s.flushing = flushing;
   s.flow = flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK;
   s.live_is_old = true;
+  s.stamped = false;
   s.clock.reset();
   // What was queued before the flush is dropped on both of its sides.
   s.items.remove_if([](const Item& item) {
@@ -638,8 +754,8 @@ bool keeps_unlinked(CombineState& s, GstEvent* event) {
 GstFlowReturn queue_event(GstTerrainCombine* self, GstEvent* event) {
   CombineState& s = *self->state;
   std::list<Item> item;
-  item.push_back(
-      {std::unique_ptr<GstMiniObject, ObjectUnref>(GST_MINI_OBJECT_CAST(event)), Clock::now(), never});
+  item.push_back({std::unique_ptr<GstMiniObject, ObjectUnref>(GST_MINI_OBJECT_CAST(event)), Clock::now(),
+                  never, std::nullopt});
   GstFlowReturn flow = GST_FLOW_OK;
   const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
   {
@@ -839,7 +955,7 @@ void tell_timeless(GstTerrainCombine* self, Lock& lock) {
   lock.lock();
 }
 
-void take_unit(GstTerrainCombine* self, OwnedBuffer unit) {
+void keep_unit(GstTerrainCombine* self, OwnedBuffer unit) {
   CombineState& s = *self->state;
   const Time time = running_time(s.meta_segment, GST_BUFFER_PTS(unit.get()));
   // Units behind an encoder with B-frames come in coding order: only their DTS tells what cannot come any
@@ -871,8 +987,11 @@ void take_unit(GstTerrainCombine* self, OwnedBuffer unit) {
     place_units(s);
   } else {
     s.newest_unit = std::max(s.newest_unit, time);
-    s.counts.unused +=
-        s.units.add(time, std::move(unit), decoding != never ? std::min(decoding, time) : time);
+    const Time progress = decoding != never ? std::min(decoding, time) : time;
+    const PrecisionTime precision = s.checked.time_us();
+    const PrecisionTime ahead = static_cast<PrecisionTime>(time - progress) / GST_USECOND;
+    s.counts.unused += s.units.add({time, progress, precision, precision - std::min(precision, ahead)},
+                                   std::move(unit), s.stamped);
   }
   s.changed.notify_all();
 }
@@ -881,7 +1000,7 @@ GstFlowReturn meta_chain(GstPad*, GstObject* parent, GstBuffer* buffer) {
   OwnedBuffer unit(buffer);
   return guarded(parent, GST_FLOW_ERROR, [&] {
     GstTerrainCombine* self = self_of(parent);
-    take_unit(self, std::move(unit));
+    keep_unit(self, std::move(unit));
     const Lock lock(self->state->mutex);
     return self->state->meta_flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK;
   });
@@ -1064,6 +1183,11 @@ GstStateChangeReturn change_state(GstElement* element, GstStateChange transition
 }
 
 void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  if (id == property_match) {
+    ObjectLock lock(object);
+    set_field(combine_table[0], self_of(object)->state->settings, value);
+    return;
+  }
   if (id != property_latency) {
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
     return;
@@ -1082,11 +1206,16 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
       const Lock lock(s.mutex);
       counts = s.counts;
     }
-    g_value_take_boxed(value, gst_structure_new("terraincombine-stats", "matched", G_TYPE_UINT64,
-                                                static_cast<guint64>(counts.matched), "lost", G_TYPE_UINT64,
-                                                static_cast<guint64>(counts.lost), "rejected", G_TYPE_UINT64,
-                                                static_cast<guint64>(counts.rejected), "unused",
-                                                G_TYPE_UINT64, static_cast<guint64>(counts.unused), nullptr));
+    g_value_take_boxed(value,
+                       gst_structure_new("terraincombine-stats", "matched", G_TYPE_UINT64,
+                                         static_cast<guint64>(counts.matched), "matched-precisely",
+                                         G_TYPE_UINT64, static_cast<guint64>(counts.precise), "lost",
+                                         G_TYPE_UINT64, static_cast<guint64>(counts.lost), "rejected",
+                                         G_TYPE_UINT64, static_cast<guint64>(counts.rejected), "unused",
+                                         G_TYPE_UINT64, static_cast<guint64>(counts.unused), nullptr));
+  } else if (id == property_match) {
+    ObjectLock lock(object);
+    get_field(combine_table[0], s.settings, value);
   } else
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
 }
@@ -1115,10 +1244,13 @@ static void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
           static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
   g_object_class_install_property(
       object_class, property_stats,
-      g_param_spec_boxed("stats", "Statistics",
-                         "Counts since the start: frames matched and lost, KLV units rejected and unused",
-                         GST_TYPE_STRUCTURE,
-                         static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "Counts since the start: frames matched (of those, by precision time: matched-precisely) and lost, "
+          "KLV units rejected and unused",
+          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  install_properties<CombineSettings>(object_class, property_match, combine_table);
+  mark_enums_as_plugin_api(object_class);
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = change_state;
   gst_element_class_add_static_pad_template(element_class, &sink_template);

@@ -56,7 +56,7 @@ std::list<UnitClock::Placed> UnitClock::place() {
     Waiting& front = waiting_.front();
     bytes_ -= gst_buffer_get_size(front.unit.get());
     if (const Time time = time_of(front.stamp); time != never)
-      placed.push_back({time, std::move(front.unit)});
+      placed.push_back({time, front.stamp.time_us, std::move(front.unit)});
   }
   return placed;
 }

@@ -23,6 +23,7 @@ class UnitClock {
   };
   struct Placed {
     Time time;
+    std::uint64_t time_us;
     OwnedBuffer unit;
   };
 

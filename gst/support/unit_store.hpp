@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <optional>
+#include <utility>
 
 #include "support/buffer_pool.hpp"
 
@@ -19,30 +21,67 @@ inline constexpr Time never = std::numeric_limits<Time>::min();
 /// Times beyond, of either sign, are never: 73 years, and no sum of three of them overflows.
 inline constexpr Time most_time = std::numeric_limits<Time>::max() / 4;
 
+/// Microseconds of the sender's clock, which units carry, and frames with a stamp: their precision time.
+using PrecisionTime = std::uint64_t;
+
+/// Where a unit stands, and what is known of those that are still to come.
+struct UnitPlace {
+  Time time;     ///< running time
+  Time progress; ///< no unit before this running time is still to come
+  PrecisionTime precision = 0, precision_progress = 0;
+};
+
 /// Times lie within most_time, tolerances within 0..most_time. Not locked: the owner does.
 class UnitStore {
  public:
-  /// `progress`: no unit before this time is still to come. Going back by more than units are ever reordered
-  /// means that the sender began anew; then what was kept is dropped. Returns how many units that were.
-  std::uint64_t add(Time time, OwnedBuffer unit, Time progress);
-  void advance(Time progress) { progress_ = std::max(progress_, progress); }
+  /// Going back by more than units are ever reordered means that the sender began anew; then what was kept is
+  /// dropped. `stamped`: frames are matched by precision time, which then decides that. Returns how many
+  /// units that were.
+  std::uint64_t add(const UnitPlace& place, OwnedBuffer unit, bool stamped = false);
+  /// A gap of the units ends there.
+  void advance(Time progress) {
+    progress_ = std::max(progress_, progress);
+    gaps_ = std::max(gaps_, progress);
+  }
   /// The nearest unit not further than `tolerance` from `time`, taken out; nullptr = none is there.
   OwnedBuffer take(Time time, Time tolerance);
+  /// The first unit of exactly this precision time, taken out; nullptr = none is there.
+  OwnedBuffer take_precise(PrecisionTime time);
   /// True when a unit for a frame of this time cannot come any more.
   bool is_past(Time time, Time tolerance) const { return progress_ != never && progress_ > time + tolerance; }
+  bool is_past_precisely(PrecisionTime time) const {
+    return precision_progress_ && *precision_progress_ > time;
+  }
+  /// The units' gaps reach beyond a frame of this time.
+  bool is_gap(Time time, Time tolerance) const { return gaps_ != never && gaps_ > time + tolerance; }
+  std::optional<PrecisionTime> precision_progress() const { return precision_progress_; }
+  /// A frame of this precision time begins the sender's time anew: what is kept of before is dropped. Returns
+  /// how many units that were.
+  std::uint64_t restart_precisely(PrecisionTime time);
   /// Drops units that no frame from `time` on can match; returns how many.
   std::uint64_t drop_before(Time time);
+  std::uint64_t drop_before_precisely(PrecisionTime time);
   std::uint64_t drop_oldest();
   std::size_t size() const { return units_.size(); }
   std::size_t bytes() const { return bytes_; } ///< of all buffers, with what follows a unit in its buffer
   void clear();
 
  private:
-  void count_out(const OwnedBuffer& unit) { bytes_ -= gst_buffer_get_size(unit.get()); }
+  /// Precision time and order of arrival: a key that no two units share.
+  using Key = std::pair<PrecisionTime, std::uint64_t>;
+  struct Unit {
+    OwnedBuffer buffer;
+    Key key;
+  };
+  using Units = std::multimap<Time, Unit>;
+  OwnedBuffer remove(Units::iterator unit);
 
-  std::multimap<Time, OwnedBuffer> units_;
+  Units units_;
+  std::map<Key, Units::iterator> precise_; ///< those of the sender's present run
+  std::uint64_t arrived_ = 0;
   std::size_t bytes_ = 0;
-  Time progress_ = never;
+  Time progress_ = never, gaps_ = never;
+  std::optional<PrecisionTime> precision_progress_;
 };
 
 } // namespace terrainseg

@@ -56,7 +56,9 @@ std::optional<GstClockTime> parse_start_time(const std::string& text, std::strin
 }
 
 void stamp_utc(GstBuffer* buffer, GstClockTime start) {
-  if (GST_BUFFER_PTS_IS_VALID(buffer) && !utc_of(buffer))
+  constexpr GstClockTime latest = G_MAXINT64; // as of start-time: sums stay times
+  if (GST_BUFFER_PTS_IS_VALID(buffer) && start <= latest && GST_BUFFER_PTS(buffer) <= latest - start &&
+      !utc_of(buffer))
     note(buffer, start + GST_BUFFER_PTS(buffer));
 }
 
