@@ -70,6 +70,14 @@ std::optional<FileProblem> RecordingFile::open(const std::string& location) {
   return std::nullopt;
 }
 
+void RecordingFile::open(int fd) {
+  abandon();
+  error_ = 0;
+  for (fs::path* path : {&path_, &part_, &metadata_}) // those of the recording before
+    path->clear();
+  fd_ = fd;
+}
+
 bool RecordingFile::write(recording::ByteView bytes) {
   if (error_ == 0)
     error_ = write_all(fd_, bytes);

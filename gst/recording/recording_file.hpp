@@ -27,7 +27,7 @@ class RecordingFile {
   /// NAME/metadata.yaml. Until finish() the file is called *.part. Refuses where one of them is there.
   [[nodiscard]] std::optional<FileProblem> open(const std::string& location);
   /// Writes to a descriptor that stays its owner's, who also names the file.
-  void open(int fd) noexcept { fd_ = fd; }
+  void open(int fd);
 
   /// False when something could not be written, now or before: see problem().
   bool write(recording::ByteView bytes);

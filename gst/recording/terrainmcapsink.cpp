@@ -234,6 +234,8 @@ bool finish(GstTerrainMcapSink* self) {
                          "front of terrainmcapsink, and no element between them that drops metadata "
                          "(videocrop, videobox, videoflip, compositor)."),
                         ("no GstTerrainSegMeta on %" G_GUINT64_FORMAT " frames", s.frames));
+  GST_DEBUG_OBJECT(self, "\"%s\" is whole: %" G_GUINT64_FORMAT " frames, %" G_GUINT64_FORMAT " with terrain",
+                   name.c_str(), static_cast<guint64>(s.frames), static_cast<guint64>(s.labelled));
   ObjectLock lock(self);
   s.metadata = std::move(metadata);
   return true;
@@ -311,6 +313,9 @@ GstFlowReturn record(GstTerrainMcapSink* self, GstBuffer* buffer) {
   const MetricReader metric(buffer, s.source.name());
   warn_metadata(self, estimate.error());
   warn_metadata(self, metric.error());
+  GST_LOG_OBJECT(self, "%s at %" GST_TIME_FORMAT ": %" GST_PTR_FORMAT,
+                 estimate ? metric ? "with terrain and metres" : "with terrain" : "without terrain",
+                 GST_TIME_ARGS(*time), printable(buffer));
   ++s.frames;
   s.labelled += estimate ? 1 : 0;
   recording::RecordedFrame frame;
@@ -329,6 +334,7 @@ GstFlowReturn render(GstBaseSink* sink, GstBuffer* buffer) {
 }
 
 gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
+  GST_DEBUG_OBJECT(sink, "caps %" GST_PTR_FORMAT, printable(caps));
   self_of(sink)->state->encoded = gst_structure_has_name(gst_caps_get_structure(caps, 0), "video/x-h264");
   return TRUE;
 }
