@@ -6,6 +6,7 @@
 #include "elements/terrainoverlay.hpp"
 #include "elements/terrainscenesrc.hpp"
 #include "elements/terrainseg.hpp"
+#include "elements/terrainstamp.hpp"
 #include "support/meta.hpp"
 #include "terrainseg_config.h"
 
@@ -20,6 +21,7 @@ gboolean plugin_init(GstPlugin* plugin) {
   registered &= GST_ELEMENT_REGISTER(terraincombine, plugin);
   registered &= GST_ELEMENT_REGISTER(terrainoverlay, plugin);
   registered &= GST_ELEMENT_REGISTER(terrainscenesrc, plugin);
+  registered &= GST_ELEMENT_REGISTER(terrainstamp, plugin);
   return registered;
 }
 

@@ -23,6 +23,7 @@
 #include "support/name_property.hpp"
 #include "support/object.hpp"
 #include "support/plugin_api.hpp"
+#include "support/precision_time.hpp"
 #include "support/properties.hpp"
 #include "support/wall_clock.hpp"
 
@@ -119,6 +120,7 @@ struct ExtractState {
   NameProperty source;
 
   Video video;                      // streaming
+  GstSegment segment;               // streaming
   bool negotiated = false;          // streaming
   Output output = Output::gray;     // streaming
   GstVideoInfo picture;             // streaming; of the GRAY8 output
@@ -137,7 +139,10 @@ struct ExtractState {
   bool warned_unmeasured = false;   // streaming
   ExtractSettings settings;         // under the object lock
 
-  ExtractState() noexcept { gst_video_info_init(&picture); }
+  ExtractState() noexcept {
+    gst_video_info_init(&picture);
+    gst_segment_init(&segment, GST_FORMAT_TIME);
+  }
   ~ExtractState() { reset(); }
   void drop_pool() {
     if (!pool)
@@ -400,13 +405,6 @@ GstBuffer* make_picture(GstTerrainExtract* self, const EstimateReader& reader) {
   return picture;
 }
 
-/// Microseconds since 1970 when upstream knows the time of day, else the PTS, so that a run can be repeated.
-std::uint64_t precision_time(GstBuffer* buffer) {
-  if (const auto utc = utc_of(buffer))
-    return *utc / 1000;
-  return GST_BUFFER_PTS_IS_VALID(buffer) ? GST_BUFFER_PTS(buffer) / 1000 : 0;
-}
-
 /// The times that upstream noted (a camera's clock, NTP) are the unit's too.
 void copy_reference_timestamps(GstBuffer* unit, GstBuffer* frame) {
   GstMetaTransformCopy whole = {FALSE, 0, static_cast<gsize>(-1)};
@@ -459,7 +457,7 @@ GstBuffer* make_messages(GstTerrainExtract* self, GstBuffer* frame) {
   const std::int64_t time = GST_BUFFER_PTS_IS_VALID(frame) ? static_cast<std::int64_t>(GST_BUFFER_PTS(frame))
                                                            : g_get_monotonic_time() * 1000;
   const auto bytes =
-      s.mavlink.at(time, precision_time(frame), metres ? &metres.metric() : nullptr,
+      s.mavlink.at(time, time_of_frame(frame, s.segment), metres ? &metres.metric() : nullptr,
                    {set.mavlink_layout,
                     set.mavlink_unknown,
                     {static_cast<std::uint8_t>(set.system_id), static_cast<std::uint8_t>(set.component_id)}});
@@ -511,7 +509,8 @@ GstBuffer* make_klv(GstTerrainExtract* self, GstBuffer* frame, const EstimateRea
   std::optional<UasPlatform> platform;
   if (set.klv_form == KlvForm::uas_datalink)
     platform = platform_of(self, frame, set.klv_position);
-  const auto unit = s.klv.encode(reader.estimate(), precision_time(frame), platform ? &*platform : nullptr);
+  const auto unit =
+      s.klv.encode(reader.estimate(), precision_time(frame, s.segment), platform ? &*platform : nullptr);
   return unit.empty() ? nullptr : copy_of(unit.data(), unit.size());
 }
 
@@ -665,6 +664,7 @@ gboolean sink_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   case GST_EVENT_CAPS:
     return guarded<gboolean>(self, FALSE, [&] { return take_caps(self, event); });
   case GST_EVENT_SEGMENT:
+    gst_event_copy_segment(event, &s.segment);
     if (gst_pad_has_current_caps(self->src))
       break;
     gst_clear_event(&s.held_segment);
@@ -688,6 +688,7 @@ gboolean sink_event(GstPad* pad, GstObject* parent, GstEvent* event) {
     return TRUE;
   }
   case GST_EVENT_FLUSH_STOP:
+    gst_segment_init(&s.segment, GST_FORMAT_TIME);
     gst_clear_event(&s.held_segment);
     s.mavlink.restart();
     break;

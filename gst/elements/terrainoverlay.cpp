@@ -116,11 +116,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
 }
 
 gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query, GstQuery* query) {
-  if (!GST_BASE_TRANSFORM_CLASS(gst_terrain_overlay_parent_class)
-           ->propose_allocation(transform, decide_query, query))
-    return FALSE;
-  propose_video_allocation(query);
-  return TRUE;
+  return propose_video_allocation(gst_terrain_overlay_parent_class, transform, decide_query, query);
 }
 
 void before_transform(GstBaseTransform* transform, GstBuffer* buffer) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <iterator>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -25,6 +26,7 @@
 #include "support/training_meta.hpp"
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
+#include "support/window_request.hpp"
 #include "terrainseg/settings.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainreference_debug);
@@ -36,6 +38,7 @@ namespace {
 using reference::ReferenceEngine;
 using reference::ReferenceResult;
 using reference::ReferenceSettings;
+using reference::WindowPlace;
 
 struct ConverterFree {
   void operator()(GstVideoConverter* converter) const { gst_video_converter_free(converter); }
@@ -68,6 +71,8 @@ struct ReferenceState {
   std::uint64_t frame = 0;                                  // streaming
   std::uint32_t generation = 0;                             // streaming
   bool warned_training = false;                             // streaming
+  std::optional<WindowRequest> window_told;                 // streaming; that it does not fit
+  bool interlaced_told = false;                             // streaming; once a start
   ColourWatch colours;                                      // streaming
   ReferenceSettings in_force;                               // streaming; the last that were accepted
   std::string refused;                                      // streaming; why later ones are not
@@ -219,6 +224,8 @@ gboolean start(GstBaseTransform* transform) {
     s.frame = 0;
     s.generation = 0;
     s.warned_training = false;
+    s.interlaced_told = false;
+    s.window_told.reset();
     s.colours = {};
     s.in_force = settings;
     s.refused.clear();
@@ -246,7 +253,8 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
     }
     if (!may_be_progressive(s.info)) {
       const std::string mode = gst_video_interlace_mode_to_string(GST_VIDEO_INFO_INTERLACE_MODE(&s.info));
-      report_interlaced(transform, ("interlace-mode=" + mode).c_str());
+      if (!std::exchange(s.interlaced_told, true)) // upstream tries this again and again
+        report_interlaced(transform, ("interlace-mode=" + mode).c_str());
       return FALSE;
     }
     gst_video_info_set_format(&s.bgr_info, GST_VIDEO_FORMAT_BGR, static_cast<guint>(s.info.width),
@@ -268,11 +276,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
 }
 
 gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query, GstQuery* query) {
-  if (!GST_BASE_TRANSFORM_CLASS(gst_terrain_reference_parent_class)
-           ->propose_allocation(transform, decide_query, query))
-    return FALSE;
-  propose_video_allocation(query);
-  return TRUE;
+  return propose_video_allocation(gst_terrain_reference_parent_class, transform, decide_query, query);
 }
 
 gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
@@ -369,6 +373,28 @@ void configure(gpointer object, ReferenceState& s, const ReferenceSettings& want
                         ("settings refused while playing"));
 }
 
+/// Moves and cuts a window that does not fit the frame; says so once for each window and frame size.
+void fit_window(gpointer object, ReferenceState& s, WindowPlace& window) {
+  const WindowRequest request{window.width, window.height, window.bottom,
+                              window.x,     s.info.width,  s.info.height};
+  Settings wanted;
+  wanted.window_width = window.width;
+  wanted.window_height = window.height;
+  wanted.window_bottom = window.bottom;
+  wanted.window_x = window.x;
+  wanted.power_of_two_window = window.power_of_two_window;
+  const Settings fitted = with_fitting_window(wanted, s.info.width, s.info.height);
+  if (fitted == wanted)
+    return;
+  window.width = fitted.window_width;
+  window.height = fitted.window_height;
+  window.bottom = fitted.window_bottom;
+  window.x = fitted.window_x;
+  if (std::exchange(s.window_told, request) == request)
+    return;
+  TERRAINSEG_POST_WARNING(GST_ELEMENT(object), LIBRARY, SETTINGS, window_warning(request, fitted, ""));
+}
+
 /// Takes the settings and forgets what a new stream must not know.
 void prepare(GstBaseTransform* object, ReferenceState& s, GstBuffer* buffer, ElementSettings& settings) {
   bool reset = false;
@@ -381,6 +407,7 @@ void prepare(GstBaseTransform* object, ReferenceState& s, GstBuffer* buffer, Ele
     s.engine->reset();
     s.generation = 0;
   }
+  fit_window(object, s, settings.engine.window);
   settings.engine.learning &= settings.near_clear && is_learnable(object->segment, buffer);
   configure(object, s, settings.engine);
 }
@@ -410,7 +437,7 @@ GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
         return GST_FLOW_ERROR;
       }
       if (s.colours.see(frame.frame()))
-        warn_colourless(transform, s.info);
+        TERRAINSEG_POST_WARNING(transform, STREAM, FORMAT, colourless_warning(s.info));
       const ReferenceResult& result = look(transform, buffer, frame);
       s.generation += result.learned;
       estimate = reference::describe(result, s.frame++, s.generation, Settings{}.blocked_below, s.boundary);

@@ -112,6 +112,7 @@ GType light_type() {
       {number_of(scene::Light::day), "Sun or bright lamps", "day"},
       {number_of(scene::Light::dusk), "A dark picture from a noisy sensor", "dusk"},
       {number_of(scene::Light::drift), "Day, while exposure and white balance wander", "drift"},
+      {number_of(scene::Light::sun), "A low sun in a clear sky: hard shadows, the rover's own too", "sun"},
       {0, nullptr, nullptr}};
   static const GType type = plugin_enum("GstTerrainSceneSrcLight", values);
   return type;
@@ -143,6 +144,8 @@ const Property<scene::Settings> table[] = {
     {"obstacles", "Obstacles", "Share of the places for an obstacle that have one, in percent",
      property_playing,
      NumberField<scene::Settings, int>{TERRAINSEG_FIELD(scene::Settings, obstacles), 0, 100}},
+    {"wet", "Wet", "Puddles that mirror sky and things stand on what is driven on; the truth stays ground",
+     property_playing, PlainField<scene::Settings, bool>{TERRAINSEG_FIELD(scene::Settings, wet)}},
 };
 constexpr guint id_is_live = std::size(table) + 1;
 

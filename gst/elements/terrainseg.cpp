@@ -36,6 +36,7 @@
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
 #include "support/wall_clock.hpp"
+#include "support/window_request.hpp"
 #include "terrainseg/segmenter.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainseg_debug);
@@ -43,12 +44,6 @@ GST_DEBUG_CATEGORY_STATIC(terrainseg_debug);
 
 namespace terrainseg {
 namespace {
-
-/// The window in pixels that was asked for, and of which frame.
-struct WindowRequest {
-  int width, height, bottom, x, frame_width = 0, frame_height = 0;
-  bool operator==(const WindowRequest&) const = default;
-};
 
 /// The settings that the segmenter gets: with a window that fits the frame.
 struct FittedWindow {
@@ -86,19 +81,19 @@ struct ElementState {
   bool configured_learnable = true;      // streaming; whether they let it learn
   GstVideoInfo info;                     // streaming
   std::optional<ColorSpace> space;       // streaming; of the caps before
-  bool foreign_told = false;             // streaming; the terrain of another colour space, once a start
-  std::string stream_id;                 // streaming
-  bool fresh = true;                     // streaming; no frame since start
-  Announcer announcer;                   // streaming
-  bool warned_training = false;          // streaming
-  ColourWatch colours;                   // streaming
-  Summary summary;                       // streaming; only while somebody reads it
-  TrainingReader training;               // streaming
-  MaskPool masks, confidence_maps;       // streaming
-  SmallPool boundaries;                  // streaming
-  MetricStage metres;                    // streaming; poses come from any thread
-  MetricWriter metre_writer;             // streaming
-  MetricDrawing metre_drawing;           // streaming
+  bool misfit_told = false;        // streaming; video, terrain or calibration that does not fit, once a start
+  std::string stream_id;           // streaming
+  bool fresh = true;               // streaming; no frame since start
+  Announcer announcer;             // streaming
+  bool warned_training = false;    // streaming
+  ColourWatch colours;             // streaming
+  Summary summary;                 // streaming; only while somebody reads it
+  TrainingReader training;         // streaming
+  MaskPool masks, confidence_maps; // streaming
+  SmallPool boundaries;            // streaming
+  MetricStage metres;              // streaming; poses come from any thread
+  MetricWriter metre_writer;       // streaming
+  MetricDrawing metre_drawing;     // streaming
   std::optional<GstClockTime> start_utc; // streaming; of start-time
   std::atomic<bool> warned_pose = false; // of this start
 #ifdef TERRAINSEG_ANALYTICS
@@ -467,7 +462,7 @@ gboolean start(GstBaseTransform* transform) {
     s.fitted.sequence = 0;
     s.fitted.warned.reset();
     s.summary = {};
-    s.foreign_told = false;
+    s.misfit_told = false;
     ObjectLock lock(transform);
     if (s.segmenter) { // reset-on=never keeps it through READY, with what it learned since it was loaded
       s.segmenter->configure(s.settings.core);
@@ -549,14 +544,15 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
     }
     if (!may_be_progressive(info)) {
       const std::string mode = gst_video_interlace_mode_to_string(GST_VIDEO_INFO_INTERLACE_MODE(&info));
-      report_interlaced(transform, ("interlace-mode=" + mode).c_str());
+      // Upstream tries other caps, and this again and again: one error is enough.
+      if (!std::exchange(s.misfit_told, true))
+        report_interlaced(transform, ("interlace-mode=" + mode).c_str());
       return FALSE;
     }
     const ColorSpace space = learning_space(s.settings.core, space_of(info));
     if (const auto foreign = foreign_terrain(transform, space)) {
       if (!s.space) { // what the user asked for cannot be had; later it is the stream that changed
-        // Upstream tries other caps, and this again and again: one error is enough.
-        if (!std::exchange(s.foreign_told, true))
+        if (!std::exchange(s.misfit_told, true)) // as above
           GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
                             ("%s Convert the video in front of terrainseg, or learn anew.", foreign->c_str()),
                             ("caps %" GST_PTR_FORMAT, printable(caps)));
@@ -572,10 +568,11 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
     if (const std::string wrong = s.metres.fit(GST_VIDEO_INFO_WIDTH(&info), GST_VIDEO_INFO_HEIGHT(&info));
         !wrong.empty()) {
       if (!s.space) { // as above
-        GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
-                          ("The calibration \"%s\" of property camera-info does not fit: %s.",
-                           s.settings.camera_info.c_str(), wrong.c_str()),
-                          ("caps %" GST_PTR_FORMAT, printable(caps)));
+        if (!std::exchange(s.misfit_told, true))
+          GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
+                            ("The calibration \"%s\" of property camera-info does not fit: %s.",
+                             s.settings.camera_info.c_str(), wrong.c_str()),
+                            ("caps %" GST_PTR_FORMAT, printable(caps)));
         return FALSE;
       }
       GST_ELEMENT_WARNING(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
@@ -595,11 +592,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
 }
 
 gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query, GstQuery* query) {
-  if (!GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)
-           ->propose_allocation(transform, decide_query, query))
-    return FALSE;
-  propose_video_allocation(query);
-  return TRUE;
+  return propose_video_allocation(gst_terrain_seg_parent_class, transform, decide_query, query);
 }
 
 // ---- events ----------------------------------------------------------------------------------------------
@@ -855,16 +848,6 @@ void refresh_settings(gpointer object, ElementState& s) {
                          error->reason.c_str()));
 }
 
-std::string text_of(const WindowRequest& r) {
-  std::string text;
-  for (const auto& [name, value] : {std::pair{"window-width", r.width},
-                                    {"window-height", r.height},
-                                    {"window-bottom", r.bottom},
-                                    {"window-x", r.x}})
-    text.append(text.empty() ? "" : ", ").append(name).append(" = ").append(std::to_string(value));
-  return text;
-}
-
 /// Moves and cuts a window that does not fit the frame, as a stream may shrink at any time; says so once for
 /// each window and frame size.
 void fit_window(gpointer object, ElementState& s) {
@@ -881,15 +864,10 @@ void fit_window(gpointer object, ElementState& s) {
   if (s.fitted.core == set || s.fitted.warned == request)
     return;
   s.fitted.warned = request;
-  const std::string wanted = text_of(request),
-                    used = text_of({s.fitted.core.window_width, s.fitted.core.window_height,
-                                    s.fitted.core.window_bottom, s.fitted.core.window_x});
-  GST_ELEMENT_WARNING(GST_ELEMENT(object), LIBRARY, SETTINGS,
-                      ("The training window (%s) does not fit a frame of %d x %d and is moved and cut to fit "
-                       "(%s). Set window-rect for "
-                       "a window that follows the size of the frame.",
-                       wanted.c_str(), width, height, used.c_str()),
-                      ("window %s in %d x %d, used: %s", wanted.c_str(), width, height, used.c_str()));
+  TERRAINSEG_POST_WARNING(
+      GST_ELEMENT(object), LIBRARY, SETTINGS,
+      window_warning(request, s.fitted.core,
+                     " Set window-rect for a window that follows the size of the frame."));
 }
 
 /// Gives the segmenter its settings when they changed. A frame that is not learnable is scored all the same.
@@ -1123,7 +1101,7 @@ GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
         return GST_FLOW_ERROR;
       }
       if (s.colours.see(frame.frame()))
-        warn_colourless(transform, s.info);
+        TERRAINSEG_POST_WARNING(transform, STREAM, FORMAT, colourless_warning(s.info));
       if (!label(transform, s, buffer, frame, outcome))
         return GST_FLOW_ERROR;
     }

@@ -605,12 +605,9 @@ std::optional<SettingsError> SettingsBook::error() const {
 
 std::string SettingsBook::take_unused() {
   std::string names;
-  const Settings paper = Settings::of(Preset::paper);
   for (guint id = 1; id <= row_count(); ++id) {
     const Setting& row = row_of(id);
-    // The paper's column has the value that switches off what the paper's pipeline does not have.
-    const bool off = row.used_by == UsedBy::free_space && row.get(settings_.core) == row.get(paper);
-    if (!pinned().test(id) || told_.test(id) || off || is_used(row, settings_.core))
+    if (!pinned().test(id) || told_.test(id) || !is_idle(row, settings_.core))
       continue;
     told_.set(id);
     names.append(names.empty() ? "" : ", ").append(row.name);

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "support/guarded.hpp"
+#include "support/warning.hpp"
 
 namespace terrainseg {
 
@@ -78,17 +78,17 @@ class ColourWatch {
   bool told_ = false;
 };
 
-/// Says on the bus and in the log that pictures in a format with colour have none.
-inline void warn_colourless(gpointer element, const GstVideoInfo& info) {
-  const char* format = gst_video_format_to_string(GST_VIDEO_INFO_FORMAT(&info));
-  const std::string text =
-      std::string("The video is ") + format + ", which has colour, but the last " +
-      std::to_string(ColourWatch::frames_before_news) +
-      " pictures have none: the ground is learned from brightness and texture alone, with more mistakes. If "
-      "the camera has colour, pin a colour format right behind it (video/x-raw,format=NV12) and switch its "
-      "infrared off; if it has none, give GRAY8, and this is not said";
-  GST_ELEMENT_WARNING(GST_ELEMENT(element), STREAM, FORMAT, ("%s.", text.c_str()),
-                      ("format %s, chroma within 2 of neutral in every pixel that was looked at", format));
+/// That pictures in a format with colour have none.
+inline Warning colourless_warning(const GstVideoInfo& info) {
+  const std::string format = gst_video_format_to_string(GST_VIDEO_INFO_FORMAT(&info));
+  return {
+      "The video is " + format + ", which has colour, but the last " +
+          std::to_string(ColourWatch::frames_before_news) +
+          " pictures have none: the ground is learned from brightness and texture alone, with more "
+          "mistakes. If the camera has colour, pin a colour format right behind it "
+          "(video/x-raw,format=NV12) and switch its infrared off; if it has none, give GRAY8, and this is "
+          "not said.",
+      "format " + format + ", chroma within 2 of neutral in every pixel that was looked at"};
 }
 
 } // namespace terrainseg

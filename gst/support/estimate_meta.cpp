@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "support/meta.hpp"
@@ -297,8 +298,9 @@ const char* EstimateReader::map_boundary() {
     return nullptr;
   }
   host_order_.resize(columns);
-  for (std::size_t i = 0; i < columns; ++i)
-    host_order_[i] = GST_READ_UINT16_LE(boundary_map_.data + 2 * i);
+  std::memcpy(host_order_.data(), boundary_map_.data, columns * 2);
+  for (std::uint16_t& row : host_order_)
+    row = GUINT16_FROM_LE(row);
   estimate_.boundary = host_order_;
   return nullptr;
 }

@@ -5,6 +5,7 @@
 #include <gst/video/video.h>
 
 #include <algorithm>
+#include <cstring>
 
 namespace terrainseg {
 namespace {
@@ -57,7 +58,9 @@ void rescale_boundary(GstStructure* fields, int old_height, int new_height, Axis
   GstBuffer* scaled = gst_buffer_new_allocate(nullptr, in.size, nullptr);
   if (scaled && gst_buffer_map(scaled, &out, GST_MAP_WRITE)) {
     for (gsize i = 0; i + 1 < in.size; i += 2) {
-      const int row = GST_READ_UINT16_LE(in.data + i);
+      guint16 row = 0; // at any address
+      std::memcpy(&row, in.data + i, sizeof row);
+      row = GUINT16_FROM_LE(row);
       const int moved = row >= old_height ? new_height : std::min(y.row(row), new_height - 1);
       GST_WRITE_UINT16_LE(out.data + i, static_cast<guint16>(moved));
     }

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <iterator>
 #include <utility>
 
@@ -175,8 +176,9 @@ const char* MetricReader::map(Column& column, GstBuffer* buffer, std::span<const
     return nullptr;
   }
   column.host_order.resize(count);
-  for (std::size_t i = 0; i < count; ++i)
-    column.host_order[i] = GST_READ_FLOAT_LE(data + 4 * i);
+  std::memcpy(column.host_order.data(), data, count * 4);
+  for (float& value : column.host_order)
+    value = GFLOAT_FROM_LE(value);
   values = column.host_order;
   return nullptr;
 }

@@ -186,12 +186,16 @@ void report_interlaced(gpointer element, const char* where) {
                     ("%s", where));
 }
 
-void propose_video_allocation(GstQuery* query) {
+gboolean propose_video_allocation(gpointer parent_class, GstBaseTransform* transform, GstQuery* decide_query,
+                                  GstQuery* query) {
+  if (!GST_BASE_TRANSFORM_CLASS(parent_class)->propose_allocation(transform, decide_query, query))
+    return FALSE;
   guint index = 0;
   while (gst_query_find_allocation_meta(query, GST_VIDEO_CROP_META_API_TYPE, &index))
     gst_query_remove_nth_allocation_meta(query, index);
   if (!gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr))
     gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+  return TRUE;
 }
 
 MappedFrame::MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlags flags)

@@ -2,6 +2,7 @@
 // GStreamer's video frames as the core sees them.
 #pragma once
 
+#include <gst/base/gstbasetransform.h>
 #include <gst/video/video.h>
 
 #include <optional>
@@ -39,9 +40,10 @@ bool is_progressive(const GstVideoInfo& info, const GstBuffer* buffer);
 /// Posts that `element` cannot take two fields in one picture; `where` tells developers how it knows.
 void report_interlaced(gpointer element, const char* where);
 
-/// For GstBaseTransform::propose_allocation, after the base class has asked downstream: any stride and
+/// GstBaseTransform::propose_allocation: what the class above answers, which asks downstream; any stride and
 /// offset will do, and a crop has to be made in the pixels, because GstVideoCropMeta is not honoured here.
-void propose_video_allocation(GstQuery* query);
+gboolean propose_video_allocation(gpointer parent_class, GstBaseTransform* transform, GstQuery* decide_query,
+                                  GstQuery* query);
 
 /// The one way from a buffer to pixels: maps a frame for as long as it lives, and trusts neither its caps
 /// nor its GstVideoMeta but the mapped memory alone. The frame has the size of `info`, also where a

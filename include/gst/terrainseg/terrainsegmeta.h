@@ -294,11 +294,11 @@ static inline GstBuffer* gst_terrain_metric_meta_get_ticks(const GstStructure* m
 
 /** Value @column of one of the buffers above, NAN when there is none. */
 static inline gfloat gst_terrain_metric_meta_get_value(GstBuffer* values, guint column) {
-  guint8 bytes[4];
+  gfloat value;
 
-  if (values == NULL || gst_buffer_extract(values, (gsize)column * 4, bytes, 4) != 4)
+  if (values == NULL || gst_buffer_extract(values, (gsize)column * 4, &value, 4) != 4)
     return NAN;
-  return GST_READ_FLOAT_LE(bytes);
+  return GFLOAT_FROM_LE(value);
 }
 
 static inline gdouble gst_terrain_metric_meta_get_double_(const GstStructure* meta, const gchar* field) {
