@@ -23,6 +23,15 @@ double quantile(const std::vector<int>& sorted, double share) {
   return sorted[low] + (sorted[high] - sorted[low]) * (at - static_cast<double>(low));
 }
 
+/// A whole number no greater than any picture's; half a million is none, 1.5 and text are no line of ours.
+int within_a_picture(const nlohmann::json& json) {
+  constexpr int most = 1 << 18;
+  const auto& value = json.get_ref<const nlohmann::json::number_integer_t&>();
+  if (value < -most || value > most)
+    throw std::runtime_error(json.dump() + " belongs to no picture");
+  return static_cast<int>(value);
+}
+
 } // namespace
 
 Horizons read_horizons(std::istream& lines) {
@@ -33,15 +42,15 @@ Horizons read_horizons(std::istream& lines) {
       continue;
     try {
       const nlohmann::json frame = nlohmann::json::parse(line);
-      const int width = frame.at("width"), height = frame.at("height");
+      const int width = within_a_picture(frame.at("width")), height = within_a_picture(frame.at("height"));
       if (out.frames && (width != out.width || height != out.height))
         throw std::runtime_error("the frames' size changes; check one recording at a time");
       out.width = width;
       out.height = height;
       ++out.frames;
       const nlohmann::json& horizon = frame.at("horizon");
-      if (!horizon.at("row").is_null() && horizon.at("confidence").get<int>() >= confident)
-        out.rows.push_back(horizon.at("row"));
+      if (!horizon.at("row").is_null() && within_a_picture(horizon.at("confidence")) >= confident)
+        out.rows.push_back(within_a_picture(horizon.at("row")));
     } catch (const nlohmann::json::exception&) {
       throw std::runtime_error("line " + std::to_string(number) +
                                ": no JSON line of terrainextract or terrainseg-process (--outputs json)");

@@ -266,9 +266,10 @@ std::optional<MountFit> fit_with(const std::vector<int>& free, const Camera& cam
   fit.root_mean_square = search.root_mean_square(best) / one_row;
   fit.residuals = residuals_of(fit.mount, search, points, one_row);
   check_fit(fit, search.root_mean_square(best), points);
-  if (const double other = std::exp(found.back().at[log_height]);
-      !known.height && other > fit.mount.height * 1.05)
-    fit.other_height = other;
+  // The next one up; those beyond it have the near point behind the camera's foot.
+  for (std::size_t i = 1; i < found.size() && !fit.other_height && !known.height; ++i)
+    if (const double other = std::exp(found[i].at[log_height]); other > fit.mount.height * 1.05)
+      fit.other_height = other;
   fit.mount.pitch_error = std::max(fit.mount.pitch_error, fit.pitch_error);
   return fit;
 }

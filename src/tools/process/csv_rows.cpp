@@ -5,6 +5,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstring>
 
 #include "exchange/json_lines.hpp"
 
@@ -38,7 +39,9 @@ void append_list(std::string& row, GstBuffer* values, int decimals) {
   for (gsize at = 0; at + 4 <= map.size; at += 4) {
     if (at > 0)
       row += ' ';
-    append_number(row, GST_READ_FLOAT_LE(map.data + at), decimals);
+    gfloat value = 0; // at any address
+    std::memcpy(&value, map.data + at, sizeof value);
+    append_number(row, GFLOAT_FROM_LE(value), decimals);
   }
   gst_buffer_unmap(values, &map);
 }

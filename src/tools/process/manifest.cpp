@@ -3,6 +3,7 @@
 
 #include <glib.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -22,6 +23,7 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 constexpr int format_version = 1;
+constexpr std::streamsize longest_head = 64 * 1024; ///< of a manifest's first line
 
 std::string as_line(const ordered_json& json) {
   return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
@@ -37,6 +39,11 @@ std::string sha256_of(const fs::path& path) {
   while (file.read(buffer.data(), buffer.size()) || file.gcount() > 0)
     g_checksum_update(sum.get(), reinterpret_cast<const guchar*>(buffer.data()), file.gcount());
   return file.bad() ? "" : g_checksum_get_string(sum.get());
+}
+
+/// A number of a manifest as it is written; any other JSON throws, -1 and 1e300 as well.
+std::uint64_t natural(const nlohmann::json& json) {
+  return json.get_ref<const nlohmann::json::number_unsigned_t&>();
 }
 
 /// What a manifest says of one input, and of the run around it.
@@ -61,8 +68,12 @@ class Checker {
 
  private:
   void take(const std::string& text, int number);
+  void cannot_read(int number) {
+    check_.again.push_back("line " + std::to_string(number) + " of the manifest cannot be read");
+  }
   void check(const std::string& input, const Line& line);
   void check_shards();
+  void say_missing(int first, int last, int count);
 
   const Options& options_;
   Check check_;
@@ -78,23 +89,28 @@ class Checker {
 };
 
 void Checker::take(const std::string& text, int number) {
-  const auto json = nlohmann::json::parse(text, nullptr, false);
+  auto json = nlohmann::json::parse(text, nullptr, false);
   try {
     if (json.contains("manifest")) {
       ++runs_;
-      folder_ = options_.output_dir_given ? options_.output_dir
-                                          : fs::path(json.at("output_dir").get<std::string>());
-      promise_ = &shards_[{json.at("shards").get<int>(), json.at("shard").get<int>()}];
-      promise_->inputs = json.at("inputs");
+      promise_ = nullptr;
+      const std::string written = json.at("output_dir");
+      folder_ = options_.output_dir_given ? options_.output_dir : fs::path(written);
+      const std::uint64_t count = natural(json.at("shards")), index = natural(json.at("shard")),
+                          inputs = natural(json.at("inputs"));
+      if (count > most_shards || index < 1 || index > count)
+        return cannot_read(number);
+      promise_ = &shards_[{static_cast<int>(count), static_cast<int>(index)}];
+      promise_->inputs = inputs;
       return;
     }
     const std::string input = json.at("input");
     json.at("status").get<std::string>();
-    lines_[input] = {json, folder_};
+    lines_[input] = {std::move(json), folder_}; // a copy would go as deep as its brackets
     if (promise_)
       promise_->seen.insert(input);
   } catch (const nlohmann::json::exception&) {
-    check_.again.push_back("line " + std::to_string(number) + " of the manifest cannot be read");
+    cannot_read(number);
   }
 }
 
@@ -110,7 +126,7 @@ void Checker::check(const std::string& input, const Line& line) {
   for (const auto& [kind, output] : json.at("outputs").items()) {
     const fs::path path = line.folder / output.at("file").get<std::string>();
     std::error_code error;
-    const std::uint64_t expected = output.at("bytes"), bytes = fs::file_size(path, error);
+    const std::uint64_t expected = natural(output.at("bytes")), bytes = fs::file_size(path, error);
     std::string problem;
     if (error)
       problem = " is missing";
@@ -136,14 +152,25 @@ void Checker::check_shards() {
                              std::to_string(promise.seen.size()) + " of its " +
                              std::to_string(promise.inputs) + " inputs have a line");
   }
-  std::set<int> counts;
-  for (const auto& [key, promise] : shards_)
-    counts.insert(key.first);
-  for (const int count : counts)
-    for (int index = 1; index <= count; ++index)
-      if (!shards_.count({count, index}))
-        check_.again.push_back("shard " + std::to_string(index) + "/" + std::to_string(count) +
-                               " has no manifest");
+  // In rising order; those missing in a row are one line, for any number may be promised.
+  for (auto next = shards_.begin(); next != shards_.end();) {
+    const int count = next->first.first;
+    int expected = 1;
+    for (; next != shards_.end() && next->first.first == count; ++next) {
+      say_missing(expected, next->first.second - 1, count);
+      expected = next->first.second + 1;
+    }
+    say_missing(expected, count, count);
+  }
+}
+
+void Checker::say_missing(int first, int last, int count) {
+  if (first > last)
+    return;
+  const std::string number = std::to_string(first), of = "/" + std::to_string(count);
+  check_.again.push_back(first == last
+                             ? "shard " + number + of + " has no manifest"
+                             : "shards " + number + " to " + std::to_string(last) + of + " have no manifest");
 }
 
 Check Checker::finish(const std::vector<Input>& inputs) {
@@ -224,10 +251,13 @@ std::optional<std::string> Manifest::close() {
 
 bool is_manifest(const fs::path& path) {
   std::error_code error;
-  std::ifstream file(path);
-  std::string text;
-  if (!fs::is_regular_file(path, error) || !std::getline(file, text))
+  if (!fs::is_regular_file(path, error))
     return false;
+  std::ifstream file(path);
+  std::string text(longest_head, '\0'); // what is none may have no lines
+  file.read(text.data(), longest_head);
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  text.resize(std::min(text.find('\n'), text.size()));
   const auto json = nlohmann::json::parse(text, nullptr, false);
   return json.is_object() && json.contains("manifest");
 }
@@ -243,7 +273,8 @@ std::variant<Check, std::string> check_manifest(const Options& options, const st
     checker.read(file);
   }
   if (!checker.read_any())
-    return "--check: " + options.check + " is no manifest of this tool";
+    return "--check: " + (options.check == "-" ? "what standard input gave" : options.check) +
+           " is no manifest of this tool (--manifest FILE writes one)";
   return checker.finish(inputs);
 }
 

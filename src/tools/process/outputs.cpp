@@ -224,7 +224,9 @@ std::optional<Origin> read_origin(const fs::path& record) {
   const nlohmann::json json = read_record(record);
   try {
     const auto& input = json.at("input");
-    return Origin{input.at("place"), {input.at("bytes"), input.at("fingerprint")}};
+    // Not 1e300, which would be made one.
+    const auto& bytes = input.at("bytes").get_ref<const nlohmann::json::number_unsigned_t&>();
+    return Origin{input.at("place"), {bytes, input.at("fingerprint")}};
   } catch (const nlohmann::json::exception&) {
     return std::nullopt;
   }

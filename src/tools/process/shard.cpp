@@ -10,8 +10,6 @@
 namespace terrainseg::process {
 namespace {
 
-constexpr int most_shards = 1'000'000;
-
 std::optional<int> read_number(const char* begin, const char* end) {
   int value = 0;
   const auto [stopped, error] = std::from_chars(begin, end, value);

@@ -10,6 +10,8 @@
 
 namespace terrainseg::process {
 
+inline constexpr int most_shards = 1'000'000;
+
 struct Shard {
   int index = 1; ///< 1..count
   int count = 1;

@@ -13,6 +13,10 @@
 namespace terrainseg::process {
 namespace {
 
+/// Pulls behind the end, one after the other, of a demuxer that would go on for ever; others ask once or
+/// twice.
+constexpr std::uint64_t often = 1000;
+
 bool is_video(const GstCaps* caps) {
   return !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
          g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), "video/");
@@ -280,6 +284,10 @@ void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer se
     gst_pad_add_probe(sink.get(),
                       static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BUFFER),
                       on_pulled, self, nullptr);
+    // Called before each pull, whatever comes of it.
+    gst_pad_add_probe(sink.get(),
+                      static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BLOCK),
+                      on_pull, self, nullptr);
   }
   if (!factory || !gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_DECODER |
                                                                  GST_ELEMENT_FACTORY_TYPE_MEDIA_VIDEO))
@@ -288,6 +296,21 @@ void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer se
   const PadPointer sink(gst_element_get_static_pad(element, "sink"));
   if (sink)
     gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, self, nullptr);
+}
+
+/// libav's demuxers in GStreamer 1.22 take an end for nothing yet and ask on (a cut GIF), with libav's lock
+/// held, for which encoders wait when they stop. FLUSHING they take for an end, and give out what they have
+/// read.
+GstPadProbeReturn Source::on_pull(GstPad*, GstPadProbeInfo* info, gpointer self) {
+  Source* source = static_cast<Source*>(self);
+  if (source->pulled_ > 0 && GST_PAD_PROBE_INFO_OFFSET(info) >= source->pulled_)
+    ++source->pulls_at_end_;
+  else
+    source->pulls_at_end_ = 0;
+  if (source->pulls_at_end_ <= often)
+    return GST_PAD_PROBE_PASS;
+  GST_PAD_PROBE_INFO_FLOW_RETURN(info) = GST_FLOW_FLUSHING;
+  return GST_PAD_PROBE_HANDLED;
 }
 
 GstPadProbeReturn Source::on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self) {

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/process/handles.hpp"
 #include "tools/process/inputs.hpp"
 #include "tools/process/options.hpp"
 
@@ -30,8 +31,8 @@ class Source {
   /// True when nothing works on the input any more although no video came: some demuxers give up a cut file
   /// without a word.
   bool has_given_up() const;
-  /// True when the whole file has been read by a demuxer that does not end the stream then: libav's in
-  /// GStreamer 1.22 ask for more of it without end (GIF).
+  /// True when the whole file has been read by a demuxer of libav; in GStreamer 1.22 they do not always end
+  /// the stream then.
   bool has_been_read() const;
   /// What it holds instead of video, for a message; empty when nothing is known.
   std::string other_streams() const;
@@ -60,6 +61,7 @@ class Source {
   static gboolean on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer);
   static void on_need_data(GstElement*, guint, gpointer self);
   static void on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self);
+  static GstPadProbeReturn on_pull(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_encoded(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_decoded(GstPad*, GstPadProbeInfo* info, gpointer self);
@@ -78,6 +80,7 @@ class Source {
   /// Times of the frames that went into the decoder and came out; a streaming thread each.
   std::vector<GstClockTime> encoded_, decoded_;
   std::atomic<std::uint64_t> pulled_{0}; ///< end of what a libav demuxer has read
+  std::uint64_t pulls_at_end_ = 0;       ///< how often it asked for more behind that; its thread only
   mutable std::mutex mutex_;             ///< guards the three below
   std::string problem_;
   Cause cause_ = Cause::none;
