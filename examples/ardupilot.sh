@@ -7,7 +7,8 @@
 # Set CAMERA_INFO and MOUNT (docs/tasks/calibration.md): without them nothing is known, and all ahead is an obstacle.
 #   CAMERA_INFO   a ROS camera_info file          MOUNT   a mount file, or height=0.5,pitch=10deg
 #   ATTITUDE      HOST:PORT on which the autopilot's ATTITUDE arrives; MOUNT must then be text
-#   SYSTEM_ID     the vehicle's (default: 1)      LAYOUT  portable (default), or fine
+#   SYSTEM_ID     the vehicle's (default: 1)      LAYOUT  fine (default), or portable, in which ArduPilot's simple
+#                 avoidance sees half of what is ahead (docs/tasks/autopilot.md)
 # Parameters of a Rover (ArduPilot 4.1 and later; PRX1_TYPE was PRX_TYPE before 4.2):
 #   PRX1_TYPE 2         proximity comes by MAVLink. Restart the autopilot after it
 #   AVOID_ENABLE 3      stop before what proximity sees (2), and fences (1), in Acro, Steering, Loiter and Guided
@@ -61,7 +62,7 @@ esac
 [ -n "$camera_info" ] && [ -n "$mount" ] ||
   echo "ardupilot.sh: CAMERA_INFO or MOUNT is not set: the autopilot will be told that nothing is known" >&2
 text="$SOURCE ! videoconvert ! video/x-raw,format=NV12 ! queue leaky=downstream max-size-buffers=1 ! terrainseg ${camera_info:+camera-info=$(quoted "$camera_info")} \
-  ${mount:+mount=$(quoted "$mount")} $SETTINGS ! terrainextract mavlink-layout=${LAYOUT:-portable} system-id=${SYSTEM_ID:-1} \
+  ${mount:+mount=$(quoted "$mount")} $SETTINGS ! terrainextract mavlink-layout=${LAYOUT:-fine} system-id=${SYSTEM_ID:-1} \
   ! application/x-mavlink ! udpsink host=${target%:*} port=${target##*:} sync=false async=false"
 if [ -n "${ATTITUDE:-}" ]; then
   exec /usr/bin/python3 "$here/python/attitude_to_pose.py" --listen "$ATTITUDE" --mount "$mount" "$text"

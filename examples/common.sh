@@ -45,12 +45,48 @@ lines_branch() {
     buffer-mode=unbuffered sync=false async=false"
 }
 
+# show_warnings: gst-launch-1.0 -q hides warnings with all else. They are in the log, in two lines each: the first one is
+# shown as gst-launch-1.0 shows it, the rest of the log is not. With GST_DEBUG set the log is yours.
+show_warnings() {
+  [ -z "${GST_DEBUG:-}" ] || return 0
+  export GST_DEBUG='terrain*:2' GST_DEBUG_NO_COLOR=1
+  exec 2> >(
+    trap '' INT # it goes on until gst-launch-1.0 has ended
+    exec sed -unE '
+      /^[0-9]+:[0-9]{2}:[0-9.]+ +[0-9]+ +0x/!{p;b}
+      / WARN .* warning: /!b
+      s/^.* ([^ ]+:[0-9]+:[^ ]*<([^>]*)>) warning: (.*)$/\1\n\2: \3/
+      G
+      /^([^\n]*)\n.*\n\1$/{s/.*//;h;b}
+      h;x;s/\n.*//;x
+      s/^[^\n]*\n([^\n]*)\n.*$/WARNING: from element \1/p' >&2
+  )
+}
+
+# check_ends TEXT: the camera and the display that the pipeline wants are there. Without a display autovideosink may crash, and
+# without a word: Debian 12's DirectFB sink does.
+check_ends() {
+  local camera=/dev/video0
+  if [[ " $1 " =~ [[:space:]]v4l2src[[:space:]]+(device=([^[:space:]]+)[[:space:]])? ]]; then
+    [ -z "${BASH_REMATCH[2]:-}" ] || camera=${BASH_REMATCH[2]}
+    [ -e "$camera" ] || fail "there is no camera $camera: set SOURCE to another one, such as SOURCE='v4l2src device=/dev/video2 ! decodebin', \
+or try without one: SOURCE='terrainscenesrc is-live=true ! video/x-raw,framerate=30/1'"
+  fi
+  if [[ " $1 " == *" autovideosink "* ]] && [ -z "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ] &&
+    [ ! -S "${XDG_RUNTIME_DIR:-/run}/wayland-0" ] && ! compgen -G '/dev/dri/card*' >/dev/null; then
+    fail "there is no display to show the video on: set DISPLAY, or set VIEW to something else, such as \
+VIEW='videoconvert ! video/x-raw,format=I420 ! x264enc ! mp4mux ! filesink location=seen.mp4'"
+  fi
+}
+
 # pipeline TEXT: runs it; Ctrl-C ends it properly. No shell reads the text: gst-launch-1.0 puts the words together again as
 # they were and reads the quotes in them itself.
 pipeline() {
   local words
   mapfile -d ' ' -t words <<<"${1//$'\n'/ }"
   words[-1]=${words[-1]%$'\n'}
+  check_ends "${words[*]}"
+  show_warnings
   exec gst-launch-1.0 -q -e "${words[@]}"
 }
 
@@ -58,7 +94,7 @@ pipeline() {
 # A leaky queue belongs before terrainseg only: behind it video and metadata must stay together.
 rover() {
   pipeline "$SOURCE ! videoconvert ! video/x-raw,format=I420 ! queue leaky=downstream max-size-buffers=2 ! terrainseg $SETTINGS ! tee name=t \
-    t. ! queue ! x264enc tune=zerolatency speed-preset=veryfast bitrate=4000 key-int-max=30 ! h264parse config-interval=-1 ! mux. \
+    t. ! queue ! x264enc tune=zerolatency speed-preset=veryfast bitrate=4000 key-int-max=30 ! h264parse config-interval=-1 ! terrainstamp ! mux. \
     $(lines_branch) \
     t. ! queue ! terrainextract ! meta/x-klv,parsed=true ! mux. \
     mpegtsmux name=mux alignment=7 latency=100000000 ! $1"

@@ -16,13 +16,13 @@ port=${BASH_REMATCH[2]}
 case "$uri" in
   srt://*)
     secret=${SRT_PASSPHRASE:+"passphrase=$(quoted "$SRT_PASSPHRASE") pbkeylen=16"}
-    input="srtsrc uri=$uri?mode=caller $secret ! tsdemux name=d  d. ! h264parse ! video.  d. ! meta/x-klv ! klv." ;;
+    input="srtsrc uri=$uri?mode=caller $secret ! tsdemux name=d  d. ! h264parse ! terrainstamp mode=read ! video.  d. ! meta/x-klv ! klv." ;;
   udp://*)
     input="udpsrc port=$port buffer-size=2000000 caps=video/mpegts,systemstream=true,packetsize=188 ! tsdemux name=d \
-      d. ! h264parse ! video.  d. ! meta/x-klv ! klv." ;;
+      d. ! h264parse ! terrainstamp mode=read ! video.  d. ! meta/x-klv ! klv." ;;
   rtp://*)
     input="udpsrc port=$port buffer-size=2000000 caps=application/x-rtp,media=video,clock-rate=90000,encoding-name=MP2T,payload=33 \
-      ! rtpjitterbuffer latency=100 ! rtpmp2tdepay ! tsdemux name=d  d. ! h264parse ! video.  d. ! meta/x-klv ! klv." ;;
+      ! rtpjitterbuffer latency=100 ! rtpmp2tdepay ! tsdemux name=d  d. ! h264parse ! terrainstamp mode=read ! video.  d. ! meta/x-klv ! klv." ;;
   *) usage 2 ;;
 esac
 echo "ground_station.sh: waits for video and KLV from $uri (the rover's end: examples/stream_*.sh); Ctrl-C ends it" >&2

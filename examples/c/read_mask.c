@@ -115,10 +115,12 @@ int main(int argc, char** argv) {
   }
   if (message) {
     GError* error;
+    gchar* details; /* its last line names the file */
 
-    gst_message_parse_error(message, &error, NULL);
-    g_printerr("read_mask: %s\n", error->message);
+    gst_message_parse_error(message, &error, &details);
+    g_printerr("read_mask: %s\n%s\n", error->message, details ? details : "");
     g_error_free(error);
+    g_free(details);
     gst_message_unref(message);
     result = 1;
   }

@@ -21,6 +21,7 @@ gi.require_version('Gst', '1.0')
 from gi.repository import GLib, GObject, Gst  # noqa: E402
 
 ATTITUDE, CRC_EXTRA, AUTOPILOT = 30, 39, 1
+PATIENCE = 3  # seconds without ATTITUDE until that is said
 
 
 def checksum(data):
@@ -80,8 +81,8 @@ def parse_mount(text):
     return mount
 
 
-def listen(sock, pipeline, filters, mount, delay):
-    """Sends a pose to each of the filters for each attitude that arrives, until the socket is closed."""
+def listen(sock, pipeline, filters, mount, delay, heard):
+    """Sends a pose to each of the filters for each attitude that arrives, until the socket is closed; sets `heard` at the first."""
     while True:
         try:
             datagram = sock.recv(65536)
@@ -94,6 +95,7 @@ def listen(sock, pipeline, filters, mount, delay):
         for roll, pitch, _ in attitudes(datagram):
             if not all(map(math.isfinite, (roll, pitch))) or time < 0:
                 continue
+            heard.set()
             pose = camera_pose(roll, pitch, mount)
             for element in filters:
                 fields = Gst.Structure.new_empty('terrainseg-pose')
@@ -101,6 +103,13 @@ def listen(sock, pipeline, filters, mount, delay):
                     fields.set_value(name, float(value))
                 fields.set_value('running-time', GObject.Value(GObject.TYPE_UINT64, time))  # a plain int has 32 bits
                 element.get_static_pad('sink').send_event(Gst.Event.new_custom(Gst.EventType.CUSTOM_DOWNSTREAM_OOB, fields))
+
+
+def tell_silence(heard, address):
+    if not heard.is_set():
+        print(f'attitude_to_pose.py: no ATTITUDE of an autopilot (component 1) came to {address} so far: metres are those of the mount alone. '
+              'Does the router send to this address, and does the autopilot send ATTITUDE (SR2_EXTRA1)?', file=sys.stderr)
+    return GLib.SOURCE_REMOVE
 
 
 def all_elements(pipeline):
@@ -151,7 +160,9 @@ def main():
     bus.connect('message', on_message)
     GLib.unix_signal_add(GLib.PRIORITY_DEFAULT, 2, lambda: pipeline.send_event(Gst.Event.new_eos()))
     pipeline.set_state(Gst.State.PLAYING)
-    threading.Thread(target=listen, args=(sock, pipeline, filters, mount, int(options.delay_ms * Gst.MSECOND)), daemon=True).start()
+    heard = threading.Event()
+    threading.Thread(target=listen, args=(sock, pipeline, filters, mount, int(options.delay_ms * Gst.MSECOND), heard), daemon=True).start()
+    GLib.timeout_add_seconds(PATIENCE, tell_silence, heard, options.listen)
     loop.run()
     pipeline.set_state(Gst.State.NULL)
     return 1 if status else 0

@@ -99,8 +99,8 @@ def samples(pipeline):
             yield sample
         message = bus.pop_filtered(Gst.MessageType.ERROR)
         if message:
-            error, _ = message.parse_error()
-            raise RuntimeError(f'{message.src.get_name()}: {error.message}')
+            error, details = message.parse_error()
+            raise RuntimeError(' '.join([error.message, *(details or '').splitlines()[-1:]]))  # the last line names the file
 
 
 def run(source, camera_info, mount, start_time):

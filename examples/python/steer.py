@@ -138,7 +138,8 @@ def main():
         print('stop: no picture', flush=True)
     pipeline.set_state(Gst.State.NULL)
     if message:
-        sys.exit(f'steer: {message.parse_error()[0].message}')
+        error, details = message.parse_error()
+        sys.exit(' '.join(['steer:', error.message, *(details or '').splitlines()[-1:]]))  # the last line names the file
 
 
 if __name__ == '__main__':

@@ -18,6 +18,7 @@
 typedef struct {
   GMainLoop* loop;
   gint frames, units; /* atomic: what went out since the media was prepared */
+  gint failed;        /* atomic: its first error was told, those after it follow from it */
 } Server;
 
 static GstPadProbeReturn count(GstPad* pad, GstPadProbeInfo* info, gpointer counter) {
@@ -60,13 +61,79 @@ static void on_unprepared(GstRTSPMedia* media, gpointer data) {
           units == 1 ? "" : "s");
 }
 
+/* A viewer hears no more of a failure than "service unavailable": what the pipeline says stands here. */
+static void tell(GstMessage* message) {
+  GError* error = NULL;
+  gchar* details = NULL;
+
+  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
+    gst_message_parse_error(message, &error, &details);
+  else if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
+    gst_message_parse_warning(message, &error, &details);
+  else
+    return;
+  g_printerr("rtsp_server: %s from %s: %s\n  %s\n", GST_MESSAGE_TYPE_NAME(message),
+             message->src ? GST_OBJECT_NAME(message->src) : "nobody", error->message, details ? details : "");
+  g_error_free(error);
+  g_free(details);
+}
+
+static void on_message(GstBus* bus, GstMessage* message, gpointer data) {
+  (void)bus;
+  if (GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR ||
+      g_atomic_int_compare_and_exchange(&((Server*)data)->failed, 0, 1))
+    tell(message);
+}
+
+/* Builds the pipeline once and opens the camera: what is wrong is known before the first viewer comes. */
+static gboolean can_start(const gchar* launch) {
+  GError* error = NULL;
+  GstElement* media = gst_parse_launch_full(launch, NULL, GST_PARSE_FLAG_FATAL_ERRORS, &error);
+  GstElement* pipeline;
+  GstMessage* message;
+  GstBus* bus;
+  gboolean fine;
+
+  if (!media) {
+    g_printerr("rtsp_server: the pipeline cannot be built: %s: look at --source and --settings\n",
+               error->message);
+    g_error_free(error);
+    return FALSE;
+  }
+  pipeline = gst_pipeline_new(NULL);
+  gst_bin_add(GST_BIN(pipeline), media);
+  bus = gst_element_get_bus(pipeline);
+  fine = gst_element_set_state(pipeline, GST_STATE_READY) != GST_STATE_CHANGE_FAILURE;
+  while ((message = gst_bus_pop(bus))) {
+    tell(message);
+    gst_message_unref(message);
+  }
+  if (!fine)
+    g_printerr(
+        "rtsp_server: the source cannot be opened: is a camera there, and free (v4l2-ctl --list-devices)?\n"
+        "  another one:       --source 'v4l2src device=/dev/video2 ! decodebin'\n"
+        "  without a camera:  --source 'terrainscenesrc is-live=true ! video/x-raw,framerate=30/1'\n");
+  gst_object_unref(bus);
+  gst_element_set_state(pipeline, GST_STATE_NULL);
+  gst_object_unref(pipeline);
+  return fine;
+}
+
 static void on_media(GstRTSPMediaFactory* factory, GstRTSPMedia* media, gpointer data) {
   Server* server = data;
   GstElement* element = gst_rtsp_media_get_element(media);
+  GstObject* pipeline = gst_object_get_parent(GST_OBJECT(element));
+  GstBus* bus = gst_element_get_bus(GST_ELEMENT(pipeline));
 
   (void)factory;
+  /* Where it does not start the library empties the bus before anybody reads it. */
+  gst_bus_enable_sync_message_emission(bus);
+  g_signal_connect(bus, "sync-message", G_CALLBACK(on_message), server);
+  gst_object_unref(bus);
+  gst_object_unref(pipeline);
   g_atomic_int_set(&server->frames, 0);
   g_atomic_int_set(&server->units, 0);
+  g_atomic_int_set(&server->failed, 0);
   watch(element, "pay0", &server->frames);
   watch(element, "pay1", &server->units);
   g_signal_connect(media, "unprepared", G_CALLBACK(on_unprepared), server);
@@ -123,6 +190,11 @@ int main(int argc, char** argv) {
   GstRTSPServer* rtsp;
   GstRTSPMediaFactory* factory;
   GstRTSPMountPoints* mounts;
+  const gchar* needed[][2] = {
+      {"terrainseg", "install it, or set GST_PLUGIN_PATH (meson devenv -C build does)"},
+      {"x264enc", "install gstreamer1.0-plugins-ugly"},
+      {"rtpklvpay", "install gstreamer1.0-plugins-good"}};
+  guint i;
 
   g_option_context_add_main_entries(context, entries, NULL);
   g_option_context_add_group(context, gst_init_get_option_group());
@@ -144,14 +216,26 @@ int main(int argc, char** argv) {
     return 2;
   }
 
-  /* The leaky queue stands before terrainseg: behind it video and metadata stay together. */
+  /* Without this a viewer would be told that the service is unavailable, and nobody why. */
+  for (i = 0; i < G_N_ELEMENTS(needed); ++i) {
+    GstElementFactory* there = gst_element_factory_find(needed[i][0]);
+    if (!there) {
+      g_printerr("rtsp_server: GStreamer knows no %s: %s\n", needed[i][0], needed[i][1]);
+      return 3;
+    }
+    gst_object_unref(there);
+  }
+
+  /* The leaky queue stands before terrainseg: behind it video and metadata stay together. Two RTP streams
+     have clocks of their own: by the stamps in the video units find their frames. A unit is one packet: after
+     a loss rtpklvdepay 1.22 refuses those of several. */
   launch = g_strdup_printf(
       "( %s ! videoconvert ! video/x-raw,format=I420 ! queue leaky=downstream max-size-buffers=2 ! "
       "terrainseg %s "
       "! tee name=t  t. ! queue ! %s x264enc tune=zerolatency speed-preset=veryfast bitrate=4000 "
       "key-int-max=30 "
-      "! rtph264pay name=pay0 pt=96 config-interval=-1  t. ! queue ! terrainextract ! meta/x-klv,parsed=true "
-      "! rtpklvpay name=pay1 pt=97 )",
+      "! terrainstamp ! rtph264pay name=pay0 pt=96 config-interval=-1  t. ! queue ! terrainextract "
+      "! meta/x-klv,parsed=true ! rtpklvpay name=pay1 pt=97 mtu=65000 )",
       source ? source : "v4l2src ! decodebin", settings ? settings : "",
       annotated ? "terrainoverlay ! videoconvert ! video/x-raw,format=I420 !" : "");
 
@@ -174,6 +258,8 @@ int main(int argc, char** argv) {
     g_printerr("rtsp_server: %s port %d is in use or not an address of this machine\n", address, port);
     return 1;
   }
+  if (!can_start(launch))
+    return 4;
   g_unix_signal_add(SIGINT, on_interrupt, &server);
   g_unix_signal_add(SIGTERM, on_interrupt, &server);
   g_print("rtsp://%s:%d/rover\n", address, port);
