@@ -4,14 +4,18 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <span>
 
 namespace terrainseg::fuzz {
 
-inline void require(bool condition) {
-  if (!condition)
-    std::abort();
+/// Says which promise was broken: the compiler makes one call of all those to abort().
+inline void require(bool condition, const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
+  if (condition)
+    return;
+  std::fprintf(stderr, "%s:%d: broken\n", file, line);
+  std::abort();
 }
 
 class Input {

@@ -1,19 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // KLV units from anywhere. The input is decoded as it is, then with its checksums put right, since no fuzzer
 // guesses a CRC. What decodes must keep its promises and survive being sent on.
-#include <cstdlib>
-
 #include "exchange/vmti_klv.hpp"
+#include "input.hpp"
 #include "klv_sums.hpp"
 
 namespace {
 
 using namespace terrainseg;
-
-void require(bool condition) {
-  if (!condition)
-    std::abort();
-}
+using fuzz::require;
 
 bool inside(const Rectangle& r, int width, int height) {
   return r.x >= 0 && r.y >= 0 && r.width >= 0 && r.height >= 0 && r.x + r.width <= width &&

@@ -1,18 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Learned terrains from anywhere: as they are, then with their checksum put right.
-#include <cstdlib>
-
 #include "exchange/bytes.hpp"
 #include "exchange/model_file.hpp"
+#include "input.hpp"
 
 namespace {
 
 using namespace terrainseg;
-
-void require(bool condition) {
-  if (!condition)
-    std::abort();
-}
+using fuzz::require;
 
 void check(std::span<const std::uint8_t> bytes) {
   const TerrainResult result = parse_terrain(bytes);

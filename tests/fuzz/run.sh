@@ -1,21 +1,25 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # usage: tests/fuzz/run.sh [SECONDS | night | coverage] [TARGET...]
-#   SECONDS   that long for each target (60)
+#   SECONDS   that long for each target (60), from the same seed each time: SEED=number for another, 0 for any
 #   night     two hours for each target
 #   coverage  runs the inputs that are there, tests/fuzz/corpus and what earlier runs found, and says what none of them
 #             reaches, by file: build-fuzz-coverage/report.txt
+# As many targets run at once as there are processors (JOBS=1: one after the other).
 # Builds the libFuzzer targets with Clang into build-fuzz, takes the corpus of the repository and what the encoders write
 # as seeds, and runs. Ends with "N passed, N failed"; an input that breaks something stays in build-fuzz/findings.
 set -u
-cd "$(dirname "$0")/../.."
+cd "$(dirname "$0")/../.." || exit
 mode=${1:-60}
 shift || true
 targets=("$@")
-[ ${#targets[@]} -gt 0 ] || targets=(klv model_file model_frames metric terrainseg terraincombine)
-seconds=$mode
-[ "$mode" != night ] || seconds=7200
+[ ${#targets[@]} -gt 0 ] ||
+  targets=(klv model_file model_frames motion metric mavlink stamp settings records terrainseg terraincombine terrainextract
+    terrainoverlay terrainmcapsink)
+seconds=$mode seed=${SEED:-1}
+[ "$mode" != night ] || seconds=7200 seed=${SEED:-0}
 
+command -v clang++ >/dev/null || { echo "fuzz: clang is not here: left out"; exit 77; }
 build=build-fuzz
 options=(-Dfuzz=true -Dtools=disabled -Dbench=disabled)
 if [ "$mode" = coverage ]; then
@@ -25,7 +29,9 @@ if [ "$mode" = coverage ]; then
 fi
 if [ ! -f "$build/build.ninja" ]; then
   rm -rf "$build"
-  CC=clang CXX=clang++ meson setup "$build" "${options[@]}" >"$build.log" 2>&1 || { cat "$build.log"; exit 1; }
+  cache=$(command -v ccache >/dev/null && echo 'ccache ')
+  CC="${cache}clang" CXX="${cache}clang++" meson setup "$build" "${options[@]}" >"$build.log" 2>&1 ||
+    { cat "$build.log"; exit 1; }
 fi
 # shellcheck disable=SC2046
 ninja -C "$build" tests/fuzz/fuzz_seeds $(printf 'tests/fuzz/%s_fuzz ' "${targets[@]}") >"$build.log" 2>&1 ||
@@ -36,6 +42,8 @@ longest() {
   case $1 in
   klv) echo 4096 ;;
   model_file | model_frames) echo 9000 ;;
+  settings | records) echo 2048 ;;
+  motion) echo 256 ;; # a frame takes as little as two bytes, and much time
   *) echo 1024 ;;
   esac
 }
@@ -76,12 +84,29 @@ if [ "$mode" = coverage ]; then
   exit
 fi
 
+# Ends with the target's exit status in a file.
+fuzz() {
+  local status=0
+  "$build/tests/fuzz/${1}_fuzz" -seed="$seed" -max_total_time="$seconds" -max_len="$(longest "$1")" -timeout=20 -detect_leaks=0 \
+    -rss_limit_mb=1536 -print_final_stats=1 -artifact_prefix="$build/findings/$1-" "$build/corpus/$1" \
+    >"$build/$1.fuzz.log" 2>&1 || status=$?
+  echo "$status" >"$build/$1.status"
+}
+for target in "${targets[@]}"; do
+  rm -f "$build/$target.status"
+  while [ "$(jobs -rp | wc -l)" -ge "${JOBS:-$(nproc)}" ]; do
+    wait -n
+  done
+  fuzz "$target" &
+done
+wait
+
 passed=0 failed=0
 for target in "${targets[@]}"; do
   log=$build/$target.fuzz.log
-  if "$build/tests/fuzz/${target}_fuzz" -max_total_time="$seconds" -max_len="$(longest "$target")" -timeout=10 -detect_leaks=0 \
-      -rss_limit_mb=1536 -artifact_prefix="$build/findings/$target-" "$build/corpus/$target" >"$log" 2>&1; then
-    echo "$target: $(grep -E 'Done [0-9]+ runs' "$log") ($(grep -E 'cov:' "$log" | tail -n 1 | sed 's/.*\(cov: [0-9]*\).*/\1/'))"
+  if [ "$(cat "$build/$target.status" 2>/dev/null)" = 0 ]; then
+    echo "$target: $(grep -oE 'Done [0-9]+ runs in [0-9]+ s' "$log")," \
+      "$(sed -n 's/^stat::average_exec_per_sec: *//p' "$log") a second, cov $(grep -oE 'cov: [0-9]+' "$log" | tail -n 1 | cut -c6-)"
     passed=$((passed + 1))
   else
     echo "$target: FAILED"

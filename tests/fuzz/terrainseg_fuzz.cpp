@@ -10,19 +10,25 @@
 #include <cstring>
 #include <iterator>
 #include <string>
+#include <vector>
 
 #include "element_input.hpp"
 #include "elements/terrainseg.hpp"
 #include "support/estimate_meta.hpp"
+#include "support/metric_meta.hpp"
 
 namespace {
 
 using namespace terrainseg;
 using namespace terrainseg::fuzz;
 
+/// Threads take the time of an input; files have fuzzers of their own (settings, model_file, metric).
 bool may_set(const GParamSpec* spec) {
-  return std::strcmp(spec->name, "n-threads") != 0 && std::strcmp(spec->name, "qos") != 0 &&
-         std::strcmp(spec->name, "name") != 0 && std::strcmp(spec->name, "parent") != 0;
+  for (const char* name :
+       {"n-threads", "qos", "name", "parent", "model-location", "settings-location", "camera-info", "mount"})
+    if (std::strcmp(spec->name, name) == 0)
+      return false;
+  return true;
 }
 
 class Session {
@@ -33,6 +39,13 @@ class Session {
       set_property_from(in_, G_OBJECT(element_), may_set);
     if (in_.chance(2))
       calibrate();
+    // A text that is no time, say, is refused at the start; the harness would take that for a failure.
+    if (gst_element_set_state(element_, GST_STATE_PAUSED) == GST_STATE_CHANGE_FAILURE) {
+      gboolean done = FALSE;
+      g_signal_emit_by_name(element_, "unset-property", nullptr, &done);
+      calibrated_ = false;
+    }
+    gst_element_set_state(element_, GST_STATE_NULL);
     harness_ = gst_harness_new_with_element(element_, "sink", "src");
     gst_object_unref(element_);
     set_caps();
@@ -48,7 +61,7 @@ class Session {
       set_property_from(in_, G_OBJECT(element_), may_set);
       break;
     case 2:
-      flush(harness_, in_);
+      flush(harness_->srcpad, in_);
       break;
     case 3:
       gst_harness_push_event(harness_, segment_from(in_));
@@ -67,6 +80,9 @@ class Session {
       break;
     case 8:
       push_pose();
+      break;
+    case 9:
+      in_.byte() & 1 ? point() : learn_elsewhere();
       break;
     default:
       push_frame();
@@ -119,25 +135,63 @@ class Session {
       gst_harness_push_event(harness_, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM_OOB, fields));
   }
 
+  /// A pointer in a window behind the filter: the training window and ignored regions are drawn with it.
+  void point() {
+    static constexpr const char* kinds[] = {"mouse-button-press", "mouse-button-release", "mouse-move",
+                                            "key-press"};
+    g_object_set(element_, "navigation", in_.byte() != 1, nullptr);
+    for (int i = 1 + in_.byte() % 4; i > 0; --i) {
+      const bool odd = in_.chance(8);
+      GstStructure* fields = gst_structure_new(
+          "application/x-gst-navigation", "event", G_TYPE_STRING, kinds[i % 2 ? 1 : 0], "button", G_TYPE_INT,
+          in_.byte() & 1 ? 1 : 3, "pointer_x", G_TYPE_DOUBLE, odd ? angle() * 1e9 : in_.byte() / 2.0,
+          "pointer_y", G_TYPE_DOUBLE, odd ? angle() : in_.byte() / 2.0, nullptr);
+      if (in_.chance(8))
+        gst_structure_set(fields, "event", G_TYPE_STRING, kinds[in_.byte() % 4], nullptr);
+      gst_harness_push_upstream_event(harness_, gst_event_new_navigation(fields));
+    }
+  }
+
+  /// What is learned is kept in a file and taken again, perhaps by another state of the element; a property
+  /// is given back; the element stops and starts.
+  void learn_elsewhere() {
+    static const std::string path = temporary("terrain");
+    gboolean done = FALSE;
+    switch (in_.byte() % 5) {
+    case 0:
+      g_signal_emit_by_name(element_, "save-model", path.c_str(), &done);
+      break;
+    case 1:
+      g_signal_emit_by_name(element_, "load-model", path.c_str(), &done);
+      break;
+    case 2: {
+      guint count = 0;
+      GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element_), &count);
+      const char* const name = in_.chance(8) ? nullptr : specs[in_.byte() % count]->name;
+      g_signal_emit_by_name(element_, "unset-property", name, &done);
+      g_free(specs);
+      break;
+    }
+    case 3:
+      gst_element_set_state(element_, in_.byte() & 1 ? GST_STATE_READY : GST_STATE_NULL);
+      gst_element_set_state(element_, GST_STATE_PLAYING);
+      set_caps();
+      break;
+    default:
+      g_signal_emit_by_name(element_, "reset");
+      break;
+    }
+  }
+
   /// A camera of one of the shapes that caps have, so that there are metres.
   void calibrate() {
     calibrated_ = true;
-    static const std::string path = [] {
-      gchar* name = nullptr;
-      const int handle = g_file_open_tmp("terrainseg-fuzz-XXXXXX.yaml", &name, nullptr);
-      require(handle >= 0 && g_close(handle, nullptr));
-      require(g_file_set_contents(name,
-                                  "{image_width: 64, image_height: 64, camera_matrix: {data: "
-                                  "[60, 0, 31.5, 0, 60, 31.5, 0, 0, 1]}}",
-                                  -1, nullptr));
-      const std::string kept = name;
-      g_free(name);
-      static const std::string gone = kept;
-      std::atexit([] { g_unlink(gone.c_str()); });
-      return kept;
-    }();
-    g_object_set(element_, "camera-info", path.c_str(), "mount", "height=0.5,pitch=20deg,yaw=3deg,x=0.1",
-                 nullptr);
+    g_object_set(element_, "camera-info", camera_info_file().c_str(), "mount",
+                 "height=0.5,pitch=20deg,yaw=3deg,x=0.1", nullptr);
+    if (in_.chance(3)) // metres are drawn
+      gst_util_set_object_arg(G_OBJECT(element_), "overlay-style", "map");
+    if (in_.chance(2))
+      g_object_set(element_, "overlay", TRUE, nullptr);
   }
 
   void ask() {
@@ -148,71 +202,6 @@ class Session {
     if (in_.byte() & 1)
       g_signal_emit_by_name(element_, "reset");
     gst_harness_query_latency(harness_);
-  }
-
-  /// A frame of the caps' size: rows with padding, planes with gaps, one memory or two. Its meta may claim
-  /// another size, other strides and other places than there are.
-  GstBuffer* new_frame() {
-    const guint planes = GST_VIDEO_INFO_N_PLANES(&info_);
-    gsize offset[GST_VIDEO_MAX_PLANES] = {};
-    gint stride[GST_VIDEO_MAX_PLANES] = {};
-    const bool plain = !in_.chance(3);
-    gsize size = plain ? 0 : in_.byte();
-    for (guint plane = 0; plane < planes; ++plane) {
-      gint components[GST_VIDEO_MAX_COMPONENTS];
-      gst_video_format_info_component(info_.finfo, plane, components);
-      stride[plane] = GST_VIDEO_INFO_PLANE_STRIDE(&info_, plane) + (plain ? 0 : in_.byte());
-      offset[plane] = plain ? GST_VIDEO_INFO_PLANE_OFFSET(&info_, plane) : size;
-      size += static_cast<gsize>(stride[plane]) * GST_VIDEO_INFO_COMP_HEIGHT(&info_, components[0]);
-    }
-    if (plain)
-      size = GST_VIDEO_INFO_SIZE(&info_);
-    if (in_.chance(16))
-      size -= size > 4 ? in_.below(static_cast<int>(std::min<gsize>(size, 30000))) : 0; // cut short
-    GstBuffer* buffer = gst_buffer_new_allocate(nullptr, size, nullptr);
-    fill(buffer, size);
-    if (in_.chance(4) && size > 2) { // in two memories
-      GstBuffer* rest = gst_buffer_copy_region(buffer, GST_BUFFER_COPY_MEMORY, size / 2, size - size / 2);
-      gst_buffer_resize(buffer, 0, static_cast<gssize>(size / 2));
-      buffer = gst_buffer_append(buffer, rest);
-    }
-    const bool lies = in_.chance(8);
-    if (!plain || lies)
-      describe(buffer, lies, offset, stride);
-    return buffer;
-  }
-
-  void describe(GstBuffer* buffer, bool lies, gsize (&offset)[GST_VIDEO_MAX_PLANES],
-                gint (&stride)[GST_VIDEO_MAX_PLANES]) {
-    auto width = static_cast<guint>(GST_VIDEO_INFO_WIDTH(&info_)),
-         height = static_cast<guint>(GST_VIDEO_INFO_HEIGHT(&info_));
-    if (lies) {
-      const int what = in_.byte();
-      if (what & 1)
-        width = what & 16 ? static_cast<guint>(in_.number(4)) : width + in_.byte();
-      if (what & 2)
-        height = what & 32 ? static_cast<guint>(in_.number(4)) : height + in_.byte();
-      for (guint plane = 0; plane < GST_VIDEO_INFO_N_PLANES(&info_); ++plane) {
-        if (what & 4)
-          stride[plane] = what & 64 ? static_cast<gint>(in_.number(4)) : in_.byte() - 128;
-        if (what & 8)
-          offset[plane] = in_.number(what & 128 ? 8 : 2);
-      }
-    }
-    gst_buffer_add_video_meta_full(buffer, GST_VIDEO_FRAME_FLAG_NONE, GST_VIDEO_INFO_FORMAT(&info_), width,
-                                   height, GST_VIDEO_INFO_N_PLANES(&info_), offset, stride);
-  }
-
-  void fill(GstBuffer* buffer, gsize size) {
-    const auto pattern = in_.take(in_.byte() % 32);
-    const std::uint8_t upper = in_.byte(), lower = in_.byte();
-    GstMapInfo map;
-    if (!gst_buffer_map(buffer, &map, GST_MAP_WRITE))
-      return;
-    for (gsize i = 0; i < size; ++i)
-      map.data[i] = static_cast<std::uint8_t>((i * 2 < size ? upper : lower) +
-                                              (pattern.empty() ? i * 7 % 5 : pattern[i % pattern.size()]));
-    gst_buffer_unmap(buffer, &map);
   }
 
   void add_training(GstBuffer* buffer) {
@@ -233,7 +222,7 @@ class Session {
   }
 
   void push_frame() {
-    GstBuffer* buffer = new_frame();
+    GstBuffer* buffer = frame_from(in_, info_);
     if (in_.chance(6))
       add_training(buffer);
     static constexpr guint flags[] = {0, GST_BUFFER_FLAG_DISCONT, GST_BUFFER_FLAG_GAP,
@@ -246,6 +235,8 @@ class Session {
     while (GstBuffer* out = gst_harness_try_pull(harness_)) {
       const EstimateReader reader(out);
       require(reader || reader.error() == nullptr);
+      const MetricReader metres(out);
+      require(metres || metres.error() == nullptr);
       gst_buffer_unref(out);
     }
     while (GstEvent* event = gst_harness_try_pull_event(harness_))
@@ -269,9 +260,5 @@ extern "C" int LLVMFuzzerInitialize(int*, char***) {
 }
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  Input in(data, size);
-  Session session(in);
-  for (int i = 0; i < 24 && !in.done(); ++i)
-    session.step();
-  return 0;
+  return play<Session>(data, size, 24);
 }
