@@ -3,7 +3,8 @@
 # The core built for AArch64 with a cross compiler and run under qemu-user: every kernel on every target that qemu
 # has, and the masks of all formats, which must have the hashes of this machine. Installs what it needs; nothing
 # of the foreign architecture is installed on this machine, its packages are unpacked in a folder.
-# usage: tests/aarch64.sh [FOLDER]     FOLDER: where it builds (default: build-aarch64). Ends with "N passed, N failed".
+# usage: tests/aarch64.sh [FOLDER]     FOLDER: where it builds (default: build-aarch64). BUILD=folder: a build of these sources,
+# whose core makes the hashes of this machine; without it the core is compiled for that too. Ends with "N passed, N failed".
 set -uo pipefail
 cd "$(dirname "$0")/.."
 folder=${1:-build-aarch64}
@@ -79,8 +80,14 @@ build() {
 # Highway's headers are the same for every architecture; only its library is foreign.
 mkdir -p "$folder/include"
 ln -sfn "$root/usr/include/hwy" "$folder/include/hwy"
-link=()
-build "$folder/native" "${CXX:-g++}" || fail "the native build failed"
+if [ -f "${BUILD:-}/src/libterrainseg_core.a" ]; then
+  # shellcheck disable=SC2086
+  ${CXX:-g++} ${flags[*]} -o "$folder/native/hashes" tests/aarch64/hashes.cpp "$BUILD/src/libterrainseg_core.a" -lhwy ||
+    fail "the native build failed"
+else
+  link=()
+  build "$folder/native" "${CXX:-g++}" || fail "the native build failed"
+fi
 link=(-L"$root/usr/lib/aarch64-linux-gnu")
 build "$folder/cross" aarch64-linux-gnu-g++ -isystem "$folder/include" || fail "the cross build failed"
 

@@ -11,8 +11,9 @@ exist. Words behind `sh` say what cannot be run alone:
   live        has no end of its own: must run for some seconds without failing
   background  starts before the next block and is stopped after it; it must not have failed until then
 What is changed before a block runs: a window becomes a sink without a screen, a scene without an end gets one, and
-each port of a page becomes one that is free.
+each port of a page becomes one that is free. Pages run side by side, the blocks of a page one after the other.
 """
+import concurrent.futures
 import os
 import pathlib
 import re
@@ -29,6 +30,7 @@ TOP = pathlib.Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r'^( *)```sh([^\n]*)\n(.*?)^ *```', re.M | re.S)
 PORT = re.compile(r'((?:\bport=|--port |\bmosquitto -p |srt://[\w.]*:))(\d+)\b')
 LIMIT = 60
+AT_ONCE = 3
 
 
 def runnable(text):
@@ -63,17 +65,72 @@ def stop(process):
         pass
 
 
+class Page:
+    """Runs the blocks of a page, one after the other; `lines` tell how they ended."""
+
+    def __init__(self, path, scratch, environment):
+        self.path, self.scratch, self.environment = path.resolve(), scratch, environment
+        self.ran = self.failed = 0
+        self.lines = []
+
+    def fail(self, where, output):
+        self.failed += 1
+        self.lines += [f'FAILED {where}', *('  ' + line for line in output.splitlines()[-15:])]
+
+    def run(self):
+        name = self.path.relative_to(TOP) if self.path.is_relative_to(TOP) else self.path
+        background, ports = [], {}
+        for indent, words, text in BLOCK.findall(self.path.read_text()):
+            words = words.split()
+            unknown = set(words) - {'camera', 'install', 'background', 'live'}
+            where = f'{name}: {text.strip().splitlines()[0].strip()[:90]}'
+            if unknown:
+                self.fail(where, f'unknown words behind sh: {unknown}')
+            if 'camera' in words or 'install' in words or unknown:
+                continue
+            folder = self.scratch / f'{str(name).replace("/", "-")}-{self.ran}'
+            shutil.copytree(self.scratch / 'stock', folder)
+            for there in ('examples', 'docs', 'tests'):
+                (folder / there).symlink_to(TOP / there)
+            text = with_free_ports(text, ports)
+            process = start(text if 'background' in words else runnable(text), folder, self.environment)
+            self.ran += 1
+            if 'background' in words:
+                background.append((where, process))
+                time.sleep(1.5)
+                continue
+            try:
+                output, _ = process.communicate(timeout=8 if 'live' in words else LIMIT)
+                bad = process.returncode != 0
+            except subprocess.TimeoutExpired:
+                stop(process)
+                output = process.stdout.read()
+                bad = 'live' not in words or 'ERROR' in output
+                output += f'\ndid not end within {LIMIT} s'
+            for other, server in background:
+                if server.poll() not in (None, 0):
+                    self.fail(other, server.stdout.read())
+                stop(server)
+            background = []
+            if bad:
+                self.fail(where, output)
+            else:
+                self.lines.append(f'ok {where}')
+        return self
+
+
 def main():
     if len(sys.argv) < 2 or sys.argv[1].startswith('-'):
         sys.exit(__doc__)
     build = pathlib.Path(sys.argv[1]).resolve()
-    pages = [pathlib.Path(p) for p in sys.argv[2:]] or [TOP / 'README.md', *sorted((TOP / 'docs').rglob('*.md'))]
+    paths = [pathlib.Path(p) for p in sys.argv[2:]] or [TOP / 'README.md', *sorted((TOP / 'docs').rglob('*.md'))]
     environment = dict(os.environ, GST_PLUGIN_PATH=str(build / 'gst'), GST_REGISTRY=str(build / 'registry-docs.bin'),
                        PATH=f"{build / 'src' / 'tools'}:{os.environ['PATH']}", TERRAINSEG_SOURCE=str(TOP))
     environment.pop('DISPLAY', None)
     ran = failed = 0
     with tempfile.TemporaryDirectory() as scratch:
-        stock = pathlib.Path(scratch) / 'stock'
+        scratch = pathlib.Path(scratch)
+        stock = scratch / 'stock'
         (stock / 'frames').mkdir(parents=True)
         subprocess.run(['gst-launch-1.0', '-q', '-e', *'terrainscenesrc num-buffers=40 ! video/x-raw,width=320,height=180,'
                         'format=I420 ! x264enc ! h264parse ! mp4mux ! filesink location=drive.mp4'.split()],
@@ -81,48 +138,12 @@ def main():
         subprocess.run(['gst-launch-1.0', '-q', *'terrainscenesrc num-buffers=5 ! video/x-raw,width=320,height=180 ! '
                         'videoconvert ! pngenc ! multifilesink location=frames/%04d.png'.split()],
                        cwd=stock, env=environment, check=True, timeout=LIMIT)
-        for page in pages:
-            page = page.resolve()
-            background, ports = [], {}
-            for indent, words, text in BLOCK.findall(page.read_text()):
-                words = words.split()
-                unknown = set(words) - {'camera', 'install', 'background', 'live'}
-                line = text.strip().splitlines()[0].strip()[:90]
-                where = f'{page.relative_to(TOP) if page.is_relative_to(TOP) else page}: {line}'
-                if unknown:
-                    print(f'FAILED {where}\n  unknown words behind sh: {unknown}')
-                    failed += 1
-                if 'camera' in words or 'install' in words or unknown:
-                    continue
-                folder = pathlib.Path(scratch) / f'run{ran}'
-                shutil.copytree(stock, folder)
-                for name in ('examples', 'docs', 'tests'):
-                    (folder / name).symlink_to(TOP / name)
-                text = with_free_ports(text, ports)
-                process = start(text if 'background' in words else runnable(text), folder, environment)
-                ran += 1
-                if 'background' in words:
-                    background.append((where, process))
-                    time.sleep(1.5)
-                    continue
-                try:
-                    output, _ = process.communicate(timeout=8 if 'live' in words else LIMIT)
-                    bad = process.returncode != 0
-                except subprocess.TimeoutExpired:
-                    stop(process)
-                    output = process.stdout.read()
-                    bad = 'live' not in words or 'ERROR' in output
-                    output += f'\ndid not end within {LIMIT} s'
-                for other, server in background:
-                    if server.poll() not in (None, 0):
-                        print(f'FAILED {other}\n{server.stdout.read()}')
-                        failed += 1
-                    stop(server)
-                background = []
-                print('FAILED' if bad else 'ok', where, flush=True)
-                if bad:
-                    failed += 1
-                    print('\n'.join('  ' + l for l in output.splitlines()[-15:]))
+        pages = [Page(path, scratch, environment) for path in paths]
+        with concurrent.futures.ThreadPoolExecutor(AT_ONCE) as pool:
+            for page in pool.map(Page.run, pages):
+                print('\n'.join(page.lines), flush=True)
+                ran += page.ran
+                failed += page.failed
     print(f'{ran - failed} of {ran} commands of {len(pages)} pages work')
     sys.exit(1 if failed or not ran else 0)
 

@@ -48,7 +48,7 @@ MAY = {
     'curve': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'cues'},
     'freespace': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'cues', 'curve'},
     'segmenter': {'public', 'base', 'coarse', 'learning', 'paper', 'freespace'},
-    'metric': {'public'},
+    'metric': {'public', 'kernels'},
     'painter': {'public', 'kernels'},
     'exchange': {'public'},
     'recording': {'public', 'exchange', 'metric'},

@@ -159,19 +159,14 @@ compare "$work/slurm-out" "Slurm"
 [ $? -eq 1 ] || { cat "$work/parallel.log"; fail "parallel.sh does not tell the damaged input"; }
 compare "$work/parallel-out" "GNU parallel"
 
-# Kubernetes: no cluster here. The container's own command runs as four pods would, and the manifest hangs together.
+# Kubernetes: no cluster here. The container's own command runs as four pods would; the manifest itself is looked at by the
+# test `kubernetes`.
 /usr/bin/python3 - "$top/examples/fleet/kubernetes.yaml" "$work" <<'PYTHON' || fail "the Kubernetes Job"
 import os, subprocess, sys, yaml
 job = yaml.safe_load(open(sys.argv[1]))
-spec, pod = job['spec'], job['spec']['template']['spec']
+pod = job['spec']['template']['spec']
 container = pod['containers'][0]
 env = {each['name']: each['value'] for each in container['env']}
-assert (job['apiVersion'], job['kind'], spec['completionMode']) == ('batch/v1', 'Job', 'Indexed')
-assert env['TERRAINSEG_SHARD_COUNT'] == str(spec['completions']), 'as many shards as completions'
-assert pod['restartPolicy'] == 'Never', 'a podFailurePolicy needs it'
-assert all(rule['onExitCodes']['containerName'] == container['name'] for rule in spec['podFailurePolicy']['rules'] if 'onExitCodes' in rule)
-assert {m['name'] for m in container['volumeMounts']} == {v['name'] for v in pod['volumes']}
-assert 75 not in sum((r['onExitCodes']['values'] for r in spec['podFailurePolicy']['rules'] if 'onExitCodes' in r), []), '75 is tried again'
 text = container['args'][0].replace('/data/out', sys.argv[2] + '/kubernetes-out').replace('/data/list.txt', sys.argv[2] + '/list.txt')
 text = text.replace('--shard auto', '--shard auto --outputs json,csv')
 for index in range(4):

@@ -17,6 +17,7 @@ finish() {
   [ "$failed" -eq 0 ] && [ "$passed" -gt 0 ]
   exit
 }
+. examples/heartbeat.sh
 step() { printf '\n== %s (%s s)\n' "$1" "$SECONDS"; }
 
 ./install-dependencies.sh test || { count 0 1; finish; }
@@ -25,12 +26,12 @@ step() { printf '\n== %s (%s s)\n' "$1" "$SECONDS"; }
 configure_and_build() {
   local folder=$1
   shift
-  if [ -d "$folder" ]; then
+  if [ -f "$folder/build.ninja" ]; then
     meson setup --reconfigure "$folder" "$@" >"$folder.log" 2>&1
   else
     meson setup "$folder" "$@" >"$folder.log" 2>&1
   fi || { tail -n 30 "$folder.log"; echo "configuring $folder failed"; count 0 1; return 1; }
-  ninja -k 0 -C "$folder" >"$folder.log" 2>&1 || {
+  heartbeat "$folder.log" ninja -k 0 -C "$folder" || {
     grep -E -A6 'error|warning|FAILED' "$folder.log" | head -n 60
     echo "building $folder failed (see $folder.log)"
     count 0 1
@@ -58,23 +59,46 @@ run_tests() {
   count "$ok" "$bad"
 }
 
+# ccache, where it is, gives what uses a precompiled header only with the first two.
+export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros,include_file_mtime,include_file_ctime}
+
 # Warnings are errors with the compilers of the base system. GCC 14 warns inside its own vectors, of code that is right.
 werror=-Dwerror=false
 [ "$(gcc -dumpversion)" != 12 ] || werror=-Dwerror=true
 
+ahead=
+build_sanitizers() {
+  # Of debug information the lines, which is what a report names.
+  CC=clang CXX=clang++ configure_and_build build-sanitizers --werror -Doptimization=2 -Ddebug=false \
+    -Dc_args=-gline-tables-only -Dcpp_args="-gline-tables-only -D_GLIBCXX_ASSERTIONS" -Db_sanitize=address,undefined -Db_lundef=false -Dtools=disabled -Dbench=disabled
+}
+# Compiles for the sanitizers in what the tests of the release leave of the processors; those that run alone wait for most of their time.
+begin_sanitizers() {
+  set -m
+  { renice -n 19 "$BASHPID" && build_sanitizers; } >/dev/null 2>&1 &
+  ahead=$!
+  set +m
+  trap end_begun EXIT
+}
+end_begun() {
+  [ -z "$ahead" ] || { kill -- "-$ahead"; wait "$ahead"; } 2>/dev/null
+  ahead=
+}
+
 if wants release; then
   step "GCC $(gcc -dumpversion), release"
-  configure_and_build build-release "$werror" -Dtests=enabled &&
+  if configure_and_build build-release "$werror" -Dtests=enabled; then
+    ! wants sanitizers || begin_sanitizers
     run_tests build-release --num-processes 3 --no-suite slow
+    end_begun
+  fi
 fi
 
 if wants sanitizers; then
   step "Clang, address and undefined behaviour sanitizers"
-  # Of debug information the lines, which is what a report names.
-  if CC=clang CXX=clang++ configure_and_build build-sanitizers --werror -Doptimization=2 -Ddebug=false \
-      -Dc_args=-gline-tables-only -Dcpp_args="-gline-tables-only -D_GLIBCXX_ASSERTIONS" -Db_sanitize=address,undefined -Db_lundef=false -Dtools=disabled -Dbench=disabled; then
+  if build_sanitizers; then
     ASAN_OPTIONS=detect_leaks=0:detect_odr_violation=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 \
-      GST_REGISTRY_FORK=no TERRAINSEG_SANITIZED=1 \
+      GST_REGISTRY_FORK=no TERRAINSEG_SANITIZED=1 TERRAINSEG_PATIENCE=4 \
       run_tests build-sanitizers --num-processes 3 --timeout-multiplier 4 --suite unit --suite element --suite golden
   fi
 fi

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """A test script as functions: prints the Test Anything Protocol that `meson test` counts case by case."""
+import concurrent.futures
 import contextlib
+import fcntl
+import multiprocessing
 import os
 import pathlib
 import sys
@@ -12,27 +15,43 @@ class Skip(Exception):
     """Raised by a case whose tools are not there; the text says which."""
 
 
-def main(cases):
-    """Runs every function in its own empty folder; arguments choose cases by name."""
+@contextlib.contextmanager
+def installing(build):
+    """While a build is installed: the log that `ninja uninstall` reads is one for all who install it."""
+    with open(pathlib.Path(build) / 'install.lock', 'w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def outcome(case):
+    """Runs a function in its own empty folder: whether it held, and what is printed behind its number."""
+    name = case.__name__
+    with tempfile.TemporaryDirectory(prefix='terrainseg-') as folder, contextlib.ExitStack() as stack:
+        stack.callback(os.chdir, os.getcwd())
+        os.chdir(folder)
+        try:
+            case(pathlib.Path(folder))
+            return True, name
+        except Skip as reason:
+            return True, f'{name} # SKIP {reason}'
+        except Exception:  # a failed case must not hide the ones after it
+            return False, '\n# '.join([name, *traceback.format_exc().splitlines()])
+
+
+def main(cases, at_once=1):
+    """Runs every function; arguments choose cases by name. Several at once for cases that wait for programs, each in a
+    process of its own."""
     chosen = [case for case in cases if not sys.argv[1:] or case.__name__ in sys.argv[1:]]
     print(f'1..{len(chosen)}', flush=True)
-    failures = 0
-    for number, case in enumerate(chosen, 1):
-        name = case.__name__
-        with tempfile.TemporaryDirectory(prefix='terrainseg-') as folder, contextlib.ExitStack() as stack:
-            stack.callback(os.chdir, os.getcwd())
-            os.chdir(folder)
-            try:
-                case(pathlib.Path(folder))
-                print(f'ok {number} {name}', flush=True)
-            except Skip as reason:
-                print(f'ok {number} {name} # SKIP {reason}', flush=True)
-            except Exception:  # a failed case must not hide the ones after it
-                failures += 1
-                print(f'not ok {number} {name}', flush=True)
-                for line in traceback.format_exc().splitlines():
-                    print(f'# {line}', flush=True)
-    sys.exit(1 if failures else 0)
+    held = True
+    with contextlib.ExitStack() as stack:
+        run = map
+        if at_once > 1:
+            run = stack.enter_context(concurrent.futures.ProcessPoolExecutor(at_once, multiprocessing.get_context('fork'))).map
+        for number, (good, text) in enumerate(run(outcome, chosen), 1):
+            print('ok' if good else 'not ok', number, text, flush=True)
+            held = held and good
+    sys.exit(not held)
 
 
 def equal(actual, expected, what=''):

@@ -76,6 +76,7 @@ void Combine(benchmark::State& state) {
     GstBuffer* out = gst_harness_pull(video);
     gst_buffer_unref(out);
   }
+  gst_element_set_state(element, GST_STATE_NULL); // its task asks both harnesses
   gst_harness_teardown(meta);
   gst_harness_teardown(video);
   gst_object_unref(element);

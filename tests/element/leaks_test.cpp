@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Starts and stops every element of the plugins and asks GStreamer's leaks tracer (GST_TRACERS=leaks) which
 // objects are left.
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <map>
 #include <memory>
 
@@ -109,8 +112,17 @@ TEST_F(Leaks, NoPipelineLeavesOneWhenItIsStoppedInTheMiddle) {
               "meta/x-klv,parsed=true ! queue ! c.meta terraincombine name=c ! fakesink name=out",
       scene + "terrainseg ! terrainextract ! video/x-raw,format=GRAY8 ! fakesink name=out",
       scene + "terrainseg ! terrainextract ! application/x-mavlink ! fakesink name=out"};
+  if (have("x264enc") && have("avdec_h264"))
+    descriptions.push_back(
+        scene + "terrainseg ! tee name=t t. ! queue ! x264enc tune=zerolatency ! h264parse ! "
+                "terrainstamp ! h264parse ! terrainstamp mode=read ! avdec_h264 ! c.sink t. ! queue ! "
+                "terrainextract ! meta/x-klv,parsed=true ! queue ! c.meta terraincombine name=c ! "
+                "fakesink name=out");
   if (have("terrainreference"))
     descriptions.push_back(scene + "terrainreference ! fakesink name=out");
+  const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  if (have("terrainmcapsink"))
+    descriptions.push_back(scene + "terrainseg ! terrainmcapsink name=out fd=" + std::to_string(nowhere));
   for (const std::string& description : descriptions) {
     const std::string left = left_by([&] {
       Owned<GstElement> pipeline = make_element(description);
@@ -124,6 +136,7 @@ TEST_F(Leaks, NoPipelineLeavesOneWhenItIsStoppedInTheMiddle) {
     });
     EXPECT_EQ(left, "") << description;
   }
+  close(nowhere);
 }
 
 } // namespace

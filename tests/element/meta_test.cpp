@@ -483,6 +483,51 @@ TEST_F(MetaTest, TicksGoWithTheMetres) {
   }
 }
 
+/// The same bytes at an odd address, as a program may cut them out of a message.
+Owned<GstBuffer> at_odd_address(GstBuffer* buffer) {
+  const std::vector<guint8> bytes = bytes_of(buffer);
+  Owned<GstBuffer> moved(gst_buffer_new_allocate(nullptr, bytes.size() + 1, nullptr));
+  gst_buffer_resize(moved.get(), 1, -1);
+  gst_buffer_fill(moved.get(), 0, bytes.data(), bytes.size());
+  return moved;
+}
+
+// Reading them as if they were aligned is what UndefinedBehaviorSanitizer finds.
+TEST_F(MetaTest, RowsAndMetresAtOddAddressesAreRead) {
+  Sample sample;
+  sample.boundary_buffer = at_odd_address(sample.boundary_buffer.get());
+  Owned<GstBuffer> buffer(gst_buffer_new()), scaled(gst_buffer_new());
+  ASSERT_TRUE(sample.attach_to(buffer.get()));
+  const EstimateReader reader(buffer.get());
+  ASSERT_TRUE(reader) << reader.error();
+  EXPECT_EQ(std::vector(reader.estimate().boundary.begin(), reader.estimate().boundary.end()),
+            sample.boundary);
+  GstVideoInfo in = info_of(caps_text("I420", width, height)), out = info_of(caps_text("RGB", 160, 480));
+  GstVideoMetaTransform scale = {&in, &out};
+  GstMeta* meta = &gst_buffer_get_custom_meta(buffer.get(), GST_TERRAIN_SEG_META_NAME)->meta;
+  ASSERT_TRUE(meta->info->transform_func(scaled.get(), meta, buffer.get(),
+                                         g_quark_from_string("gst-video-scale"), &scale));
+  EXPECT_EQ(EstimateReader(scaled.get()).estimate().boundary[1], 2);
+
+  const Metres sent;
+  Owned<GstBuffer> measured(gst_buffer_new());
+  MetricWriter writer;
+  ASSERT_TRUE(writer.attach(measured.get(), sent.metric));
+  GstStructure* fields =
+      gst_custom_meta_get_structure(gst_buffer_get_custom_meta(measured.get(), GST_TERRAIN_METRIC_META_NAME));
+  for (const char* name : {"ranges", "bearings", "low", "high"}) {
+    GstBuffer* column = nullptr;
+    ASSERT_TRUE(gst_structure_get(fields, name, GST_TYPE_BUFFER, &column, nullptr));
+    const Owned<GstBuffer> owned(column), moved = at_odd_address(column);
+    gst_structure_set(fields, name, GST_TYPE_BUFFER, moved.get(), nullptr);
+  }
+  const MetricReader metres(measured.get());
+  ASSERT_TRUE(metres) << metres.error();
+  EXPECT_EQ(bits(metres.metric().ranges), bits(sent.ranges));
+  EXPECT_EQ(bits(metres.metric().high), bits(sent.high));
+  EXPECT_EQ(gst_terrain_metric_meta_get_value(gst_terrain_metric_meta_get_ranges(fields), 4), 7.125F);
+}
+
 TEST_F(MetaTest, MetresThatMakeNoSenseAreRefused) {
   const auto refused = [](auto spoil) {
     const Metres sent;
@@ -524,6 +569,10 @@ TEST_F(MetaTest, MetresThatMakeNoSenseAreRefused) {
   EXPECT_TRUE(refused(column("bearings", {0, 0, 0, Metres::free, 0, 0})));
   EXPECT_TRUE(refused(number("height", 0)));
   EXPECT_TRUE(refused(number("height", HUGE_VAL)));
+  for (const char* field : {"height", "range-min", "range-max"}) {
+    EXPECT_TRUE(refused(number(field, 1e17))) << field << ": beyond 2^63 thousandths";
+    EXPECT_FALSE(refused(number(field, 1e6))) << field;
+  }
   EXPECT_TRUE(refused(number("pitch", NAN)));
   EXPECT_TRUE(refused(number("roll", 7)));
   EXPECT_TRUE(refused(number("range-max", 0)));

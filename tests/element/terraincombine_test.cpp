@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "outlet_harness.hpp"
 
+#include "exchange/precision_stamp.hpp"
+
 #include <atomic>
 #include <chrono>
 #include <thread>
@@ -27,13 +29,29 @@ struct Combine {
     gst_harness_set_src_caps_str(meta.get(), "meta/x-klv,parsed=true");
     gst_harness_set_src_caps_str(video.get(), caps);
   }
+  Combine(const Combine&) = delete;
+  Combine& operator=(const Combine&) = delete;
+  /// The task asks both harnesses for their latency: it ends before either goes.
+  ~Combine() {
+    if (video)
+      gst_element_set_state(video->element, GST_STATE_NULL);
+  }
   GstFlowReturn push_frame(int i, gsize size = raw_size) {
     return gst_harness_push(video.get(), frame(size, i).release());
   }
+  /// With a stamp of that precision time, as decoders hand it on.
+  GstFlowReturn push_stamped(int i, std::uint64_t time_us) {
+    auto buffer = frame(raw_size, i);
+    StampIdentifier identifier = h264_microseconds;
+    StampContent content = stamp_content(time_us);
+    gst_buffer_add_video_sei_user_data_unregistered_meta(buffer.get(), identifier.data(), content.data(),
+                                                         content.size());
+    return gst_harness_push(video.get(), buffer.release());
+  }
   void push_unit(const Estimate& e, int i, GstClockTimeDiff offset = 0,
-                 GstClockTime dts = GST_CLOCK_TIME_NONE) {
+                 GstClockTime dts = GST_CLOCK_TIME_NONE, std::uint64_t time_us = 0) {
     KlvEncoder encoder;
-    const auto bytes = encoder.encode(e, 0);
+    const auto bytes = encoder.encode(e, time_us);
     push_bytes({bytes.begin(), bytes.end()}, i, offset, dts);
   }
   void push_bytes(const std::vector<std::uint8_t>& bytes, int i, GstClockTimeDiff offset = 0,
@@ -90,6 +108,182 @@ TEST(TerrainCombine, RestoresTheMetadataBitForBit) {
   }
   EXPECT_EQ(c.stat("matched"), 12u);
   EXPECT_EQ(c.stat("lost"), 0u);
+}
+
+constexpr std::uint64_t day = 1'795'377'600'000'000; // precision times begin there
+constexpr std::uint64_t step = 40'000;
+
+/// The unit of frame `i`, `shift` frames off by its time stamp.
+void push_precise(Combine& c, int i, int shift = 0, std::uint64_t begin = day) {
+  c.push_unit(some(static_cast<unsigned>(i)).estimate, i + shift, 0, GST_CLOCK_TIME_NONE,
+              begin + static_cast<std::uint64_t>(i) * step);
+}
+
+/// The frame that leaves next carries the unit of frame `i`; -1 = none.
+void expect_unit(Combine& c, int i) {
+  const auto out = c.pull();
+  ASSERT_TRUE(out);
+  const EstimateReader reader(out.get());
+  EXPECT_EQ(reader ? static_cast<int>(reader.estimate().frame) : -1, i);
+}
+
+TEST(TerrainCombine, StampedFramesGoByPrecisionTime) {
+  for (const int shift : {-3, 1, 200}) {
+    Combine c(5000);
+    for (int i = 4; i < 16; ++i) {
+      push_precise(c, i, shift);
+      EXPECT_EQ(c.push_stamped(i, day + static_cast<std::uint64_t>(i) * step), GST_FLOW_OK);
+      expect_unit(c, i);
+    }
+    EXPECT_EQ(c.stat("matched"), 12u);
+    EXPECT_EQ(c.stat("matched-precisely"), 12u);
+    EXPECT_EQ(c.stat("unused"), 0u);
+  }
+}
+
+// The unit's time stamp is the frame's, its precision time is off by a microsecond: it is another frame's.
+TEST(TerrainCombine, AStampedFrameTakesNoNeighboursUnit) {
+  Combine c(5000);
+  for (const std::uint64_t off : {std::uint64_t{1}, step}) {
+    c.push_unit(some(1).estimate, 1, 0, GST_CLOCK_TIME_NONE, day + step + off);
+    EXPECT_EQ(c.push_stamped(1, day + step), GST_FLOW_OK); // and does not wait: its unit cannot come any more
+    expect_unit(c, -1);
+  }
+  EXPECT_EQ(c.stat("lost"), 2u);
+}
+
+TEST(TerrainCombine, AFrameThatLostItsStampTakesNone) {
+  Combine c(5000);
+  push_precise(c, 0);
+  push_precise(c, 1);
+  push_precise(c, 2);
+  c.push_stamped(0, day);
+  expect_unit(c, 0);
+  c.push_frame(1);
+  expect_unit(c, -1);
+  c.push_stamped(2, day + 2 * step);
+  expect_unit(c, 2);
+  // A sender that stamps no more is believed after a while.
+  for (int i = 3; i < 40; ++i) {
+    push_precise(c, i);
+    c.push_frame(i);
+    expect_unit(c, i < 2 + 25 ? -1 : i);
+  }
+  EXPECT_EQ(c.stat("matched-precisely"), 2u);
+}
+
+TEST(TerrainCombine, StampsMayBeSetAside) {
+  Combine c(5000);
+  gst_util_set_object_arg(G_OBJECT(c.video->element), "match", "time-stamps");
+  push_precise(c, 1);
+  c.push_stamped(1, 77);
+  expect_unit(c, 1);
+  EXPECT_EQ(c.stat("matched"), 1u);
+  EXPECT_EQ(c.stat("matched-precisely"), 0u);
+}
+
+// The sender is switched off and on, and does not know the time of day: what is left of its first run is
+// nobody's.
+TEST(TerrainCombine, PrecisionTimesThatBeginAnew) {
+  for (const bool video_first : {false, true}) {
+    Combine c(100);
+    for (int i = 0; i < 60; ++i) {
+      push_precise(c, i, 0, 0);
+      if (i < 50) {
+        c.push_stamped(i, static_cast<std::uint64_t>(i) * step);
+        expect_unit(c, i);
+      }
+    }
+    const auto unit = [&](int i) {
+      c.push_unit(some(static_cast<unsigned>(100 + i)).estimate, 50 + i, 0, GST_CLOCK_TIME_NONE,
+                  static_cast<std::uint64_t>(i) * step);
+    };
+    for (int i = 0; i < 60; ++i) {
+      if (!video_first)
+        unit(i);
+      c.push_stamped(50 + i, static_cast<std::uint64_t>(i) * step);
+      if (video_first)
+        unit(i);
+      expect_unit(c, 100 + i);
+    }
+    EXPECT_EQ(c.stat("unused"), 10u);
+  }
+}
+
+// A clock that leaps ahead, units first: frames of before still find theirs.
+TEST(TerrainCombine, PrecisionTimesThatLeap) {
+  Combine c(5000);
+  const std::uint64_t hour = 3'600'000'000;
+  for (int i = 0; i < 20; ++i)
+    push_precise(c, i, 0, i < 10 ? day : day + hour);
+  for (int i = 0; i < 20; ++i) {
+    c.push_stamped(i, (i < 10 ? day : day + hour) + static_cast<std::uint64_t>(i) * step);
+    expect_unit(c, i);
+  }
+}
+
+// Units without a time stamp, as "ffmpeg -c copy" leaves them, need none.
+TEST(TerrainCombine, StampsDoWithoutTimeStampsOfUnits) {
+  Combine c(5000);
+  for (int i = 7; i < 20; ++i) { // the first unit is not the first frame's
+    KlvEncoder encoder;
+    const auto bytes =
+        encoder.encode(some(static_cast<unsigned>(i)).estimate, day + static_cast<std::uint64_t>(i) * step);
+    GstBuffer* unit = gst_buffer_new_allocate(nullptr, bytes.size(), nullptr);
+    gst_buffer_fill(unit, 0, bytes.data(), bytes.size());
+    EXPECT_EQ(gst_harness_push(c.meta.get(), unit), GST_FLOW_OK);
+  }
+  for (int i = 4; i < 20; ++i) {
+    c.push_stamped(i, day + static_cast<std::uint64_t>(i) * step);
+    expect_unit(c, i < 7 ? -1 : i);
+  }
+}
+
+// A stamp that came twice, as parsers behind parsers leave it, is one; two that differ are none.
+TEST(TerrainCombine, TwoStampsOnAFrame) {
+  Combine c(5000);
+  push_precise(c, 0);
+  push_precise(c, 1);
+  push_precise(c, 2);
+  const auto push = [&](int i, std::initializer_list<std::uint64_t> times) {
+    auto buffer = frame(raw_size, i);
+    for (const std::uint64_t time : times) {
+      StampIdentifier identifier = h265_microseconds;
+      StampContent content = stamp_content(time);
+      gst_buffer_add_video_sei_user_data_unregistered_meta(buffer.get(), identifier.data(), content.data(),
+                                                           content.size());
+    }
+    gst_harness_push(c.video.get(), buffer.release());
+  };
+  push(0, {day, day});
+  expect_unit(c, 0);
+  push(1, {day + step, day + 2 * step});
+  expect_unit(c, -1);
+  push(2, {day + 2 * step});
+  expect_unit(c, 2);
+}
+
+TEST(TerrainCombine, SaysThatStampsAndUnitsAreStrangers) {
+  Combine c(5000);
+  Bus bus(c.video.get());
+  for (int i = 0; i < 70; ++i) {
+    push_precise(c, i);
+    c.push_stamped(i, static_cast<std::uint64_t>(i) * step);
+    expect_unit(c, -1);
+  }
+  const std::string told = bus.text(GST_MESSAGE_WARNING);
+  EXPECT_NE(told.find("match=time-stamps"), std::string::npos) << told;
+}
+
+// Frames with stamps that no unit fits do not gather units without end.
+TEST(TerrainCombine, UnitsOfNoStampAreDropped) {
+  Combine c(0);
+  for (int i = 0; i < 2000; ++i) {
+    push_precise(c, i);
+    c.push_stamped(i, static_cast<std::uint64_t>(i) * step);
+    expect_unit(c, -1);
+  }
+  EXPECT_GE(c.stat("unused"), 2000u - 10 * 25 - 2); // ten seconds of them may wait
 }
 
 // Units of both forms in one stream, and a nested one that was damaged on its way.

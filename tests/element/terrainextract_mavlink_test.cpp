@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // MAVLink out of terrainextract, read by a receiver that is written apart from the sender.
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <numbers>
@@ -74,22 +76,53 @@ std::vector<Packet> packets_of(GstBuffer* unit) {
   return packets;
 }
 
-/// ArduPilot's rules: which obstacles, metres and degrees to the right, it takes from a message; of a sector
-/// it keeps the middle.
+/// A sector of OBSTACLE_DISTANCE by ArduPilot's rules: the direction of its middle, degrees to the right, and
+/// the metres that it takes, if it takes them.
+struct Sector {
+  double right;
+  std::optional<double> metres;
+};
+std::array<Sector, 72> sectors_of(const Packet& packet) {
+  const auto low = packet.number(152, 2), high = packet.number(154, 2);
+  const double step = packet.real(158) > 0 ? packet.real(158) : static_cast<double>(packet.number(157, 1));
+  std::array<Sector, 72> sectors;
+  for (int i = 0; i < 72; ++i) {
+    Sector& sector = sectors[static_cast<std::size_t>(i)];
+    sector.right = packet.real(162) + i * step;
+    const auto distance = packet.number(8 + 2 * i, 2);
+    if (distance != 0 && distance != 65535 && distance >= low && distance <= high)
+      sector.metres = static_cast<double>(distance) / 100;
+  }
+  return sectors;
+}
+
+/// The obstacles that it takes from a message.
 struct Obstacle {
   double metres, right;
 };
 std::vector<Obstacle> taken(const Packet& packet) {
-  const auto low = packet.number(152, 2), high = packet.number(154, 2);
-  const double step = packet.real(158) > 0 ? packet.real(158) : static_cast<double>(packet.number(157, 1));
   std::vector<Obstacle> out;
-  for (int i = 0; i < 72; ++i) {
-    const auto distance = packet.number(8 + 2 * i, 2);
-    if (distance == 0 || distance == 65535 || distance < low || distance > high)
-      continue;
-    out.push_back({static_cast<double>(distance) / 100, std::remainder(packet.real(162) + i * step, 360)});
-  }
+  for (const Sector& sector : sectors_of(packet))
+    if (sector.metres)
+      out.push_back({*sector.metres, std::remainder(sector.right, 360)});
   return out;
+}
+
+/// ArduPilot's eight faces, 45 degrees each, the first ahead, clockwise: the nearest obstacle that simple
+/// avoidance sees there, metres, or none. It walks the sectors in order, and what it found in a face is
+/// written when the next sector lies in another one: a face that it enters twice holds the second part only.
+std::array<std::optional<double>, 8> faces_of(const Packet& packet) {
+  std::array<std::optional<double>, 8> faces;
+  std::optional<std::size_t> face;
+  for (const Sector& sector : sectors_of(packet)) {
+    const auto here = static_cast<std::size_t>(std::fmod(sector.right + 720 + 22.5, 360) / 45);
+    if (face != here)
+      faces[here].reset();
+    face = here;
+    if (sector.metres)
+      faces[here] = std::min(faces[here].value_or(1000), *sector.metres);
+  }
+  return faces;
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
@@ -231,6 +264,36 @@ TEST_F(Mavlink, ArduPilotKeepsEveryBlockedColumn) {
         EXPECT_NEAR(obstacle.right, -view.bearings[i] / degree, 2.6);
       }
     }
+  }
+}
+
+// Obstacles to the left and to the right of what is straight ahead share a face.
+TEST_F(Mavlink, ArduPilotsFaceAheadHoldsTheNearest) {
+  for (const double right : {-20.0, -8.0, 5.0, 20.0}) {
+    View view;
+    for (int i = 0; i < 64; ++i) {
+      const double here = -view.bearings[i] / degree;
+      if (std::abs(here - right) < 1.2)
+        view.ranges[i] = 1.5F;
+      else if (std::abs(here + right) < 1.2)
+        view.ranges[i] = 3.5F;
+      else if (std::abs(here - 30) < 1.2)
+        view.ranges[i] = 2.5F;
+    }
+    start("mavlink-layout=fine");
+    auto packet = obstacles(frame_of(view, 0));
+    ASSERT_TRUE(packet);
+    auto faces = faces_of(*packet);
+    EXPECT_EQ(faces[0], 1.5) << right;
+    EXPECT_EQ(faces[1], 2.5);
+    EXPECT_EQ(faces[7], std::nullopt);
+    // The other layout begins in the middle of the face: of what lies to the right nothing is left.
+    start("mavlink-layout=portable");
+    packet = obstacles(frame_of(view, 0));
+    ASSERT_TRUE(packet);
+    faces = faces_of(*packet);
+    EXPECT_EQ(faces[0], right < 0 ? 1.5 : 3.5) << right;
+    EXPECT_EQ(faces[1], 2.5);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <gst/gst.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -89,9 +90,10 @@ Statistics statistics_of(const std::string& bytes) {
 class McapSink : public testing::Test {
  protected:
   void SetUp() override {
-    char name[] = "/tmp/terrainmcapsink-XXXXXX";
-    ASSERT_NE(g_mkdtemp(name), nullptr);
+    gchar* name = g_dir_make_tmp("terrainmcapsink-XXXXXX", nullptr);
+    ASSERT_NE(name, nullptr);
     folder_ = name;
+    g_free(name);
   }
   void TearDown() override { fs::remove_all(folder_); }
   std::string at(const char* name) const { return (folder_ / name).string(); }
@@ -170,6 +172,63 @@ TEST_F(McapSink, AFullDiskIsTold) {
   EXPECT_EQ(error, "No space left on device.");
 }
 
+/// A sink that is used again, as a program does: by frames that come from nowhere.
+class Recorder {
+ public:
+  Recorder() : sink_(gst_element_factory_make("terrainmcapsink", nullptr)) {
+    gst_object_ref_sink(sink_.get());
+    g_object_set(sink_.get(), "async", FALSE, nullptr);
+  }
+  ~Recorder() { gst_element_set_state(sink_.get(), GST_STATE_NULL); }
+  /// One frame to a location, or to a descriptor where that is nullptr. False when it could not be whole.
+  bool record(const char* location, int fd) {
+    g_object_set(sink_.get(), "location", location, "fd", fd, nullptr);
+    if (gst_element_set_state(sink_.get(), GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE)
+      return false;
+    const Owned<GstPad> pad(gst_element_get_static_pad(sink_.get(), "sink"));
+    const Owned<GstCaps> caps(
+        gst_caps_from_string("video/x-raw,format=GRAY8,width=1,height=1,framerate=30/1"));
+    GstSegment segment;
+    gst_segment_init(&segment, GST_FORMAT_TIME);
+    gst_pad_send_event(pad.get(), gst_event_new_stream_start("x"));
+    gst_pad_send_event(pad.get(), gst_event_new_caps(caps.get()));
+    gst_pad_send_event(pad.get(), gst_event_new_segment(&segment));
+    GstBuffer* frame = gst_buffer_new_allocate(nullptr, 4, nullptr);
+    GST_BUFFER_PTS(frame) = 0;
+    const bool taken =
+        gst_pad_chain(pad.get(), frame) == GST_FLOW_OK && gst_pad_send_event(pad.get(), gst_event_new_eos());
+    gst_element_set_state(sink_.get(), GST_STATE_NULL);
+    return taken;
+  }
+
+ private:
+  Owned<GstElement> sink_;
+};
+
+TEST_F(McapSink, ADescriptorAfterALocationIsLeftToItsOwner) {
+  Recorder recorder;
+  EXPECT_TRUE(recorder.record(at("first.mcap").c_str(), -1));
+  std::FILE* second = std::fopen(at("second").c_str(), "w");
+  ASSERT_NE(second, nullptr);
+  EXPECT_TRUE(recorder.record(nullptr, fileno(second)));
+  EXPECT_EQ(std::fclose(second), 0) << "still open";
+  EXPECT_TRUE(is_whole(bytes_of(at("second"))));
+  EXPECT_TRUE(is_whole(bytes_of(at("first.mcap"))));
+}
+
+TEST_F(McapSink, AFullDiskIsNotRememberedOfTheNextDescriptor) {
+  Recorder recorder;
+  std::FILE* full = std::fopen("/dev/full", "w");
+  ASSERT_NE(full, nullptr);
+  EXPECT_FALSE(recorder.record(nullptr, fileno(full)));
+  std::fclose(full);
+  std::FILE* next = std::fopen(at("next").c_str(), "w");
+  ASSERT_NE(next, nullptr);
+  EXPECT_TRUE(recorder.record(nullptr, fileno(next)));
+  std::fclose(next);
+  EXPECT_TRUE(is_whole(bytes_of(at("next"))));
+}
+
 TEST_F(McapSink, TheClockIsTheTimeOfDayWhereTheFirstFrameHasIt) {
   EXPECT_EQ(run(scene + "terrainseg start-time=1700000000000000000 ! " + h264 +
                 "terrainmcapsink location=" + at("day.mcap"))
@@ -181,6 +240,24 @@ TEST_F(McapSink, TheClockIsTheTimeOfDayWhereTheFirstFrameHasIt) {
   EXPECT_EQ(run(scene + "terrainseg ! " + h264 + "terrainmcapsink location=" + at("stream.mcap")).error, "");
   EXPECT_EQ(statistics_of(bytes_of(at("stream.mcap"))).start, 0u)
       << "behind an encoder that moves its time stamps";
+}
+
+TEST_F(McapSink, TellsOfEveryFrameAtLevelSix) {
+  std::atomic<int> lines = 0;
+  const auto count = +[](GstDebugCategory* category, GstDebugLevel level, const gchar*, const gchar*, gint,
+                         GObject*, GstDebugMessage* message, gpointer data) {
+    *static_cast<std::atomic<int>*>(data) +=
+        level == GST_LEVEL_LOG && !std::strcmp(gst_debug_category_get_name(category), "terrainmcapsink") &&
+        !std::strncmp(gst_debug_message_get(message), "with terrain at", 15);
+  };
+  gst_debug_set_threshold_for_name("terrainmcapsink", GST_LEVEL_LOG);
+  (gst_debug_remove_log_function)(gst_debug_log_default);
+  (gst_debug_add_log_function)(count, &lines, nullptr);
+  EXPECT_EQ(run(scene + "terrainseg ! terrainmcapsink location=" + at("drive.mcap")).error, "");
+  gst_debug_remove_log_function_by_data(&lines);
+  (gst_debug_add_log_function)(gst_debug_log_default, nullptr, nullptr);
+  gst_debug_unset_threshold_for_name("terrainmcapsink");
+  EXPECT_EQ(lines, 40);
 }
 
 TEST_F(McapSink, SaysThatThereIsNoMetadata) {

@@ -250,13 +250,14 @@ TEST(TerrainSceneSrc, PropertiesTakeEffectWhilePlaying) {
   const Harness h = source(small);
   gst_harness_play(h.get());
   ASSERT_TRUE(pull(h));
-  g_object_set(h->element, "seed", 9U, "obstacles", 100, nullptr);
+  g_object_set(h->element, "seed", 9U, "obstacles", 100, "wet", TRUE, nullptr);
   gst_util_set_object_arg(G_OBJECT(h->element), "scene", "corridor");
-  gst_util_set_object_arg(G_OBJECT(h->element), "light", "dusk");
+  gst_util_set_object_arg(G_OBJECT(h->element), "light", "sun");
   gst_util_set_object_arg(G_OBJECT(h->element), "motion", "bumpy");
   scene::Settings settings;
   settings.kind = scene::Kind::corridor;
-  settings.light = scene::Light::dusk;
+  settings.light = scene::Light::sun;
+  settings.wet = true;
   settings.motion = scene::Motion::bumpy;
   settings.seed = 9;
   settings.obstacles = 100;
@@ -269,6 +270,9 @@ TEST(TerrainSceneSrc, PropertiesTakeEffectWhilePlaying) {
   g_object_get(h->element, "seed", &seed, "obstacles", &obstacles, "motion", &motion, nullptr);
   EXPECT_EQ(seed, 9U);
   EXPECT_EQ(obstacles, 100);
+  gboolean wet = FALSE;
+  g_object_get(h->element, "wet", &wet, nullptr);
+  EXPECT_TRUE(wet);
   EXPECT_EQ(motion, static_cast<int>(scene::Motion::bumpy));
 }
 

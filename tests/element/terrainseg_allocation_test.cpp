@@ -47,7 +47,7 @@ bool is_locked(GstElement* element) {
 
 // An instance's init and a pad's activation have no way to fail: without memory they do not need any.
 TEST(Allocation, ElementsAreMadeAndActivatedWithoutMemory) {
-  for (const char* name : {"terrainseg", "terrainoverlay", "terrainextract", "terraincombine",
+  for (const char* name : {"terrainseg", "terrainoverlay", "terrainextract", "terraincombine", "terrainstamp",
                            "terrainscenesrc", "terrainreference"}) {
     if (std::strcmp(name, "terrainreference") == 0 && !have(name))
       continue;                                     // built without the tools

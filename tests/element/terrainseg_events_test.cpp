@@ -69,7 +69,7 @@ TEST(Events, ASeekInAPipelineKeepsTheTerrain) {
       make_element("videotestsrc num-buffers=400 ! " + caps + " ! terrainseg name=seg ! fakesink sync=false");
   Owned<GstElement> seg(gst_bin_get_by_name(GST_BIN(pipeline.get()), "seg"));
   gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
-  ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 5 * GST_SECOND),
+  ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, patient(5 * GST_SECOND)),
             GST_STATE_CHANGE_SUCCESS);
   const auto generation = [&] {
     GstStructure* stats = nullptr;
@@ -83,7 +83,7 @@ TEST(Events, ASeekInAPipelineKeepsTheTerrain) {
   for (int i = 1; i <= 3; ++i) {
     ASSERT_TRUE(
         gst_element_seek_simple(pipeline.get(), GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, i * GST_SECOND));
-    ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 5 * GST_SECOND),
+    ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, patient(5 * GST_SECOND)),
               GST_STATE_CHANGE_SUCCESS);
   }
   EXPECT_GT(generation(), before); // goes on counting

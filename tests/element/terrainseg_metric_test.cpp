@@ -217,6 +217,25 @@ TEST_F(Metric, ACalibrationOfAnotherSizeIsScaledAndOfAnotherShapeRefused) {
   EXPECT_TRUE(has_metres(rig.step().get()));
 }
 
+TEST_F(Metric, ACalibrationOfAnotherShapeIsSaidOnce) {
+  // Upstream tries its caps again and again.
+  const TemporaryFile wide(calibration(width * 4, height * 3, 4));
+  const std::string text = "terrainscenesrc num-buffers=3 ! video/x-raw,width=160,height=120 ! terrainseg "
+                           "name=t mount=height=0.5 camera-info=" +
+                           wide.path + " ! fakesink";
+  Owned<GstElement> pipeline(gst_parse_launch(text.c_str(), nullptr));
+  ASSERT_TRUE(pipeline);
+  const Owned<GstBus> bus(gst_element_get_bus(pipeline.get()));
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  gst_element_get_state(pipeline.get(), nullptr, nullptr, 20 * GST_SECOND);
+  gst_element_set_state(pipeline.get(), GST_STATE_READY); // the last of its messages is there
+  std::size_t said = 0;
+  for (const auto& error : reports(bus.get(), GST_MESSAGE_ERROR))
+    said += error.contains("does not fit");
+  EXPECT_EQ(said, 1u);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
 TEST_F(Metric, APoseFromEitherSideStandsAboveTheMount) {
   Rig rig(with() + "range-max=6", caps);
   EXPECT_TRUE(gst_harness_push_event(rig.harness(), pose(0, 5, 0)));
@@ -497,6 +516,20 @@ TEST(StartTime, AUnitTellsATimeOfDayOrATimeStamp) {
   stamp_utc(buffer.get(), 5 * GST_SECOND);
   stamp_unit_time(buffer.get(), 1'700'000'000'123'456);
   EXPECT_EQ(utc_of(buffer.get()), 5 * GST_SECOND) << "what a frame says of itself stays";
+}
+
+TEST(StartTime, AFrameBeyondTheEndOfTimesGetsNone) {
+  const auto stamped = [](GstClockTime start, GstClockTime pts) {
+    Owned<GstBuffer> buffer(gst_buffer_new());
+    GST_BUFFER_PTS(buffer.get()) = pts;
+    stamp_utc(buffer.get(), start);
+    return utc_of(buffer.get());
+  };
+  constexpr GstClockTime latest = G_MAXINT64;
+  EXPECT_EQ(stamped(latest - 1, 1), latest);
+  EXPECT_FALSE(stamped(latest, 1));
+  EXPECT_FALSE(stamped(latest, latest + 1)) << "the sum is no time";
+  EXPECT_FALSE(stamped(5 * GST_SECOND, G_MAXUINT64 - 1)) << "the sum begins anew";
 }
 
 TEST(StartTime, FramesGetTheTimeOfDayUnlessTheyHaveOne) {

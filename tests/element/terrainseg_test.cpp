@@ -641,7 +641,7 @@ TEST(Terrainseg, EveryElementTellsOfEveryFrameAtLevelSix) {
 /// for ever: settings-location does what it would be for.
 TEST(Terrainseg, NoElementOffersGstPreset) {
   for (const char* name : {"terrainseg", "terrainoverlay", "terrainextract", "terrainscenesrc",
-                           "terraincombine", "terrainreference"})
+                           "terraincombine", "terrainstamp", "terrainreference"})
     if (have(name)) {
       const auto element = make_element(name); // the macro keeps a pointer beyond its argument
       EXPECT_FALSE(GST_IS_PRESET(element.get())) << name;
@@ -651,7 +651,7 @@ TEST(Terrainseg, NoElementOffersGstPreset) {
 TEST(Terrainseg, EnumerationsAreMarkedForTheDocumentation) {
   int enumerations = 0;
   for (const char* name : {"terrainseg", "terrainoverlay", "terrainextract", "terrainscenesrc",
-                           "terraincombine", "terrainreference"}) {
+                           "terraincombine", "terrainstamp", "terrainreference"}) {
     if (!have(name))
       continue;
     const auto element = make_element(name);
@@ -665,12 +665,12 @@ TEST(Terrainseg, EnumerationsAreMarkedForTheDocumentation) {
       }
     g_free(specs);
   }
-  EXPECT_GE(enumerations, 13);
+  EXPECT_GE(enumerations, 15);
 }
 
 TEST(Terrainseg, AnApplicationsSubclassWorksWithoutAFactory) {
-  for (const char* name :
-       {"terrainseg", "terrainoverlay", "terrainextract", "terrainscenesrc", "terraincombine"}) {
+  for (const char* name : {"terrainseg", "terrainoverlay", "terrainextract", "terrainscenesrc",
+                           "terraincombine", "terrainstamp"}) {
     const GType type = G_OBJECT_TYPE(make_element(name).get());
     GTypeQuery sizes;
     g_type_query(type, &sizes);

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """How much each constant of the default pipeline matters: moved by a quarter down and up, one at a time.
 
-usage: sensitivity.py DATA [NAME...]
+usage: sensitivity.py DATA [--stills | --rendered] [NAME...]
 
-DATA is a folder of labelled sequences; NAMEs (file:constant, as the table prints them) measure these only. Works on a copy of the
-source in a temporary folder, builds terrainseg-eval there once for every change (about ten seconds each, a quarter of an hour in
-all), and prints a Markdown table: mean error and unsafe pixels over the sequences, in per cent, as they are and with each change.
+DATA is a folder of labelled sequences: its drives are measured, with --stills its stills, with --rendered four rendered drives at
+30 Hz in their place (where motion speaks), and of the constants those that are of the places then. NAMEs (file:constant, as the table
+prints them) measure these only. Works on a copy of the source in a temporary folder, builds terrainseg-eval there once for every
+change, and prints a Markdown table: mean error and unsafe pixels over the sequences, in per cent, as they are and with each change.
+Half an hour each.
 """
 import json
 import pathlib
@@ -22,11 +24,11 @@ CONSTANTS = '''
 boundary: edge_limit edge_per_octave shadow_limit shadow_per_grey step_price least_step_price upright_per_octave upright_floor
   leave_price behind_price edgeless_price
 color_bins: noise_floor brightness_slope bins_per_octave
-connected_ground: sky_is_smoother dark_luma
+connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma least_texture
 exposure: target_mean
 geodesic: free_distance most greatest_own_step
 ground_behind: free_below follow_below most margin least_sum
-likelihood: score_limit least_positive rest_is_ground training_share color_weight color_limit texture_weight
+likelihood: score_limit least_of_vouched rest_is_ground rest_of_taught color_weight color_limit texture_weight
 local_reference: follow_below free_below most
 odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
@@ -34,11 +36,29 @@ reestimation: color_weight texture_weight limit limit_per_penalty upper_end
 row_prior: strongest middle middle_per_row
 window_guard: patience
 '''
+OF_STILLS = '''
+boundary: edge_limit edge_per_octave shadow_limit step_price edgeless_price
+connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma least_texture
+likelihood: score_limit least_of_vouched rest_of_taught color_weight texture_weight
+local_reference: follow_below free_below most
+odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
+  far_nearest_rows far_seed_enough
+row_prior: middle
+'''
+OF_RENDERED = '''
+boundary: leave_price edgeless_price
+connected_ground: taught_chroma vouched_chroma
+motion_obstacles: near_rows far_rows memory settling
+odd_spots: odd_enough seed_enough far_seed_enough
+row_prior: denied
+standing_map: least_to_appear least_to_stay
+'''
+RENDERED = ['scene:plain:day:straight@640x360#101-102', 'scene:trail:day:bumpy@640x360#103', 'scene:road:day:straight@640x360#104']
 
 
-def constants():
+def constants(of):
     file = None
-    for word in CONSTANTS.split():
+    for word in of.split():
         if word.endswith(':'):
             file = word[:-1]
         else:
@@ -58,10 +78,7 @@ def is_stills(folder):
 class Copy:
     def __init__(self, folder, sequences):
         self.folder, self.sequences = folder, sequences
-        for name in ('src', 'include', 'gst', 'tests', 'docs', 'examples', 'debian'):
-            shutil.copytree(TOP / name, folder / name)
-        for path in TOP.glob('meson*'):
-            shutil.copy(path, folder)
+        shutil.copytree(TOP, folder, ignore=shutil.ignore_patterns('build*', '.git'), dirs_exist_ok=True)
         subprocess.run(['meson', 'setup', folder / 'build', folder], check=True, stdout=subprocess.DEVNULL)
 
     def measure(self):
@@ -93,12 +110,18 @@ class Copy:
 
 
 def main():
-    if len(sys.argv) < 2 or sys.argv[1].startswith('-'):
+    options = [word for word in sys.argv[1:] if word.startswith('-')]
+    words = [word for word in sys.argv[1:] if not word.startswith('-')]
+    if not words or options not in ([], ['--stills'], ['--rendered']):
         sys.exit(__doc__)
-    sequences = sorted(p.parent for p in pathlib.Path(sys.argv[1]).glob('*/labels') if not is_stills(p.parent))
+    stills = options == ['--stills']
+    sequences = sorted(p.parent for p in pathlib.Path(words[0]).glob('*/labels') if is_stills(p.parent) == stills)
+    of = OF_STILLS if stills else CONSTANTS
+    if options == ['--rendered']:
+        sequences, of = RENDERED, OF_RENDERED
     if not sequences:
-        sys.exit(f'sensitivity.py: {sys.argv[1]} holds no sequence (a folder with frames/ and labels/)')
-    names = sys.argv[2:] or list(constants())
+        sys.exit(f'sensitivity.py: {words[0]} holds no such sequence (a folder with frames/ and labels/)')
+    names = words[1:] or list(constants(of))
     with tempfile.TemporaryDirectory() as folder:
         copy = Copy(pathlib.Path(folder), sequences)
         error, unsafe = copy.measure()

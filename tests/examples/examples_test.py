@@ -11,7 +11,8 @@ import subprocess
 import time
 
 from example_runs import EXAMPLES, PYTHON, launch, module, reference_lines, run, scene
-from tap import Skip, contains, equal, main
+from ports import free_port
+from tap import Skip, contains, equal, installing, main
 
 CASES = []
 
@@ -73,12 +74,26 @@ def the_newest_build_is_found_and_named(folder):
 
 
 @case
+def a_fleet_on_one_machine_says_what_is_wrong(folder):
+    parallel = EXAMPLES / 'fleet/parallel.sh'
+    pathlib.Path('list').write_text('drive.mp4\n')
+    contains(run(parallel, code=2).stdout, 'LIST OUT SHARDS')
+    contains(run(parallel, 'list', 'out', 'eight', code=2).stderr, "not 'eight'")
+    contains(run(parallel, 'none', 'out', 2, code=2).stderr, 'cannot read the list none')
+    for name in 'bash', 'env':
+        os.symlink(f'/usr/bin/{name}', name)
+    contains(run(parallel, 'list', 'out', 2, code=3, env={'PATH': str(folder)}).stderr, 'apt-get install parallel')
+    assert not os.path.exists('out'), 'a folder was made for nothing'
+
+
+@case
 def mask_to_numpy_is_a_program_too(folder):
     os.rename(scene('drive.mp4'), 'dri ve.mp4')
     lines = run(PYTHON, EXAMPLES / 'python/mask_to_numpy.py', 'dri ve.mp4').stdout.splitlines()
     equal(len(lines), 20, 'lines')
     contains(lines[-1], 'frame 19: 96x64 mask')
-    run(PYTHON, EXAMPLES / 'python/mask_to_numpy.py', 'absent.mp4', code=1)
+    for program in 'mask_to_numpy', 'steer':
+        contains(run(PYTHON, EXAMPLES / f'python/{program}.py', 'absent.mp4', code=1).stderr, 'absent.mp4')
 
 
 @case
@@ -171,14 +186,15 @@ def c_reads_what_the_lines_say(folder):
         equal((frame, horizon), (want['frame'], -1 if row is None else row), 'frame and horizon')
         assert abs(share - 1000 * want['traversable']) <= 1.01 and abs(share - counted) <= 1, line
         assert abs(180 - ahead - 180 * want['boundary'][160]) < 1, (line, want['boundary'][160])
-    run(os.environ['READ_MASK'], 'absent.mp4', code=1)
+    contains(run(os.environ['READ_MASK'], 'absent.mp4', code=1).stderr, 'absent.mp4')
 
 
 @case
 def c_is_compiled_as_its_comment_says(folder):
     """With pkg-config alone, against an installation."""
     build = os.environ['TERRAINSEG_BUILD']
-    run('meson', 'install', '-C', build, '--no-rebuild', '--destdir', folder / 'root')
+    with installing(build):
+        run('meson', 'install', '-C', build, '--no-rebuild', '--destdir', folder / 'root')
     os.mkdir('pc')
     for description in (folder / 'root').rglob('*.pc'):
         text = description.read_text()
@@ -194,6 +210,16 @@ def c_is_compiled_as_its_comment_says(folder):
         flags = run('pkg-config', '--cflags', '--libs', *modules, env=environment).stdout.split()
         run(*compiler, source, '-o', 'program', *flags, f'-Wl,-rpath,{library}')
         equal(run('./program', 'absent', 'x', code=1 if 'c/' in str(source) else 2).stdout, '', 'it starts')
+
+
+@case
+def the_uninstalled_tree_compiles_them_as_their_comments_say(folder):
+    for source in 'c/read_mask.c', 'c/supervise.c', 'cpp/core_only.cpp':
+        command, = re.findall(r'^(?: \*|//) (c(?:c|\+\+) .*)$', (EXAMPLES / source).read_text(), re.M)
+        shutil.copy(EXAMPLES / source, folder)
+        plain = {key: value for key, value in os.environ.items() if key not in ('GST_PLUGIN_PATH', 'PKG_CONFIG_PATH', 'CPATH')}
+        run('meson', 'devenv', '-C', os.environ['TERRAINSEG_BUILD'], 'sh', '-c', f'cd {folder} && {command}', env=plain)
+        assert os.access(pathlib.Path(source).stem, os.X_OK), command
 
 
 @case
@@ -308,6 +334,24 @@ def nothing_in_an_address_or_a_name_is_run(folder):
 
 
 @case
+def a_camera_and_a_display_that_are_absent_are_named(folder):
+    bare = {key: value for key, value in os.environ.items() if key not in ('DISPLAY', 'WAYLAND_DISPLAY', 'XDG_RUNTIME_DIR')}
+    for arguments, absent in ((['camera.sh', '/dev/no-such'], '/dev/no-such'), (['stream_udp_ts.sh', '127.0.0.1', str(free_port())], '/dev/video0')):
+        if os.path.exists(absent):
+            continue
+        said = run(EXAMPLES / arguments[0], *arguments[1:], code=1, env=bare).stderr
+        contains(said, f'there is no camera {absent}')
+        contains(said, "SOURCE='terrainscenesrc is-live=true")
+    if list(pathlib.Path('/dev').glob('dri/card*')) or os.path.exists('/run/wayland-0'):
+        return
+    said = run(EXAMPLES / 'camera.sh', code=1, env={**bare, 'SOURCE': 'videotestsrc'}).stderr
+    contains(said, 'there is no display')
+    # What it says to do.
+    run(EXAMPLES / 'camera.sh', env={**bare, 'SOURCE': 'terrainscenesrc num-buffers=20 ! video/x-raw,width=160,height=96', 'VIEW': re.search("VIEW='([^']+)'", said)[1]})
+    assert os.path.getsize('seen.mp4') > 1000
+
+
+@case
 def scripts_explain_themselves(folder):
     for script in EXAMPLES.glob('*.sh'):
         if os.access(script, os.X_OK):
@@ -316,6 +360,8 @@ def scripts_explain_themselves(folder):
 
 @case
 def make_pictures_makes_every_picture(folder):
+    if not os.access(pathlib.Path(os.environ['TERRAINSEG_BUILD']) / 'src/tools/terrainseg-calibrate', os.X_OK):
+        raise Skip('built without terrainseg-calibrate')
     run(EXAMPLES / 'make_pictures.sh', folder / 'pictures', env={**os.environ, 'MAX_FRAMES': '2'})
     made = {path.name: path.read_bytes() for path in (folder / 'pictures').iterdir()}
     committed = {path.name for path in (EXAMPLES.parent / 'docs' / 'images').iterdir() if path.is_file()}
@@ -325,6 +371,13 @@ def make_pictures_makes_every_picture(folder):
         first, last = kinds[os.path.splitext(name)[1]]
         assert content.startswith(first) and content.endswith(last), f'{name} is no such file'
         assert 1000 < len(content) < 200000, f'{name} has {len(content)} bytes'
+    # What the evaluation makes of real recordings.
+    for folder, makers in (('pictures', ['tests/evaluation/accuracy.sh']),
+                           ('images/paper', ['src/tools/eval/paper_figures.cpp', 'src/tools/eval/paper_error_rates.cpp',
+                                             'src/tools/eval/paper_training.cpp'])):
+        text = ''.join((EXAMPLES.parent / maker).read_text() for maker in makers)
+        nobodys = [path.name for path in (EXAMPLES.parent / 'docs' / folder).iterdir() if f'/{path.name}"' not in text and f'"{path.name}"' not in text]
+        equal(nobodys, [], f'pictures of docs/{folder} that no command makes')
     page = (EXAMPLES.parent / 'docs' / 'gallery.md').read_text()
     shown = re.findall(r'\(images/([^)]+)\)', page)
     equal(shown, re.findall(r'([\w.]+)\n```$', page, re.M), 'each is followed by the command that makes it')

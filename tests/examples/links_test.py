@@ -1,19 +1,24 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The examples that measure real time: brokers, streams, an autopilot, a link that loses. RTSP_SERVER is the built program, or empty."""
+import collections
 import json
 import math
 import os
 import pathlib
+import pty
 import re
+import select
 import shutil
+import signal
 import socket
 import struct
 import subprocess
 import time
+import tty
 
 from example_runs import EXAMPLES, PYTHON, launch, module, reference_lines, run, scene
-from ports import free_port
+from ports import free_port, free_udp_block
 from tap import Skip, contains, equal, main
 
 CASES = []
@@ -228,7 +233,7 @@ def rtsp(folder, protocol, *arguments):
     try:
         equal(server.stdout.readline().strip(), f'rtsp://127.0.0.1:{port}/rover', 'address')
         launch(f'rtspsrc location=rtsp://127.0.0.1:{port}/rover protocols={protocol} name=r '
-               'r. ! application/x-rtp,media=video ! rtph264depay ! h264parse ! avdec_h264 ! c.sink '
+               'r. ! application/x-rtp,media=video ! rtph264depay ! h264parse ! terrainstamp mode=read ! avdec_h264 ! c.sink '
                'r. ! application/x-rtp,media=application ! rtpklvdepay ! c.meta '
                'terraincombine name=c ! terrainextract ! application/x-ndjson ! filesink location=received.jsonl')
         closed = server.stdout.readline()
@@ -264,6 +269,35 @@ def rtsp_refuses_what_it_cannot_do(folder):
         taken.bind(('0.0.0.0', 0))
         taken.listen()
         contains(run(os.environ['RTSP_SERVER'], '--port', taken.getsockname()[1], code=1).stderr, 'in use')
+    bare = {**os.environ, 'GST_PLUGIN_SYSTEM_PATH': str(folder), 'GST_REGISTRY': str(folder / 'registry')}
+    contains(run(os.environ['RTSP_SERVER'], code=3, env=bare).stderr, 'gstreamer1.0-plugins-ugly')
+    contains(run(os.environ['RTSP_SERVER'], code=3, env={**bare, 'GST_PLUGIN_PATH': ''}).stderr, 'knows no terrainseg: install it')
+
+
+@case
+def rtsp_says_why_there_is_no_picture(folder):
+    server = os.environ['RTSP_SERVER']
+    if not server:
+        raise Skip('built without gstreamer-rtsp-server-1.0')
+    absent = run(server, '--source', 'v4l2src device=/dev/no-such-camera ! decodebin', code=4).stderr
+    contains(absent, "Cannot identify device '/dev/no-such-camera'")
+    contains(absent, '--source ')
+    contains(run(server, '--source', 'nosuchsrc', code=4).stderr, 'no element "nosuchsrc"')
+    contains(run(server, '--source', 'videotestsrc', '--settings', 'no-such=1', code=4).stderr, 'no property "no-such"')
+    # What shows only when a viewer comes.
+    for source, cause in (('filesrc location=absent.mp4 ! decodebin', 'No such file "'),
+                          ('videotestsrc ! video/x-raw,interlace-mode=interleaved', 'put "deinterlace" in front of it')):
+        process = subprocess.Popen([server, '--port', str(port := free_port()), '--source', source], stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True)
+        try:
+            process.stdout.readline()
+            viewer = run('gst-launch-1.0', '-q', 'rtspsrc', f'location=rtsp://127.0.0.1:{port}/rover', '!', 'fakesink', code=1)
+            contains(viewer.stderr, '503')
+        finally:
+            process.send_signal(signal.SIGINT)
+            said = process.communicate(timeout=30)[1]
+        contains(said, cause)
+        equal(said.count('rtsp_server: error'), 1, said)
 
 
 @case
@@ -363,6 +397,97 @@ def attitude_moves_the_metres(folder):
         expected = 135 / math.tan(math.radians(2.75) + 0.35 + math.atan(90 / 262.4))
         near = [n for n in nearest if abs(n - expected) < 4]
         assert len(near) > 20, (expected, nearest)
+
+
+RTP_CLOCK = """
+import datetime, json, sys, time
+import gi
+gi.require_version('Gst', '1.0')
+from gi.repository import Gst
+Gst.init(None)
+port = int(sys.argv[1])
+video = 'terrainscenesrc is-live=true num-buffers=90 ! video/x-raw,format=I420,width=160,height=96,framerate=15/1'
+sender = Gst.parse_launch(f'''rtpbin name=r ntp-time-source=ntp
+  {video} ! identity name=taken ! x264enc tune=zerolatency key-int-max=5 speed-preset=ultrafast ! h264parse config-interval=-1 ! rtph264pay ! r.send_rtp_sink_0
+  r.send_rtp_src_0 ! udpsink host=127.0.0.1 port={port} sync=false async=false
+  r.send_rtcp_src_0 ! udpsink host=127.0.0.1 port={port + 1} sync=false async=false''')
+session = sender.get_by_name('r').emit('get-internal-session', 0)
+session.set_property('rtcp-min-interval', 100 * Gst.MSECOND)
+session.set_property('rtcp-fraction', 10000.0)
+receiver = Gst.parse_launch(f'''rtpbin name=r latency=100 add-reference-timestamp-meta=true
+  udpsrc address=127.0.0.1 port={port} caps="application/x-rtp,media=video,clock-rate=90000,encoding-name=H264,payload=96" ! r.recv_rtp_sink_0
+  udpsrc address=127.0.0.1 port={port + 1} ! r.recv_rtcp_sink_0
+  r. ! application/x-rtp,media=video ! rtph264depay ! h264parse ! avdec_h264 ! terrainseg ! terrainextract ! application/x-ndjson ! appsink name=lines sync=false''')
+taken = []
+def note(pad, info):
+    taken.append(time.time())
+    return Gst.PadProbeReturn.OK
+sender.get_by_name('taken').get_static_pad('src').add_probe(Gst.PadProbeType.BUFFER, note)
+receiver.set_state(Gst.State.PLAYING)
+time.sleep(0.3)
+sender.set_state(Gst.State.PLAYING)
+told = []
+while sample := receiver.get_by_name('lines').emit('try-pull-sample', 3 * Gst.SECOND):
+    buffer = sample.get_buffer()
+    told.append(json.loads(buffer.extract_dup(0, buffer.get_size())).get('utc'))
+sender.set_state(Gst.State.NULL)
+receiver.set_state(Gst.State.NULL)
+known = [datetime.datetime.fromisoformat(each.replace('Z', '+00:00')).timestamp() for each in told if each]
+print(json.dumps({'frames': len(told), 'known': len(known), 'off': [min(abs(each - at) for at in taken) for each in known],
+                  'steps': [b - a for a, b in zip(known, known[1:])]}))
+"""
+
+
+@case
+def rtp_tells_the_time_of_day(folder):
+    pathlib.Path('clock.py').write_text(RTP_CLOCK)
+    result = json.loads(run(PYTHON, 'clock.py', free_udp_block(2)).stdout)
+    assert result['known'] >= result['frames'] // 2 > 20, result
+    # The instant at which the sender took the frame; a busy machine takes its own time between clock and note.
+    off = sorted(result['off'])
+    assert off[len(off) * 9 // 10] < 0.03, result
+    assert all(step > 0 for step in result['steps']), result
+
+
+@case
+def mavlink_on_a_serial_line(folder):
+    here, line = pty.openpty()
+    tty.setraw(line)
+    with subprocess.Popen(['gst-launch-1.0', '-q', 'terrainscenesrc', 'is-live=true', 'num-buffers=60', '!', 'video/x-raw,width=160,height=96,framerate=30/1', '!',
+                           'terrainseg', '!', 'terrainextract', '!', 'application/x-mavlink', '!', 'filesink', f'location={os.ttyname(line)}', 'buffer-mode=unbuffered']) as sender:
+        data = b''
+        while sender.poll() is None or select.select([here], [], [], 0.2)[0]:
+            if select.select([here], [], [], 0.2)[0]:
+                data += os.read(here, 4096)
+    equal(sender.returncode, 0, 'exit')
+    messages = collections.Counter()
+    while data:
+        equal(data[0], 0xfd, 'a frame begins')
+        messages[int.from_bytes(data[7:10], 'little')] += 1
+        data = data[12 + data[1]:]
+    assert 25 <= messages[330] <= 31 and messages[0] >= 2 and len(messages) == 2, messages
+
+
+@case
+def a_silent_autopilot_is_told(folder):
+    program = [PYTHON, EXAMPLES / 'python/attitude_to_pose.py', '--listen', f'127.0.0.1:{free_port()}']
+    source = 'terrainscenesrc is-live=true num-buffers={} ! video/x-raw,width=160,height=96,framerate=30/1 ! terrainseg ! fakesink'
+    contains(run(*program, source.format(150)).stderr, 'no ATTITUDE of an autopilot')
+    equal(run(*program, source.format(30)).stderr, '', 'one second')
+
+
+@case
+def a_warning_is_shown_once_and_the_log_is_not(folder):
+    source = 'terrainscenesrc num-buffers=20 ! video/x-raw,width=160,height=96'
+    plain = {key: value for key, value in os.environ.items() if not key.startswith('GST_DEBUG')}
+    told = run(EXAMPLES / 'camera.sh', env={**plain, 'SOURCE': source, 'VIEW': 'fakesink', 'SETTINGS': 'window-bottom=5000'}).stderr.splitlines()
+    equal([line[:58] for line in told], ['WARNING: from element terrainseg0: The training window (wi'], told)
+    grey = 'terrainscenesrc num-buffers=200 ! video/x-raw,width=64,height=48 ! videobalance saturation=0'
+    told = run(EXAMPLES / 'camera.sh', env={**plain, 'SOURCE': grey, 'VIEW': 'fakesink'}).stderr.splitlines()
+    equal([line[:52] for line in told], ['WARNING: from element terrainseg0: The video is NV12'], told)
+    contains(run(EXAMPLES / 'ardupilot.sh', env={**plain, 'SOURCE': source}).stderr, 'The autopilot is told that nothing is known')
+    wrong = run(EXAMPLES / 'camera.sh', code=255, env={**plain, 'SOURCE': source, 'VIEW': 'fakesink', 'SETTINGS': 'camera-info=none.yaml mount=height=1'})
+    equal(wrong.stderr.count('No such file'), 2, 'error and details of gst-launch-1.0')
 
 
 def self_test(name):

@@ -11,6 +11,9 @@ import subprocess
 import sys
 import tempfile
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from tap import installing  # noqa: E402
+
 C_PROGRAM = r'''
 #include <gst/terrainseg/terrainsegmeta.h>
 int main (int argc, char **argv) {
@@ -77,7 +80,7 @@ def main():
     if 'terrainseg' not in run(['meson', 'devenv', '-C', str(build), 'gst-inspect-1.0', 'terrainseg']):
         sys.exit('meson devenv: gst-inspect-1.0 terrainseg does not answer')
 
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, installing(build):
         root = pathlib.Path(folder)
         run(['meson', 'install', '-C', str(build), '--no-rebuild', '--quiet', '--destdir', str(root / 'image')])
         image = root / 'image'
@@ -110,7 +113,7 @@ def main():
 
         # What was installed goes again, folders that it made included.
         run(['ninja', '-C', str(build), 'uninstall'])
-        left = [str(path.relative_to(image)) for path in image.rglob('*') if not path.is_dir()]
+        left = [str(path.relative_to(image)) for path in image.rglob('*')]
         if left:
             sys.exit(f'ninja uninstall leaves {left}')
 

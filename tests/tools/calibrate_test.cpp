@@ -127,6 +127,17 @@ TEST(MountFit, ARowOfErrorCostsWhatItSays) {
   EXPECT_LT(fit.root_mean_square, 1.1);
 }
 
+TEST(MountFit, TheOtherHeightIsTheOneThatIsPrinted) {
+  // d1 d2 / h = 12 m. Near 30 m is a third mount, whose near point lies behind the camera's foot.
+  const auto camera = camera_of_vectors();
+  const std::vector<MeasuredPoint> points{measured(camera, 0.5, 2 * degree, 0, 1.5, 0),
+                                          measured(camera, 0.5, 2 * degree, 0, 4.0, 0)};
+  const MountFit fit = fit_mount(camera, points, {});
+  EXPECT_NEAR(fit.mount.height, 0.5, 1e-4);
+  ASSERT_TRUE(fit.other_height);
+  EXPECT_NEAR(*fit.other_height, 12, 0.02);
+}
+
 TEST(MountFit, TwoDistancesLeaveTwoHeightsAndAThirdOrTheHeightTells) {
   const auto camera = camera_of_vectors();
   std::vector<MeasuredPoint> points{measured(camera, 2.0, 40 * degree, 0, 1.5, 0),
@@ -243,7 +254,10 @@ TEST(HorizonCheck, ComparesTheMedianOfConfidentFrames) {
 TEST(HorizonCheck, RefusesOtherLines) {
   for (const std::string& text :
        {std::string("{}\n"), std::string("x\n"),
-        line(0, "1", 200) + R"({"width":320,"height":240,"horizon":{"row":null}})"}) {
+        line(0, "1", 200) + R"({"width":320,"height":240,"horizon":{"row":null}})",
+        std::string(R"({"width":1e300,"height":240,"horizon":{"row":null}})"),
+        std::string(R"({"width":18446744073709551615,"height":240,"horizon":{"row":null}})"),
+        line(0, "2147483647", 200), line(0, "-1e12", 200), line(0, "1.5", 200)}) {
     std::istringstream lines(text);
     EXPECT_THROW(read_horizons(lines), std::runtime_error) << text;
   }

@@ -5,6 +5,7 @@ import json
 import math
 import os
 import pathlib
+import re
 import subprocess
 import sys
 
@@ -111,6 +112,8 @@ def two_points_give_the_mount_and_a_picture(folder):
     text = calibrate('mount', '--camera-info', 'camera.yaml', *points(1.0, 3.0), '--frame', 'frame.png', '--picture', 'grid.png', '--x', '0.2')
     contains(text, 'height 0.500 m')
     contains(text, 'pitch 10.00 degrees')
+    residuals = [float(value) for value in re.findall(r'([+-]\d+\.\d\d) rows', text)]
+    assert len(residuals) == 2 and max(map(abs, residuals)) <= 0.02, text
     mount = numbers('mount.yaml')['mount']
     assert abs(mount['height'] - HEIGHT) < 1e-4 and abs(mount['pitch'] - PITCH) < 1e-4, mount
     equal((mount['roll'], mount['x']), (0, 0.2))

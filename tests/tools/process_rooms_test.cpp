@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <wchar.h>
 
+#include <array>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -14,6 +15,7 @@
 #include "tools/process/container.hpp"
 #include "tools/process/display.hpp"
 #include "tools/process/inputs.hpp"
+#include "tools/process/manifest.hpp"
 #include "tools/process/outputs.hpp"
 #include "tools/process/shard.hpp"
 
@@ -550,6 +552,78 @@ TEST_F(Outputs, NamesTellWholeFromPartial) {
   const Naming bare(folder, "");
   EXPECT_EQ(bare.output(Output::json).filename(), "terrain.jsonl");
   EXPECT_EQ(bare.output(Output::annotated, true).filename(), "partial.annotated.mp4");
+}
+
+// ---- manifests
+
+class Manifests : public InFolder {
+ protected:
+  Check checked(const std::string& text) {
+    Options options;
+    options.check = write("manifest", text).string();
+    const auto result = check_manifest(options, {});
+    EXPECT_TRUE(std::holds_alternative<Check>(result));
+    return std::holds_alternative<Check>(result) ? std::get<Check>(result) : Check();
+  }
+  static std::string head(const std::string& shard, const std::string& shards, const std::string& inputs) {
+    return R"({"manifest":1,"output_dir":"/","shard":)" + shard + R"(,"shards":)" + shards + R"(,"inputs":)" +
+           inputs + "}\n";
+  }
+};
+
+TEST_F(Manifests, MissingShardsInARowAreOneLine) {
+  const std::vector<std::string> expected = {"shard 1/7 has no manifest", "shards 3 to 5/7 have no manifest",
+                                             "shard 7/7 has no manifest"};
+  EXPECT_EQ(checked(head("2", "7", "0") + head("6", "7", "0")).again, expected);
+  EXPECT_TRUE(checked(head("1", "2", "0") + head("2", "2", "0")).again.empty());
+  EXPECT_EQ(checked(head("1", "1000000", "0")).again,
+            std::vector<std::string>{"shards 2 to 1000000/1000000 have no manifest"});
+}
+
+TEST_F(Manifests, NumbersThatCannotBeAreALineThatCannotBeRead) {
+  const std::vector<std::string> expected = {"line 1 of the manifest cannot be read"};
+  for (const auto& [shard, shards, inputs] : {std::array<const char*, 3>{"1", "2000000000", "1"},
+                                              {"1", "1e300", "1"},
+                                              {"3", "2", "1"},
+                                              {"0", "2", "1"},
+                                              {"-1", "2", "1"},
+                                              {"1", "-2", "1"},
+                                              {"1", "1", "-1"},
+                                              {"1", "1", "1e300"}})
+    EXPECT_EQ(checked(head(shard, shards, inputs)).again, expected)
+        << shard << "/" << shards << " " << inputs;
+  EXPECT_EQ(checked(head("1", "1", "1") +
+                    R"({"input":"a","status":"complete","outputs":{"csv":{"file":"a","bytes":-1}}})"
+                    "\n")
+                .again,
+            std::vector<std::string>{"a: its line in the manifest cannot be read"});
+}
+
+TEST_F(Manifests, ALineMayBeNestedAsDeepAsItLikes) {
+  const std::string deep(1 << 19, '['), back(1 << 19, ']');
+  const Check check =
+      checked(head("1", "1", "1") + R"({"input":"a","status":"failed","more":)" + deep + back + "}\n");
+  EXPECT_EQ(check.again, std::vector<std::string>{"a: failed: no cause is given"});
+}
+
+TEST_F(Manifests, AreToldFromOtherFilesByTheirBeginning) {
+  EXPECT_TRUE(is_manifest(write("manifest", head("1", "1", "1"))));
+  EXPECT_FALSE(is_manifest(write("notes", "mine\n")));
+  EXPECT_FALSE(is_manifest(write("empty", "")));
+  const auto sparse = write("sparse");
+  fs::resize_file(sparse, std::uintmax_t{1} << 32); // one line
+  EXPECT_FALSE(is_manifest(sparse));
+}
+
+TEST_F(Outputs, ARecordWhoseLengthIsNoneIsNone) {
+  const auto record = [](const std::string& bytes) {
+    return R"({"input":{"place":"/a","bytes":)" + bytes + R"(,"fingerprint":"f"}})";
+  };
+  const auto origin = read_origin(write("whole", record("7")));
+  ASSERT_TRUE(origin);
+  EXPECT_EQ(origin->identity.bytes, 7u);
+  for (const char* bytes : {"1e300", "-1", "7.5", "null"})
+    EXPECT_FALSE(read_origin(write("broken", record(bytes)))) << bytes;
 }
 
 } // namespace

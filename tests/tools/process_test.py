@@ -4,6 +4,7 @@
 import contextlib
 import csv
 import errno
+import functools
 import hashlib
 import json
 import math
@@ -20,7 +21,7 @@ import sys
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from tap import Skip, contains, equal, main  # noqa: E402
+from tap import Skip, contains, equal, installing, main  # noqa: E402
 
 PROCESS = os.environ['TERRAINSEG_PROCESS']
 KINDS = ('annotated.mp4', 'masks.mkv', 'jsonl', 'csv')
@@ -294,8 +295,8 @@ def settings_reach_the_elements(folder):
     line = json.loads(open('out/clip.jsonl').readline())
     equal(line['window'], [64, 96, 32, 16], 'window')
     contains(json.load(open('out/clip.summary.json'))['settings'], 'window-bottom=8')
-    equal(set(raw('out/clip.masks.mkv', 'gray')[y * 160 + x] for y in range(16) for x in range(16)), {128},
-          'the ignored corner')
+    mask = raw('out/clip.masks.mkv', 'gray')
+    equal(set(mask[y * 160 + x] for y in range(16) for x in range(16)), {128}, 'the ignored corner')
 
 
 @case
@@ -453,8 +454,8 @@ def every_camera_that_was_turned_is_turned_back(folder):
     kinds = {'mp4': (), 'ten': ('-pix_fmt', 'yuv420p10le', '-c:v', 'libx265', '-x265-params', 'log-level=error'),
              'four22': ('-pix_fmt', 'yuv422p'), 'four22ten': ('-pix_fmt', 'yuv422p10le')}
     for name, extra in kinds.items():
+        video('flat.mp4', frames=4, size='96x64', extra=extra)
         for angle, size in ((90, (64, 96)), (180, (96, 64)), (270, (64, 96))):
-            video('flat.mp4', frames=4, size='96x64', extra=extra)
             if supports_display_rotation():
                 ffmpeg('-display_rotation', angle, '-i', 'flat.mp4', '-c', 'copy', f'{name}{angle}.mp4')
             else:
@@ -496,6 +497,7 @@ def the_filters_own_time_is_told(folder):
     contains(line, f'filter {own:.2f} ms')
 
 
+@functools.cache
 def supports_display_rotation():
     text = subprocess.run(['ffmpeg', '-h', 'full'], capture_output=True, text=True).stdout
     return '-display_rotation' in text
@@ -745,6 +747,9 @@ def a_check_names_what_is_missing_or_damaged(folder):
     equal(checked.returncode, 75, checked.stderr)
     contains(checked.stderr, 'of the manifest cannot be read')
     contains(ok('--check', 'list', code=2).stderr, 'is no manifest')
+    nothing = subprocess.run([PROCESS, '--check', '-'], stdin=subprocess.DEVNULL, text=True, capture_output=True)
+    equal(nothing.returncode, 2)
+    contains(nothing.stderr, 'what standard input gave is no manifest')
     contains(ok('--check', 'absent', code=2).stderr, 'No such file')
 
 
@@ -764,7 +769,7 @@ def a_manifest_replaces_no_other_file(folder):
 
 @case
 def threads_are_bounded(folder):
-    video('clip.mp4', frames=900, size='320x240')
+    video('clip.mp4', frames=300, size='320x240')
 
     def most_threads(*arguments):
         process = subprocess.Popen([PROCESS, '-q', '-o', 'out', *arguments, 'clip.mp4'])
@@ -789,8 +794,23 @@ def a_moving_gif_ends(folder):
     assert time.monotonic() - begin < 20, 'it waited'
     check_outputs('out/loop', 12, (64, 48))
     data = pathlib.Path('loop.gif').read_bytes()
-    pathlib.Path('cut.gif').write_bytes(data[:len(data) * 2 // 3])
-    contains(ok('-q', '-o', 'out', 'cut.gif', code=1).stderr, 'cut.gif: the file is cut off')
+    # Its demuxer takes the end for nothing yet, and would ask for more for ever, with a lock that encoders want.
+    for length in (10, 50, len(data) * 2 // 3, len(data) - 1):
+        pathlib.Path('cut.gif').write_bytes(data[:length])
+        begin = time.monotonic()
+        error = ok('-q', '-o', 'cut', '--stall-timeout', 60, 'cut.gif', code=1).stderr
+        contains(error, 'cut.gif: the file is cut off: its end mark is missing')
+        assert time.monotonic() - begin < 30 and 'stall' not in error, (length, error)
+    contains(error, '12 frames, is kept')
+    equal(json.loads(pathlib.Path('cut/cut.partial.summary.json').read_text())['frames'], 12, 'frames')
+    # One run in forty never ended.
+    for _ in range(8):
+        runs = [subprocess.Popen([PROCESS, '-q', '-o', f'cut{i}', 'cut.gif'], stderr=subprocess.DEVNULL) for i in range(6)]
+        for each in runs:
+            try:
+                equal(each.wait(timeout=30), 1, 'exit code')
+            finally:
+                each.kill()
 
 
 @case
@@ -906,8 +926,8 @@ def a_model_that_is_saved_is_whole_after_any_fault(folder):
             assert not others or code < 0, f'{name}: what failed leaves nothing behind'
 
 
-def start_long_run(out):
-    video('long.mp4', frames=2000, size='320x240')
+def start_long_run(out, size='160x120'):
+    video('long.mp4', frames=2000, size=size)
     process = subprocess.Popen([PROCESS, '-o', out, 'long.mp4'], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     deadline = time.monotonic() + 60
     part = pathlib.Path(out, 'long.csv.part')
@@ -941,7 +961,7 @@ def interrupted_leaves_nothing_unfinished(folder):
 
 @case
 def two_runs_never_write_the_same_file(folder):
-    first = start_long_run('out')
+    first = start_long_run('out', '320x240')
     try:
         result = ok('-o', 'out', 'long.mp4', code=75)
         contains(result.stderr, 'another run is writing it')
@@ -1034,8 +1054,10 @@ def the_plugin_is_found_without_help(folder):
 @case
 def an_installation_that_was_moved_finds_its_plugin(folder):
     video('clip.mp4', frames=3)
-    subprocess.run(['meson', 'install', '-C', os.environ['TERRAINSEG_BUILD'], '--no-rebuild', '--destdir',
-                    folder / 'moved'], check=True, capture_output=True)
+    build = os.environ['TERRAINSEG_BUILD']
+    with installing(build):
+        subprocess.run(['meson', 'install', '-C', build, '--no-rebuild', '--destdir', folder / 'moved'],
+                       check=True, capture_output=True)
     program = next((folder / 'moved').rglob('bin/terrainseg-process'))
     environment = {name: value for name, value in os.environ.items() if not name.startswith('GST_PLUGIN')}
     environment['GST_REGISTRY'] = str(folder / 'registry')
@@ -1087,4 +1109,4 @@ if __name__ == '__main__':
     for tool in 'ffmpeg', 'ffprobe':
         if not shutil.which(tool):
             sys.exit(f'{tool} is missing: apt-get install ffmpeg')
-    main(CASES)
+    main(CASES, at_once=2)

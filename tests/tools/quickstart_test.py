@@ -59,6 +59,20 @@ def check(size, frames, prefix=''):
 
 
 @case
+def long_commands_are_never_silent(folder):
+    script = f'. {TOP}/examples/heartbeat.sh; heartbeat log bash -c \'for i in 1 2 3; do echo "[$i/3] step"; sleep 4; done; exit 7\''
+    process = subprocess.Popen(['bash', '-c', script], stdout=subprocess.PIPE, text=True)
+    last, longest, lines = time.monotonic(), 0.0, []
+    for line in process.stdout:
+        longest, last = max(longest, time.monotonic() - last), time.monotonic()
+        lines.append(line.strip())
+    equal(process.wait(), 7, 'status')
+    assert lines and lines[0] == '[2/3] step' and longest < 9, (lines, longest)
+    text = shell(['bash', '-c', f'. {TOP}/examples/heartbeat.sh; heartbeat log sleep 13']).stdout
+    equal([line.strip() for line in text.splitlines()][:2], ['waiting ...', 'waiting ... (still)'], 'a command without a word')
+
+
+@case
 def without_a_video_it_renders_one_and_what_it_says_next_works(folder):
     text = quickstart().stdout
     equal(size_of('results/annotated.mp4'), (640, 360), 'size')
@@ -113,19 +127,5 @@ def settings_reach_the_filter_and_a_bonnet_is_named(folder):
     equal(window[1] + window[3], 240 - rows, 'the lower edge of the window')
 
 
-@case
-def long_commands_are_never_silent(folder):
-    script = f'. {TOP}/examples/heartbeat.sh; heartbeat log bash -c \'for i in 1 2 3; do echo "[$i/3] step"; sleep 4; done; exit 7\''
-    process = subprocess.Popen(['bash', '-c', script], stdout=subprocess.PIPE, text=True)
-    last, longest, lines = time.monotonic(), 0.0, []
-    for line in process.stdout:
-        longest, last = max(longest, time.monotonic() - last), time.monotonic()
-        lines.append(line.strip())
-    equal(process.wait(), 7, 'status')
-    assert lines and lines[0] == '[2/3] step' and longest < 9, (lines, longest)
-    text = shell(['bash', '-c', f'. {TOP}/examples/heartbeat.sh; heartbeat log sleep 13']).stdout
-    equal([line.strip() for line in text.splitlines()][:2], ['waiting ...', 'waiting ... (still)'], 'a command without a word')
-
-
 if __name__ == '__main__':
-    main(CASES)
+    main(CASES, at_once=2)

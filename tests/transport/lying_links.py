@@ -1,10 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""usage: lying_links.py [CASE...]      CASE: FAULT-LINK, or late, restart, jump; without words: all
+"""usage: lying_links.py [CASE...]      CASE: FAULT-LINK, late, restart or jump, and -stamp or -parse behind; without words: all
+
+-stamp: the rover writes precision times into its pictures (terrainstamp), and the ground reads them in front of its
+decoder; -parse: the ground takes what h264parse reads, without that element. Then no fault may put a mask on a wrong frame.
 
 A rover and a ground station with a proxy between them that drops, reorders, duplicates, corrupts, delays or splits
 datagrams for a while. Links: ts (MPEG-TS over UDP), rtp (MPEG-TS over RTP), klv (video and units as two RTP streams).
-Every picture has its run and number painted into it, twice, so what a mask is put on is known without the metadata.
+Every picture has its run and number painted into it, plain and scrambled, so what a mask is put on is known without the metadata.
 A line on the ground has to be, in every value, the rover's line of the frame that is in the picture; and within a
 second of video after the last fault at least nine of ten frames have their mask again."""
 import collections
@@ -29,31 +32,41 @@ import transport  # noqa: E402
 from ports import free_udp_block  # noqa: E402
 
 WIDTH, HEIGHT, RATE = 320, 240, 25
+META = 'GstTerrainSegMeta'
 FIRST_FAULT, LAST_FAULT, FRAMES = 25, 60, 125  # numbers of frames
 CELL = 16               # pixels of a painted bit's side
 PLACES = (0, 96)        # rows where the code stands
 RECOVERY = RATE         # frames: one second of video
+READERS = {'': '', 'stamp': '! terrainstamp mode=read ', 'parse': ''}
 CAPS = f'video/x-raw,format=I420,width={WIDTH},height={HEIGHT},framerate={RATE}/1'
 
 
+def scrambled(code):
+    """Another word of twenty bits. Where frames are lost a decoder adds the difference of a later picture to an earlier one,
+    and what is painted then is the number of neither; no difference of two numbers is one of these words, too."""
+    for factor in (0xb5297, 0x68e31):
+        code = (code ^ code >> 9) * factor & 0xfffff
+    return code ^ code >> 11
+
+
 def paint(luma, run, number):
-    """Twenty bits side by side, each above its inverse: four of the run, sixteen of the number."""
-    for place in PLACES:
+    """Twenty bits side by side, each above its inverse: four of the run, sixteen of the number, and below all scrambled."""
+    for place, word in zip(PLACES, (run << 16 | number, scrambled(run << 16 | number))):
         for i in range(20):
-            bit = (run << 16 | number) >> i & 1
+            bit = word >> i & 1
             for row, value in ((0, bit), (1, 1 - bit)):
                 luma[place + row * CELL:place + (row + 1) * CELL, i * CELL:(i + 1) * CELL] = 40 + 170 * value
 
 
 def read_code(luma):
-    """(run, number) when every bit is clear and both places say the same; else None, a damaged picture."""
+    """(run, number) when every bit is clear and both places agree; else None, a damaged picture."""
     codes = []
     for place in PLACES:
         cells = luma[place:place + 2 * CELL].astype(int).reshape(2, CELL, 20, CELL)[:, 4:12, :, 4:12].mean(axis=(1, 3))
         if (abs(cells[0] - cells[1]) < 100).any():
             return None
         codes.append(sum(int(cells[0, i] > cells[1, i]) << i for i in range(20)))
-    return (codes[0] >> 16, codes[0] & 0xffff) if codes[0] == codes[1] else None
+    return (codes[0] >> 16, codes[0] & 0xffff) if scrambled(codes[0]) == codes[1] else None
 
 
 def scene():
@@ -102,26 +115,44 @@ class Ground(transport.Pipeline):
 
     def __init__(self, inlet):
         super().__init__(inlet)
-        self.codes = queue.SimpleQueue()
-        self.matches = []  # (code in the picture, line)
+        self.codes = queue.SimpleQueue()  # of frames with a mask: lines come in their order. Time stamps would not do, in bursts frames share them
+        self.shown = set()
+        self.stale = set()                # numbers of matches whose picture had been shown before
+        self.matches = []                 # (code in the picture, line)
         for name in ('sink', 'meta', 'src'):
             self.count('combine', name)
         self.pipeline.get_by_name('combine').get_static_pad('src').add_probe(Gst.PadProbeType.BUFFER, self.look)
+        if rtp := self.pipeline.get_by_name('rtp'):
+            rtp.connect('pad-added', self.take_stray)
+
+    def take_stray(self, _rtp, pad):
+        """A flipped bit in an RTP header makes a stream of its own, and what nobody takes ends the whole session."""
+        if pad.get_direction() == Gst.PadDirection.SRC and not pad.is_linked():
+            sink = Gst.ElementFactory.make('fakesink', None)
+            sink.set_property('async', False)
+            sink.set_property('sync', False)
+            self.pipeline.add(sink)
+            sink.sync_state_with_parent()
+            pad.link(sink.get_static_pad('sink'))
 
     def look(self, pad, info):
         buffer = info.get_buffer()
         layout = GstVideo.buffer_get_video_meta(buffer)
         offset, stride = (layout.offset[0], layout.stride[0]) if layout else (0, WIDTH)
         luma = numpy.frombuffer(buffer.extract_dup(offset, stride * HEIGHT), numpy.uint8).reshape(HEIGHT, stride)
-        self.codes.put((buffer.pts, read_code(luma[:, :WIDTH])))
+        code = read_code(luma[:, :WIDTH])
+        if buffer.get_custom_meta(META):
+            self.codes.put((buffer.pts, code, code in self.shown))
+        self.shown.add(code)
         return Gst.PadProbeReturn.OK
 
     def take_line(self, sink):
         result = super().take_line(sink)
         line = self.lines[-1]
-        pts = code = None
-        while pts != line['pts']:  # frames without a unit give no line
-            pts, code = self.codes.get(timeout=5)
+        pts, code, stale = self.codes.get(timeout=5)
+        assert pts == line['pts'], 'lines and frames are out of step'
+        if stale:
+            self.stale.add(len(self.matches))
         self.matches.append((code, transport.comparable(line)))
         return result
 
@@ -238,24 +269,27 @@ def split(proxy, port, data):
 FAULTS = {each.__name__: each for each in (drop, reorder, duplicate, corrupt, delay, split)}
 
 
-def link(kind):
+def link(kind, stamps):
     """The rover's end, the ground's, and the ports that lie between."""
     base = free_udp_block(8)
-    encoder = transport.ENCODER
+    encoder = transport.ENCODER + (' ! terrainstamp' if stamps else '')
+    reader = READERS[stamps]
     mux = (f't. ! queue ! {encoder} ! queue ! mux. t. ! queue ! terrainextract ! meta/x-klv,parsed=true ! queue ! mux. '
            'mpegtsmux name=mux alignment=7 latency=100000000 ! ')
     if kind == 'ts':
         return (mux + f'udpsink host=127.0.0.1 port={base} sync=false',
-                f'udpsrc port={base + 1} address=127.0.0.1 buffer-size=2000000 ! tsparse ! {transport.DEMUX}', [base])
+                f'udpsrc port={base + 1} address=127.0.0.1 buffer-size=2000000 ! tsparse ! {transport.demux(reader)}', [base])
     if kind == 'rtp':
         caps = 'application/x-rtp,media=video,clock-rate=90000,encoding-name=MP2T,payload=33'
         return (mux + f'rtpmp2tpay ! udpsink host=127.0.0.1 port={base} sync=false',
                 f'udpsrc port={base + 1} address=127.0.0.1 buffer-size=2000000 caps="{caps}" ! '
-                f'rtpjitterbuffer latency=100 ! rtpmp2tdepay ! {transport.DEMUX}', [base])
+                f'rtpjitterbuffer latency=100 ! rtpmp2tdepay ! {transport.demux(reader)}', [base])
     udp = 'sync=false async=false'
+    # After a loss rtpklvdepay 1.22 refuses every unit of more than one packet, until one of one packet comes.
+    one_packet = 'mtu=65000' if stamps else ''
     rover = ('rtpbin name=rtp '
              f't. ! queue ! {encoder} ! rtph264pay pt=96 ! rtp.send_rtp_sink_0 '
-             't. ! queue ! terrainextract ! meta/x-klv,parsed=true ! rtpklvpay pt=97 ! rtp.send_rtp_sink_1 ')
+             f't. ! queue ! terrainextract ! meta/x-klv,parsed=true ! rtpklvpay pt=97 {one_packet} ! rtp.send_rtp_sink_1 ')
     ground = 'rtpbin name=rtp latency=100 '
     payloads = ('video,clock-rate=90000,encoding-name=H264,payload=96', 'application,clock-rate=90000,encoding-name=SMPTE336M,payload=97')
     for i, payload in enumerate(payloads):
@@ -264,8 +298,12 @@ def link(kind):
         ground += (f'udpsrc port={base + 4 + 2 * i} address=127.0.0.1 caps="application/x-rtp,media={payload}" ! rtp.recv_rtp_sink_{i} '
                    f'udpsrc port={base + 5 + 2 * i} address=127.0.0.1 ! rtp.recv_rtcp_sink_{i} ')
     return rover, ground + (
-        'rtp. ! application/x-rtp,media=video ! rtph264depay ! h264parse ! avdec_h264 ! combine.sink '
+        f'rtp. ! application/x-rtp,media=video ! rtph264depay ! h264parse {reader}! avdec_h264 ! combine.sink '
         'rtp. ! application/x-rtp,media=application ! rtpklvdepay ! combine.meta ' + transport.GROUND), list(range(base, base + 4))
+
+
+def stamps_of(name):
+    return next((way for way in READERS if way and name.endswith('-' + way)), '')
 
 
 def recovered_at(numbers, begin):
@@ -280,12 +318,16 @@ def recovered_at(numbers, begin):
 def judge(name, rovers, ground, begin):
     """`begin`: number of the last run's frame from which on the link was sound."""
     stats = ground.stats()
+    stamped = stamps_of(name)
     sent = {rover.run: rover.sent() for rover in rovers}
     readable = [(code, line) for code, line in ground.matches if code is not None]
+    if name.startswith('corrupt'):
+        # A flipped bit in a slice's header makes a picture the copy of an older one: a number shown before names no frame.
+        readable = [each for i, each in enumerate(ground.matches) if each[0] is not None and i not in ground.stale]
     wrong = [(code, line['frame']) for code, line in readable if sent.get(code[0], {}).get(code[1]) != line]
     # A picture too damaged to be read still must not bring a unit that nobody sent.
     invented = [line['frame'] for code, line in ground.matches
-                if code is None and all(lines.get(line['frame']) != line for lines in sent.values())]
+                if (code, line) not in readable and all(lines.get(line['frame']) != line for lines in sent.values())]
     last = rovers[-1]
     numbers = [code[1] for code, _ in readable if code[0] == last.run]
     at = recovered_at(numbers, begin)
@@ -294,6 +336,8 @@ def judge(name, rovers, ground, begin):
           f'({len(readable)} pictures with a mask could be read), '
           f'{len(wrong)} on a wrong frame, {len(invented)} invented; sound again after {after} s; {stats}')
     good = transport.report(not wrong and not invented, f'{name}: never a mask on a wrong frame {wrong[:5]}{invented[:5]}')
+    good &= transport.report(stats['matched-precisely'] == (stats['matched'] if stamped else 0),
+                             f'{name}: {stats["matched-precisely"]} of {stats["matched"]} matched by precision time')
     good &= transport.report(len(readable) >= 20, f'{name}: enough pictures could be read')
     good &= transport.report(at is not None and at - begin <= RECOVERY, f'{name}: recovery within a second of video')
     good &= transport.report(len({json.dumps(line["mask"]) for line in sent[last.run].values()}) > FRAMES // 4,
@@ -302,8 +346,8 @@ def judge(name, rovers, ground, begin):
 
 
 def fault_case(name, frames):
-    fault, kind = name.split('-')
-    rover_end, ground_end, ports = link(kind)
+    fault, kind = name.split('-')[:2]
+    rover_end, ground_end, ports = link(kind, stamps_of(name))
     ground, rover, proxy = Ground(ground_end), Rover(frames, rover_end), Proxy(ports, FAULTS[fault])
     if kind == 'klv':  # until the first RTCP report two RTP streams are not in step
         for session in (0, 1):
@@ -332,8 +376,8 @@ def fault_case(name, frames):
         ground.stop()
 
 
-def late_case(frames):
-    rover_end, ground_end, ports = link('ts')
+def late_case(name, frames):
+    rover_end, ground_end, ports = link('ts', stamps_of(name))
     ground, rover, proxy = Ground(ground_end), Rover(frames, rover_end), Proxy(ports, drop)
     begin = []
 
@@ -344,16 +388,16 @@ def late_case(frames):
     try:
         rover.drive(FRAMES, watch)
         ground.finish()
-        return judge('late', [rover], ground, begin[0])
+        return judge(name, [rover], ground, begin[0])
     finally:
         proxy.stop()
         rover.stop()
         ground.stop()
 
 
-def restart_case(frames):
+def restart_case(name, frames):
     """The sender is switched off in the middle and begins again from frame 0 with other times."""
-    rover_end, ground_end, ports = link('ts')
+    rover_end, ground_end, ports = link('ts', stamps_of(name))
     ground, proxy = Ground(ground_end), Proxy(ports, drop)
     rovers = []
     try:
@@ -364,7 +408,7 @@ def restart_case(frames):
             rovers[-1].drive(count)
             rovers[-1].stop()
         ground.finish()
-        return judge('restart', rovers, ground, 0)
+        return judge(name, rovers, ground, 0)
     finally:
         proxy.stop()
         for rover in rovers:
@@ -372,16 +416,16 @@ def restart_case(frames):
         ground.stop()
 
 
-def jump_case(frames):
+def jump_case(name, frames):
     """The sender's clock leaps an hour ahead."""
-    rover_end, ground_end, ports = link('ts')
+    rover_end, ground_end, ports = link('ts', stamps_of(name))
     ground, rover, proxy = Ground(ground_end), Rover(frames, rover_end, jump=3600), Proxy(ports, drop)
     try:
         ground.play()
         time.sleep(0.3)
         rover.drive(FRAMES)
         ground.finish()
-        return judge('jump', [rover], ground, LAST_FAULT)
+        return judge(name, [rover], ground, LAST_FAULT)
     finally:
         proxy.stop()
         rover.stop()
@@ -390,6 +434,7 @@ def jump_case(frames):
 
 CASES = [f'{fault}-{kind}' for kind in ('ts', 'rtp', 'klv') for fault in FAULTS if kind == 'ts' or fault != 'split'] + [
     'late', 'restart', 'jump']
+CASES += [f'{case}-{way}' for way in READERS if way for case in CASES]
 
 
 def main(names):
@@ -402,7 +447,7 @@ def main(names):
     own = {'late': late_case, 'restart': restart_case, 'jump': jump_case}
     results = collections.Counter()
     for name in names or CASES:
-        results[(own[name] if name in own else lambda f, n=name: fault_case(n, f))(frames)] += 1
+        results[own.get(name.split('-')[0], fault_case)(name, frames)] += 1
         sys.stdout.flush()
     print(f'{results[True]} passed, {results[False]} failed')
     return not results[False]

@@ -109,7 +109,7 @@ class Pipeline:
 
     def stats(self):
         s = self.pipeline.get_by_name('combine').get_property('stats')
-        return {name: s.get_uint64(name).value for name in ('matched', 'lost', 'rejected', 'unused')}
+        return {name: s.get_uint64(name).value for name in ('matched', 'matched-precisely', 'lost', 'rejected', 'unused')}
 
     def stop(self):
         self.pipeline.set_state(Gst.State.NULL)
@@ -252,8 +252,13 @@ def both(rover_text, ground_text, loss=None, settling=0, prepare=None):
         ground.stop()
 
 
-DEMUX = ('tsdemux name=d d. ! queue ! h264parse ! avdec_h264 ! combine.sink '
-         'd. ! meta/x-klv ! queue ! combine.meta ' + GROUND)
+def demux(reader=''):
+    """`reader`: what stands in front of the decoder."""
+    return (f'tsdemux name=d d. ! queue ! h264parse {reader}! avdec_h264 ! combine.sink '
+            'd. ! meta/x-klv ! queue ! combine.meta ' + GROUND)
+
+
+DEMUX = demux()
 
 
 def ts_file(make_rover):

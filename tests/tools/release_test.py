@@ -1,0 +1,77 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""tools/release.sh without the packages, which tests/packages.sh builds: what it leaves and what it refuses."""
+import hashlib
+import os
+import pathlib
+import subprocess
+import sys
+import tarfile
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from tap import Skip, contains, equal, main  # noqa: E402
+
+TOP = pathlib.Path(__file__).resolve().parent.parent.parent
+CASES = []
+
+
+def case(function):
+    CASES.append(function)
+    return function
+
+
+def git(*arguments):
+    return subprocess.run(['git', '-c', 'user.name=test', '-c', 'user.email=test@localhost', *arguments], check=True, capture_output=True, text=True).stdout
+
+
+def source():
+    """What is committed, as a clone of its own; the working folder."""
+    if subprocess.run(['git', '-C', TOP, 'rev-parse', 'HEAD'], capture_output=True).returncode:
+        raise Skip('this source is no git clone')
+    git('clone', '-q', '--no-hardlinks', str(TOP), 'clone')
+    os.chdir('clone')
+
+
+def release(folder, code=0):
+    result = subprocess.run(['tools/release.sh', folder], capture_output=True, text=True, env={**os.environ, 'SOURCE_ONLY': '1'})
+    equal(result.returncode, code, result.stderr)
+    return result.stdout + result.stderr
+
+
+@case
+def the_source_and_its_checksum(folder):
+    source()
+    kept = []
+    for _ in range(2):  # again into the same folder
+        release(folder / 'out')
+        archive, = (folder / 'out').glob('*.tar.xz')
+        kept.append(archive.read_bytes())
+        checksum, name = (folder / 'out' / 'SHA256SUMS').read_text().split()
+        equal((checksum, name), (hashlib.sha256(kept[-1]).hexdigest(), archive.name), 'checksum')
+    assert kept[0] == kept[1], 'the same commit gives the same bytes'
+    top = archive.name.removesuffix('.tar.xz')
+    with tarfile.open(archive) as packed:
+        names = {name.removeprefix(f'{top}/') for name in packed.getnames() if name != top}
+        folders = {member.name.removeprefix(f'{top}/') for member in packed.getmembers() if member.isdir()}
+    equal(sorted(names - folders), sorted(git('ls-files').splitlines()), 'files')
+
+
+@case
+def what_it_refuses(folder):
+    source()
+    pathlib.Path('left-over').write_text('')
+    contains(release(folder / 'out', 1), 'something is not committed')
+    os.remove('left-over')
+    for path, old, new, said in (('meson.build', "  version: '", "  version: '9", 'debian/changelog'),
+                                 ('CHANGELOG.md', '\n## ', '\n## Not ', 'CHANGELOG.md has no section')):
+        text = pathlib.Path(path).read_text()
+        assert old in text, path
+        pathlib.Path(path).write_text(text.replace(old, new, 1))
+        git('commit', '-qam', 'another version')
+        contains(release(folder / 'out', 1), said)
+        git('reset', '-q', '--hard', 'HEAD~1')
+    assert not (folder / 'out').exists(), 'nothing is left'
+
+
+if __name__ == '__main__':
+    main(CASES)
