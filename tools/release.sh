@@ -7,6 +7,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 case "${1:-}" in --help | -h) sed -n '3,6s/^# //p' "$0"; exit ;; esac
+. examples/heartbeat.sh
 fail() { echo "release.sh: $*" >&2; exit 1; }
 
 version=$(sed -n "s/^  version: '\(.*\)',$/\1/p" meson.build)
@@ -23,11 +24,12 @@ git archive --prefix="terrainseg-$version/" HEAD | tar -x -C "$work"
 tar -C "$work" --sort=name --mtime="@$(git log -1 --format=%ct)" --owner=0 --group=0 -cJf "$work/terrainseg-$version.tar.xz" "terrainseg-$version"
 if [ "${SOURCE_ONLY:-0}" != 1 ]; then
   ./install-dependencies.sh build slow
-  (cd "$work/terrainseg-$version" && dpkg-buildpackage -b -us -uc) >"$out/build.log" 2>&1 ||
+  echo "building the packages of $version, some minutes"
+  heartbeat "$out/build.log" env -C "$work/terrainseg-$version" dpkg-buildpackage -b -us -uc ||
     { tail -n 20 "$out/build.log" >&2; fail "the packages could not be built; the whole log is $out/build.log"; }
   rm -f "$out/build.log"
   mv "$work"/*.deb "$out/"
 fi
 mv "$work/terrainseg-$version.tar.xz" "$out/"
-(cd "$out" && sha256sum -- *.deb *.tar.xz 2>/dev/null >SHA256SUMS || sha256sum -- *.tar.xz >SHA256SUMS)
+(cd "$out" && shopt -s nullglob && sha256sum -- *_"$version"[_-]*.deb "terrainseg-$version.tar.xz" >SHA256SUMS) # not those of another version
 ls -l "$out"
