@@ -140,7 +140,10 @@ void search_start_codes(Bytes unit, VideoCodec codec, StampSearch& found) {
     // A picture's end is of no interest, nor are its many bytes.
     const bool picture = is_picture(codec, type_of(codec, unit[begin]));
     const std::size_t next = picture ? unit.size() : behind_code(unit, begin);
-    const std::size_t end = next == unit.size() ? next : next - 3;
+    std::size_t end = next == unit.size() ? next : next - 3;
+    // No unit ends in a zero: what stands there is padding, or the first byte of the next code.
+    while (end > begin && unit[end - 1] == 0)
+      --end;
     if (see(unit.subspan(begin, end - begin), codec, found)) {
       const std::size_t code = begin - 3;
       found.place = code > 0 && unit[code - 1] == 0 ? code - 1 : code;

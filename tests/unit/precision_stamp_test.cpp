@@ -203,6 +203,21 @@ TEST(PrecisionStamp, WhatIsNoneOfThatFormIsNone) {
   EXPECT_FALSE(stamp_time({}, {}));
 }
 
+/// The first zero of 0 0 0 1 is no part of the unit in front: a message that was cut one byte early would take
+/// it for its last one. So is padding (trailing_zero_8bits, H.264 annex B.1.1).
+TEST(PrecisionStamp, ZerosBehindAUnitAreNotItsOwn) {
+  for (const NalFraming& framing : {h264, h265})
+    for (const std::string padding : {"", "0000"}) {
+      Bytes cut = stamp(framing, 0x000644346f766200); // its last byte but the trailing bits is a zero
+      cut.resize(cut.size() - 2);
+      const Bytes zeros = from_hex(padding), picture = nal(framing, slice(framing));
+      EXPECT_FALSE(find_stamp(cut + zeros + picture, framing).time_us);
+      const StampSearch whole = find_stamp(stamp(framing) + zeros + picture, framing);
+      EXPECT_EQ(whole.time_us, time_us);
+      EXPECT_EQ(whole.place, stamp(framing).size() + zeros.size());
+    }
+}
+
 TEST(PrecisionStamp, HostileUnits) {
   EXPECT_FALSE(find_stamp({}, h264).place);
   EXPECT_FALSE(find_stamp({}, avc).place);
