@@ -30,6 +30,7 @@
 #include "support/plugin_api.hpp"
 #include "support/precision_time.hpp"
 #include "support/properties.hpp"
+#include "support/segment_time.hpp"
 #include "support/unit_clock.hpp"
 #include "support/unit_store.hpp"
 #include "support/wall_clock.hpp"
@@ -236,7 +237,7 @@ bool has_flag(GstEvent* event, GstEventTypeFlags flag) {
 /// of times must overflow with.
 Time running_time(const GstSegment& segment, GstClockTime position) {
   guint64 time = 0;
-  if (!GST_CLOCK_TIME_IS_VALID(position) || segment.format != GST_FORMAT_TIME)
+  if (!GST_CLOCK_TIME_IS_VALID(position) || !has_running_time(segment))
     return never;
   const int sign = gst_segment_to_running_time_full(&segment, GST_FORMAT_TIME, position, &time);
   if (sign == 0 || time > static_cast<guint64>(most_time))

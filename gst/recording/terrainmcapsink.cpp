@@ -19,6 +19,7 @@
 #include "support/name_property.hpp"
 #include "support/object.hpp"
 #include "support/properties.hpp"
+#include "support/segment_time.hpp"
 #include "support/wall_clock.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainmcapsink_debug);
@@ -256,7 +257,7 @@ std::optional<std::uint64_t> time_of(GstTerrainMcapSink* self, GstBuffer* buffer
   const GstSegment& segment = GST_BASE_SINK(self)->segment;
   GstClockTime stream = GST_BUFFER_PTS(buffer);
   if (segment.format == GST_FORMAT_TIME && GST_CLOCK_TIME_IS_VALID(stream))
-    stream = gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, stream);
+    stream = stream_time_of(segment, stream);
   if (!GST_CLOCK_TIME_IS_VALID(stream)) {
     GST_ELEMENT_ERROR(self, STREAM, FORMAT,
                       ("Frames without time stamps cannot be recorded. Put do-timestamp=true on the source."),

@@ -3,7 +3,7 @@
 
 #include <gst/video/video.h>
 
-#include "support/transform.hpp"
+#include "support/segment_time.hpp"
 #include "support/wall_clock.hpp"
 
 namespace terrainseg {

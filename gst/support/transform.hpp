@@ -4,6 +4,8 @@
 
 #include <gst/base/gstbasetransform.h>
 
+#include "support/segment_time.hpp"
+
 namespace terrainseg {
 
 /// Whether an event from downstream ends here: a decoder that hears that frames are late drops some, and they
@@ -11,17 +13,6 @@ namespace terrainseg {
 /// sends the event on in any case.
 inline bool stops_qos(GstBaseTransform* transform, const GstEvent* event) {
   return GST_EVENT_TYPE(event) == GST_EVENT_QOS && !gst_base_transform_is_qos_enabled(transform);
-}
-
-/// NONE where the segment counts bytes or frames, which have no stream time.
-inline GstClockTime stream_time_of(const GstSegment& segment, GstClockTime timestamp) {
-  return segment.format == GST_FORMAT_TIME ? gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, timestamp)
-                                           : GST_CLOCK_TIME_NONE;
-}
-
-inline GstClockTime running_time_of(const GstSegment& segment, GstClockTime timestamp) {
-  return segment.format == GST_FORMAT_TIME ? gst_segment_to_running_time(&segment, GST_FORMAT_TIME, timestamp)
-                                           : GST_CLOCK_TIME_NONE;
 }
 
 /// Gives properties that a GstController binds their values at the time of `buffer`.

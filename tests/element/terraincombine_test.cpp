@@ -577,6 +577,20 @@ struct FileCombine : Combine {
 };
 
 // Nobody's clock runs: stalls on either side, longer than the latency, change nothing.
+/// No position has a running time there, and to ask GStreamer for one is fatal in these tests.
+TEST(TerrainCombine, BackwardsFromNoStop) {
+  Combine c(0);
+  for (GstHarness* h : {c.video.get(), c.meta.get()}) {
+    GstSegment segment;
+    gst_segment_init(&segment, GST_FORMAT_TIME);
+    segment.rate = -1;
+    gst_harness_push_event(h, gst_event_new_segment(&segment));
+  }
+  c.push_unit(some(1).estimate, 1);
+  EXPECT_EQ(c.push_frame(1), GST_FLOW_OK);
+  c.expect(1, false);
+}
+
 TEST(TerrainCombine, NotLiveTheDataAloneDecide) {
   FileCombine c(50);
   constexpr int frames = 60;

@@ -165,7 +165,7 @@ class Session {
     static constexpr const char* names[] = {"video/x-h264", "image/jpeg", "video/x-raw(memory:DMABuf)",
                                             "audio/x-raw", "video/x-h265"};
     static constexpr int sides[] = {1, 0, -1, 64, 32767, 32768, G_MAXINT, 7};
-    static constexpr int heights[] = {1, 0, -1, 64, 700, 32768, G_MAXINT, 7};
+    static constexpr int heights[] = {1, 0, -1, 64, 700, 65, 2, 7};
     static constexpr int ratios[] = {1, 0, -1, 3, G_MAXINT, -G_MAXINT, 4, 65536};
     GstCaps* caps = nullptr;
     if (in_.byte() & 1) {
