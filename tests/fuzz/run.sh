@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# usage: tests/fuzz/run.sh [SECONDS | night | coverage] [TARGET...]
-#   SECONDS   that long for each target (60), from the same seed each time: SEED=number for another, 0 for any
+# usage: tests/fuzz/run.sh [check | SECONDS | night | coverage] [TARGET...]
+#   check     as many inputs of each target as take about a minute, from the repository's corpus and one seed: the same inputs
+#             each time, but for threads
+#   SECONDS   that long for each target, from all inputs that are there (without a word: 60): SEED=number for another seed, 0 for any
 #   night     two hours for each target
 #   coverage  runs the inputs that are there, tests/fuzz/corpus and what earlier runs found, and says what none of them
 #             reaches, by file: build-fuzz-coverage/report.txt
@@ -17,7 +19,10 @@ targets=("$@")
   targets=(klv model_file model_frames motion metric mavlink stamp settings records terrainseg terraincombine terrainextract
     terrainoverlay terrainmcapsink)
 seconds=$mode seed=${SEED:-1}
-[ "$mode" != night ] || seconds=7200 seed=${SEED:-0}
+case $mode in
+night) seconds=7200 seed=${SEED:-0} ;;
+check | coverage) seconds=0 ;;
+esac
 
 command -v clang++ >/dev/null || { echo "fuzz: clang is not here: left out"; exit 77; }
 build=build-fuzz
@@ -48,11 +53,35 @@ longest() {
   esac
 }
 
+# What a minute holds on the slower of two machines, two targets at once.
+runs_of_check() {
+  case $1 in
+  klv | model_file | stamp) echo 1500000 ;;
+  model_frames) echo 150000 ;;
+  motion) echo 1200 ;; # drives
+  metric) echo 120000 ;;
+  mavlink) echo 240000 ;;
+  settings) echo 20000 ;;
+  records) echo 50000 ;;
+  terrainseg) echo 3000 ;;
+  terraincombine) echo 20000 ;;
+  *) echo 8000 ;;
+  esac
+}
+# Addresses are the same each time, too, where that may be asked for: libFuzzer's tables depend on them.
+fixed=()
+! setarch -R true 2>/dev/null || fixed=(setarch -R)
+
 mkdir -p build-fuzz/{samples,findings}
 export ASAN_OPTIONS=detect_leaks=0 G_SLICE=always-malloc
 LLVM_PROFILE_FILE=$build/seeds.unused "$build/tests/fuzz/fuzz_seeds" build-fuzz/samples || exit 1
+corpora=build-fuzz/corpus
+if [ "$mode" = check ]; then
+  corpora=build-fuzz/corpus-of-check
+  rm -rf "$corpora"
+fi
 for target in "${targets[@]}"; do
-  corpus=build-fuzz/corpus/$target
+  corpus=$corpora/$target
   mkdir -p "$corpus"
   [ ! -d "tests/fuzz/corpus/$target" ] || cp "tests/fuzz/corpus/$target"/* "$corpus/"
   case $target in
@@ -86,9 +115,13 @@ fi
 
 # Ends with the target's exit status in a file.
 fuzz() {
-  local status=0
-  "$build/tests/fuzz/${1}_fuzz" -seed="$seed" -max_total_time="$seconds" -max_len="$(longest "$1")" -timeout=20 -detect_leaks=0 \
-    -rss_limit_mb=1536 -print_final_stats=1 -artifact_prefix="$build/findings/$1-" "$build/corpus/$1" \
+  local status=0 inputs=("-max_total_time=$seconds" "$corpora/$1")
+  if [ "$mode" = check ]; then # a folder's order is the file system's
+    find "$corpora/$1" -type f | sort | paste -sd, >"$build/$1.seeds"
+    inputs=("-runs=$(runs_of_check "$1")" "-seed_inputs=@$build/$1.seeds")
+  fi
+  "${fixed[@]}" "$build/tests/fuzz/${1}_fuzz" -seed="$seed" -max_len="$(longest "$1")" -timeout=20 -detect_leaks=0 \
+    -rss_limit_mb=2560 -print_final_stats=1 -artifact_prefix="$build/findings/$1-" "${inputs[@]}" \
     >"$build/$1.fuzz.log" 2>&1 || status=$?
   echo "$status" >"$build/$1.status"
 }
