@@ -203,8 +203,8 @@ TEST(PrecisionStamp, WhatIsNoneOfThatFormIsNone) {
   EXPECT_FALSE(stamp_time({}, {}));
 }
 
-/// The first zero of 0 0 0 1 is no part of the unit in front: a message that was cut one byte early would take
-/// it for its last one. So is padding (trailing_zero_8bits, H.264 annex B.1.1).
+/// The first zero of 0 0 0 1 is no part of the unit in front: a message that was cut one byte early would
+/// take it for its last one. So is padding (trailing_zero_8bits, H.264 annex B.1.1).
 TEST(PrecisionStamp, ZerosBehindAUnitAreNotItsOwn) {
   for (const NalFraming& framing : {h264, h265})
     for (const std::string padding : {"", "0000"}) {
