@@ -463,15 +463,27 @@ FrameTimes times_of(const CombineState& s, const Item& frame) {
   return {frame.time, tolerance_of(s, GST_BUFFER(frame.object.get())), frame.stamp};
 }
 
-/// Whether the frames carry stamps by now, and whether the sender's time begins anew with this one.
+/// Whether the sender's time begins anew with this frame. Where the units' has, any step back is that one,
+/// and frames that meet no unit for long are behind it, too. Where it has not, neither a single wrong stamp
+/// nor a clock that is set back a little is taken for it.
+bool begins_anew(const CombineState& s, PrecisionTime stamp) {
+  if (s.units.has_later_run())
+    return stamp < s.last_stamp || s.silent_frames >= silence_frames;
+  const auto progress = s.units.precision_progress();
+  return is_anew(stamp, s.last_stamp) && progress && is_anew(stamp, *progress);
+}
+
+/// Whether the frames carry stamps by now, and in which run of the sender they are.
 void follow_stamps(CombineState& s, const FrameTimes& frame) {
   if (!frame.stamp) {
     s.stamped = s.stamped && ++s.stampless < stampless_frames;
     return;
   }
   s.stampless = 0;
-  if (std::exchange(s.stamped, true) && *frame.stamp < s.last_stamp)
-    s.counts.unused += s.units.restart_precisely(*frame.stamp);
+  if (!std::exchange(s.stamped, true))
+    s.units.begin_precisely();
+  else if (begins_anew(s, *frame.stamp))
+    s.counts.unused += s.units.leave_run();
   s.last_stamp = *frame.stamp;
 }
 

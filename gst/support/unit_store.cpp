@@ -13,26 +13,26 @@ namespace {
 constexpr Time longest_reordering = GST_SECOND;
 constexpr PrecisionTime longest_precise_reordering = longest_reordering / GST_USECOND;
 
-/// `time` lies before `now` by more than a reordering.
+} // namespace
+
 bool is_anew(PrecisionTime time, PrecisionTime now) {
   return now > time && now - time > longest_precise_reordering;
 }
 
-} // namespace
-
 std::uint64_t UnitStore::add(const UnitPlace& place, OwnedBuffer buffer, bool stamped) {
-  const bool anew = progress_ != never && place.progress < progress_ - longest_reordering;
-  const bool precisely_anew = precision_progress_ && is_anew(place.precision_progress, *precision_progress_);
   std::uint64_t dropped = 0;
-  if (stamped ? precisely_anew : anew) {
+  if (!stamped && progress_ != never && place.progress < progress_ - longest_reordering) {
     dropped = units_.size();
     clear();
-  } else if (precisely_anew) {
-    precise_.clear();
+  }
+  if (precision_progress_ && is_anew(place.precision_progress, *precision_progress_)) {
+    ++run_;
     precision_progress_.reset();
+    if (std::exchange(frames_lead_, false)) // what came meanwhile was late
+      frames_run_ = run_;
   }
   const std::size_t size = gst_buffer_get_size(buffer.get());
-  const Key key = {place.precision, arrived_++};
+  const Key key = {run_, place.precision, arrived_++};
   const auto unit = units_.emplace(place.time, Unit{std::move(buffer), key});
   precise_.emplace(key, unit);
   bytes_ += size;
@@ -65,16 +65,26 @@ OwnedBuffer UnitStore::take(Time time, Time tolerance) {
 }
 
 OwnedBuffer UnitStore::take_precise(PrecisionTime time) {
-  const auto first = precise_.lower_bound({time, 0});
-  return first != precise_.end() && first->first.first == time ? remove(first->second) : nullptr;
+  const auto first = precise_.lower_bound({frames_run_, time, 0});
+  if (first == precise_.end() || first->first.run != frames_run_ || first->first.time != time)
+    return nullptr;
+  frames_lead_ = false;
+  return remove(first->second);
 }
 
-std::uint64_t UnitStore::restart_precisely(PrecisionTime time) {
-  if (!precision_progress_ || !is_anew(time, *precision_progress_))
-    return 0;
-  const std::uint64_t dropped = units_.size();
-  clear();
-  return dropped;
+void UnitStore::begin_precisely() {
+  frames_run_ = precise_.empty() ? run_ : precise_.begin()->first.run;
+  frames_lead_ = false;
+}
+
+std::uint64_t UnitStore::leave_run() {
+  if (!has_later_run()) {
+    ++run_;
+    precision_progress_.reset();
+    frames_lead_ = true;
+  }
+  ++frames_run_;
+  return drop_before_precisely(0);
 }
 
 std::uint64_t UnitStore::drop_before(Time time) {
@@ -86,7 +96,8 @@ std::uint64_t UnitStore::drop_before(Time time) {
 
 std::uint64_t UnitStore::drop_before_precisely(PrecisionTime time) {
   std::uint64_t count = 0;
-  for (; !precise_.empty() && precise_.begin()->first.first < time; ++count)
+  for (const Key first = {frames_run_, time, 0}; !precise_.empty() && precise_.begin()->first < first;
+       ++count)
     remove(precise_.begin()->second);
   return count;
 }
@@ -104,6 +115,8 @@ void UnitStore::clear() {
   bytes_ = 0;
   progress_ = gaps_ = never;
   precision_progress_.reset();
+  frames_run_ = run_;
+  frames_lead_ = false;
 }
 
 } // namespace terrainseg

@@ -5,11 +5,11 @@
 #include <gst/gst.h>
 
 #include <algorithm>
+#include <compare>
 #include <cstdint>
 #include <limits>
 #include <map>
 #include <optional>
-#include <utility>
 
 #include "support/buffer_pool.hpp"
 
@@ -24,6 +24,9 @@ inline constexpr Time most_time = std::numeric_limits<Time>::max() / 4;
 /// Microseconds of the sender's clock, which units carry, and frames with a stamp: their precision time.
 using PrecisionTime = std::uint64_t;
 
+/// `time` lies before `now` by more than units are ever reordered: the sender has begun anew.
+bool is_anew(PrecisionTime time, PrecisionTime now);
+
 /// Where a unit stands, and what is known of those that are still to come.
 struct UnitPlace {
   Time time;     ///< running time
@@ -35,8 +38,8 @@ struct UnitPlace {
 class UnitStore {
  public:
   /// Going back by more than units are ever reordered means that the sender began anew; then what was kept is
-  /// dropped. `stamped`: frames are matched by precision time, which then decides that. Returns how many
-  /// units that were.
+  /// dropped. Returns how many units that were. `stamped`: frames are matched by precision time; where that
+  /// goes back another run begins, and frames of the one before, which are still to come, keep its units.
   std::uint64_t add(const UnitPlace& place, OwnedBuffer unit, bool stamped = false);
   /// A gap of the units ends there.
   void advance(Time progress) {
@@ -45,19 +48,23 @@ class UnitStore {
   }
   /// The nearest unit not further than `tolerance` from `time`, taken out; nullptr = none is there.
   OwnedBuffer take(Time time, Time tolerance);
-  /// The first unit of exactly this precision time, taken out; nullptr = none is there.
+  /// The first unit of exactly this precision time in the frames' run, taken out; nullptr = none is there.
   OwnedBuffer take_precise(PrecisionTime time);
   /// True when a unit for a frame of this time cannot come any more.
   bool is_past(Time time, Time tolerance) const { return progress_ != never && progress_ > time + tolerance; }
   bool is_past_precisely(PrecisionTime time) const {
-    return precision_progress_ && *precision_progress_ > time;
+    return frames_run_ < run_ || (precision_progress_ && *precision_progress_ > time);
   }
   /// The units' gaps reach beyond a frame of this time.
   bool is_gap(Time time, Time tolerance) const { return gaps_ != never && gaps_ > time + tolerance; }
   std::optional<PrecisionTime> precision_progress() const { return precision_progress_; }
-  /// A frame of this precision time begins the sender's time anew: what is kept of before is dropped. Returns
-  /// how many units that were.
-  std::uint64_t restart_precisely(PrecisionTime time);
+  /// The frames have stamps from now on: they are of the oldest run of which there are units.
+  void begin_precisely();
+  /// The units are in a later run than the frames.
+  bool has_later_run() const { return frames_run_ < run_; }
+  /// The frames are in the next run from now on, whether its units have begun or not: what is kept of before
+  /// is dropped. Returns how many units that were.
+  std::uint64_t leave_run();
   /// Drops units that no frame from `time` on can match; returns how many.
   std::uint64_t drop_before(Time time);
   std::uint64_t drop_before_precisely(PrecisionTime time);
@@ -67,8 +74,13 @@ class UnitStore {
   void clear();
 
  private:
-  /// Precision time and order of arrival: a key that no two units share.
-  using Key = std::pair<PrecisionTime, std::uint64_t>;
+  /// Run of the sender, precision time and order of arrival: a key that no two units share.
+  struct Key {
+    std::uint64_t run;
+    PrecisionTime time;
+    std::uint64_t arrived;
+    auto operator<=>(const Key&) const = default;
+  };
   struct Unit {
     OwnedBuffer buffer;
     Key key;
@@ -77,11 +89,13 @@ class UnitStore {
   OwnedBuffer remove(Units::iterator unit);
 
   Units units_;
-  std::map<Key, Units::iterator> precise_; ///< those of the sender's present run
+  std::map<Key, Units::iterator> precise_;
   std::uint64_t arrived_ = 0;
+  std::uint64_t run_ = 0, frames_run_ = 0; ///< of the newest unit, and of the frames
+  bool frames_lead_ = false;               ///< the frames' run began first, and has met no unit yet
   std::size_t bytes_ = 0;
   Time progress_ = never, gaps_ = never;
-  std::optional<PrecisionTime> precision_progress_;
+  std::optional<PrecisionTime> precision_progress_; ///< of the newest unit's run
 };
 
 } // namespace terrainseg

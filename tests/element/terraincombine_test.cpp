@@ -80,6 +80,14 @@ struct Combine {
   }
 };
 
+/// Not live, as behind a file.
+struct FileCombine : Combine {
+  explicit FileCombine(guint latency_ms, const char* caps = raw_caps) : Combine(latency_ms, caps) {
+    gst_harness_set_live(video.get(), FALSE);
+    gst_harness_set_live(meta.get(), FALSE);
+  }
+};
+
 OwnedEstimate some(unsigned seed, int mask_width = 64, int mask_height = 48) {
   std::mt19937 random(seed);
   OwnedEstimate o = noisy(64, 48, mask_width, mask_height, 20, random);
@@ -207,6 +215,95 @@ TEST(TerrainCombine, PrecisionTimesThatBeginAnew) {
       expect_unit(c, 100 + i);
     }
     EXPECT_EQ(c.stat("unused"), 10u);
+  }
+}
+
+// Two recordings one after the other: units run ahead of frames, which a decoder and queues hold back.
+TEST(TerrainCombine, UnitsOfANewRunComeBeforeTheLastFramesOfTheOldOne) {
+  for (const bool stamped_before : {false, true}) {
+    FileCombine c(200);
+    constexpr int run = 60;
+    const auto frame_of = [&](int i) {
+      c.push_stamped(i, static_cast<std::uint64_t>(i % run) * step);
+      expect_unit(c, i);
+    };
+    const auto unit_of = [&](int i) {
+      c.push_unit(some(static_cast<unsigned>(i)).estimate, i, 0, GST_CLOCK_TIME_NONE,
+                  static_cast<std::uint64_t>(i % run) * step);
+    };
+    const auto before = SteadyClock::now();
+    unit_of(0);
+    if (stamped_before)
+      frame_of(0);
+    for (int i = 1; i < 3 * run; ++i)
+      unit_of(i);
+    for (int i = stamped_before; i < 3 * run; ++i)
+      frame_of(i);
+    EXPECT_EQ(c.stat("matched-precisely"), 3u * run);
+    EXPECT_EQ(c.stat("unused"), 0u);
+    EXPECT_LT(SteadyClock::now() - before, milliseconds(4000)) << "a frame waited for what had come";
+  }
+}
+
+// The last units of a run are lost: its frames wait for none of the next run's, and take none.
+TEST(TerrainCombine, FramesOfAnOldRunTakeNoUnitOfTheNewOne) {
+  FileCombine c(200);
+  const auto before = SteadyClock::now();
+  push_precise(c, 0, 0, 0);
+  c.push_stamped(0, 0);
+  expect_unit(c, 0);
+  for (int i = 1; i < 40; ++i)
+    push_precise(c, i, 0, 0);
+  for (int i = 0; i < 60; ++i)
+    c.push_unit(some(static_cast<unsigned>(100 + i)).estimate, 50 + i, 0, GST_CLOCK_TIME_NONE,
+                static_cast<std::uint64_t>(i) * step);
+  for (int i = 1; i < 50; ++i) {
+    c.push_stamped(i, static_cast<std::uint64_t>(i) * step);
+    expect_unit(c, i < 40 ? i : -1);
+  }
+  for (int i = 0; i < 60; ++i) {
+    c.push_stamped(50 + i, static_cast<std::uint64_t>(i) * step);
+    expect_unit(c, 100 + i);
+  }
+  EXPECT_LT(SteadyClock::now() - before, milliseconds(4000));
+}
+
+// The frames of a new run come first, and what is left of the old one's units behind them.
+TEST(TerrainCombine, LateUnitsOfAnOldRun) {
+  Combine c(100);
+  for (int i = 0; i < 60; ++i) {
+    if (i < 55)
+      push_precise(c, i, 0, 0);
+    c.push_stamped(i, static_cast<std::uint64_t>(i) * step);
+    expect_unit(c, i < 55 ? i : -1);
+  }
+  c.push_stamped(60, 0);
+  expect_unit(c, -1);
+  for (int i = 55; i < 60; ++i)
+    push_precise(c, i, 0, 0);
+  for (int i = 1; i < 30; ++i) {
+    c.push_unit(some(static_cast<unsigned>(100 + i)).estimate, 60 + i, 0, GST_CLOCK_TIME_NONE,
+                static_cast<std::uint64_t>(i) * step);
+    c.push_stamped(60 + i, static_cast<std::uint64_t>(i) * step);
+    expect_unit(c, 100 + i);
+  }
+}
+
+// The sender's clock is set back a little while units lie far ahead: that is no new run.
+TEST(TerrainCombine, AClockThatIsSetBackALittleKeepsItsUnits) {
+  FileCombine c(200);
+  const auto time = [](int i) { return day + static_cast<std::uint64_t>(i < 20 ? i : i - 5) * step; };
+  const auto unit = [&](int i) {
+    c.push_unit(some(static_cast<unsigned>(i)).estimate, i, 0, GST_CLOCK_TIME_NONE, time(i) + (i >= 20));
+  };
+  unit(0);
+  c.push_stamped(0, time(0));
+  expect_unit(c, 0);
+  for (int i = 1; i < 80; ++i)
+    unit(i);
+  for (int i = 1; i < 80; ++i) {
+    c.push_stamped(i, time(i) + (i >= 20));
+    expect_unit(c, i >= 20 && i < 24 ? -1 : i); // those four were dropped: they lay before the frames
   }
 }
 
@@ -567,14 +664,6 @@ TEST(TerrainCombine, SegmentsOfTheirOwn) {
   c.push_unit(some(1).estimate, 1003);
   c.expect(3, true);
 }
-
-/// Not live, as behind a file.
-struct FileCombine : Combine {
-  explicit FileCombine(guint latency_ms, const char* caps = raw_caps) : Combine(latency_ms, caps) {
-    gst_harness_set_live(video.get(), FALSE);
-    gst_harness_set_live(meta.get(), FALSE);
-  }
-};
 
 // Nobody's clock runs: stalls on either side, longer than the latency, change nothing.
 /// No position has a running time there, and to ask GStreamer for one is fatal in these tests.
