@@ -4,6 +4,7 @@
  * were, as text, into FILE at the end FAULT=before:N     SIGKILL instead of the N-th call (N from 1)
  *   FAULT=after:N      SIGKILL when the N-th call has been done
  *   FAULT=stop:N       SIGSTOP at the N-th call; after SIGCONT it is done as if nothing had been
+ *   FAULT=wait:N       the N-th call takes 4 seconds
  *   FAULT=28:N         the N-th call fails with that errno (28 = ENOSPC, 5 = EIO), and so does every one
  * after it; as disks do, it takes its time to: whoever does not wait for the call does not hear of it */
 #define _GNU_SOURCE
@@ -46,6 +47,8 @@ static int decide(void) {
     kill(getpid(), SIGKILL);
   if (strncmp(fault, "stop", 4) == 0 && number == wanted)
     raise(SIGSTOP);
+  if (strncmp(fault, "wait", 4) == 0 && number == wanted)
+    sleep(4);
   if (strncmp(fault, "after", 5) == 0)
     return number == wanted ? 2 : 0;
   if (atoi(fault) > 0 && number >= wanted) {

@@ -814,6 +814,17 @@ def a_moving_gif_ends(folder):
 
 
 @case
+def a_slow_disk_leaves_no_frame_of_a_gif_out(folder):
+    """It has been read to its end long before its last frame is written."""
+    if 'TERRAINSEG_FAULTS' not in os.environ:
+        raise Skip('a sanitizer and a preloaded library do not go together')
+    ffmpeg('-f', 'lavfi', '-i', 'color=gray:size=64x48:rate=10', '-frames:v', 60, 'slow.gif')  # one read
+    slow = dict(os.environ, LD_PRELOAD=os.environ['TERRAINSEG_FAULTS'], FAULT='wait:8')
+    ok('-q', '-o', 'out', '--outputs', 'json', 'slow.gif', env=slow)
+    equal(json.loads(pathlib.Path('out/slow.summary.json').read_text())['frames'], 60, 'frames')
+
+
+@case
 def what_gives_no_frame_is_given_up(folder):
     begin = time.monotonic()
     with socket.socket(type=socket.SOCK_DGRAM) as nobody_sends:

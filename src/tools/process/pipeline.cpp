@@ -635,8 +635,7 @@ void Run::play(const std::atomic<int>& interrupted) {
     const bool failed = !source_error_.empty() || !source_.problem().empty();
     if (failed && labelled_ == 0 && (!source_.has_video() || now - last_move > grace))
       return;
-    const bool over = failed || source_.has_been_read();
-    if (!asked_to_end && labelled_ > 0 && (interrupted || (over && now - last_move > grace))) {
+    if (!asked_to_end && labelled_ > 0 && (interrupted || (failed && now - last_move > grace))) {
       asked_to_end = true;
       source_.end();
     }

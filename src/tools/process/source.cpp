@@ -209,12 +209,6 @@ void Source::set_problem(const std::string& problem, Cause cause) {
   cause_ = cause;
 }
 
-bool Source::has_been_read() const {
-  std::error_code error;
-  return input_.kind == Input::Kind::file && pulled_ > 0 &&
-         pulled_ >= std::filesystem::file_size(input_.path, error);
-}
-
 Cause Source::cause() const {
   const std::lock_guard lock(mutex_);
   return cause_;
@@ -319,7 +313,7 @@ GstPadProbeReturn Source::on_pulled(GstPad*, GstPadProbeInfo* info, gpointer sel
   if (buffer && GST_BUFFER_OFFSET_IS_VALID(buffer)) {
     const std::uint64_t end =
         GST_BUFFER_OFFSET(buffer) + gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info));
-    source->pulled_ = std::max(source->pulled_.load(), end);
+    source->pulled_ = std::max(source->pulled_, end);
   }
   return GST_PAD_PROBE_OK;
 }

@@ -31,9 +31,6 @@ class Source {
   /// True when nothing works on the input any more although no video came: some demuxers give up a cut file
   /// without a word.
   bool has_given_up() const;
-  /// True when the whole file has been read by a demuxer of libav; in GStreamer 1.22 they do not always end
-  /// the stream then.
-  bool has_been_read() const;
   /// What it holds instead of video, for a message; empty when nothing is known.
   std::string other_streams() const;
   /// Why feeding or linking failed; empty when it did not.
@@ -79,9 +76,9 @@ class Source {
   bool countable_ = true; ///< one frame out per frame in; streaming threads
   /// Times of the frames that went into the decoder and came out; a streaming thread each.
   std::vector<GstClockTime> encoded_, decoded_;
-  std::atomic<std::uint64_t> pulled_{0}; ///< end of what a libav demuxer has read
-  std::uint64_t pulls_at_end_ = 0;       ///< how often it asked for more behind that; its thread only
-  mutable std::mutex mutex_;             ///< guards the three below
+  std::uint64_t pulled_ = 0;       ///< end of what a libav demuxer has read; its thread only
+  std::uint64_t pulls_at_end_ = 0; ///< how often it asked for more behind that; its thread only
+  mutable std::mutex mutex_;       ///< guards the three below
   std::string problem_;
   Cause cause_ = Cause::none;
   std::string other_streams_;
