@@ -71,18 +71,19 @@ struct ObjectUnref {
   void operator()(gpointer object) const { gst_mini_object_unref(GST_MINI_OBJECT_CAST(object)); }
 };
 
+enum class Match : std::uint8_t { automatic, time_stamps };
+
 /// A frame or a serialized event on its way through.
 struct Item {
   std::unique_ptr<GstMiniObject, ObjectUnref> object;
   Clock::time_point arrival;
   Time time = never;                  ///< of a frame; never = unknown
   std::optional<PrecisionTime> stamp; ///< of a frame; what its video says, where it goes by that
+  Match match = Match::automatic;     ///< of a frame
   bool is_frame() const { return GST_IS_BUFFER(object.get()); }
 };
 
 enum class Live : std::uint8_t { unknown, no, yes };
-
-enum class Match : std::uint8_t { automatic, time_stamps };
 
 struct CombineSettings {
   Match match = Match::automatic;
@@ -363,6 +364,7 @@ std::string seconds_text(Time time) {
 struct FrameTimes {
   Time time, tolerance;
   std::optional<PrecisionTime> stamp;
+  Match match;
 };
 
 std::string late_units(const CombineState& s, Time behind) {
@@ -460,7 +462,7 @@ Clock::time_point deadline_of(const CombineState& s, Clock::time_point waiting_s
 }
 
 FrameTimes times_of(const CombineState& s, const Item& frame) {
-  return {frame.time, tolerance_of(s, GST_BUFFER(frame.object.get())), frame.stamp};
+  return {frame.time, tolerance_of(s, GST_BUFFER(frame.object.get())), frame.stamp, frame.match};
 }
 
 /// Whether the sender's time begins anew with this frame. Where the units' has, any step back is that one,
@@ -476,7 +478,7 @@ bool begins_anew(const CombineState& s, PrecisionTime stamp) {
 /// Whether the frames carry stamps by now, and in which run of the sender they are.
 void follow_stamps(CombineState& s, const FrameTimes& frame) {
   if (!frame.stamp) {
-    s.stamped = s.stamped && ++s.stampless < stampless_frames;
+    s.stamped = s.stamped && frame.match == Match::automatic && ++s.stampless < stampless_frames;
     return;
   }
   s.stampless = 0;
@@ -710,10 +712,11 @@ Match match_of(GstTerrainCombine* self) {
 
 GstFlowReturn take_frame(GstTerrainCombine* self, GstBuffer* frame) {
   CombineState& s = *self->state;
+  const Match match = match_of(self);
   std::list<Item> item;
   item.push_back({std::unique_ptr<GstMiniObject, ObjectUnref>(GST_MINI_OBJECT_CAST(frame)), Clock::now(),
                   running_time(s.video_segment, GST_BUFFER_PTS(frame)),
-                  match_of(self) == Match::automatic ? stamp_of(frame) : std::nullopt});
+                  match == Match::automatic ? stamp_of(frame) : std::nullopt, match});
   Lock lock(s.mutex);
   s.video_thread = std::this_thread::get_id();
   wait_for_task(s, lock, [&] { return s.flushing || s.flow != GST_FLOW_OK || !is_full(s); });
@@ -768,7 +771,7 @@ GstFlowReturn queue_event(GstTerrainCombine* self, GstEvent* event) {
   CombineState& s = *self->state;
   std::list<Item> item;
   item.push_back({std::unique_ptr<GstMiniObject, ObjectUnref>(GST_MINI_OBJECT_CAST(event)), Clock::now(),
-                  never, std::nullopt});
+                  never, std::nullopt, Match::automatic});
   GstFlowReturn flow = GST_FLOW_OK;
   const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
   {

@@ -190,6 +190,20 @@ TEST(TerrainCombine, StampsMayBeSetAside) {
   EXPECT_EQ(c.stat("matched-precisely"), 0u);
 }
 
+// Also while it plays: no frame has lost its stamp then.
+TEST(TerrainCombine, StampsMayBeSetAsideWhilePlaying) {
+  Combine c(5000);
+  for (int i = 0; i < 20; ++i) {
+    if (i == 10)
+      gst_util_set_object_arg(G_OBJECT(c.video->element), "match", "time-stamps");
+    push_precise(c, i);
+    c.push_stamped(i, day + static_cast<std::uint64_t>(i) * step);
+    expect_unit(c, i);
+  }
+  EXPECT_EQ(c.stat("matched"), 20u);
+  EXPECT_EQ(c.stat("matched-precisely"), 10u);
+}
+
 // The sender is switched off and on, and does not know the time of day: what is left of its first run is
 // nobody's.
 TEST(TerrainCombine, PrecisionTimesThatBeginAnew) {
