@@ -140,12 +140,17 @@ gboolean start(GstBaseTransform* transform) {
   return TRUE;
 }
 
+/// The codec_data of the caps; nullptr when there is none.
+GstBuffer* codec_data_of(const GstStructure* fields) {
+  const GValue* value = gst_structure_get_value(fields, "codec_data");
+  return value && GST_VALUE_HOLDS_BUFFER(value) ? gst_value_get_buffer(value) : nullptr;
+}
+
 /// How many bytes the lengths in front of NAL units have; nothing when the caps do not tell.
 std::optional<unsigned> length_bytes_of(const GstStructure* fields, VideoCodec codec) {
   if (g_strcmp0(gst_structure_get_string(fields, "stream-format"), "byte-stream") == 0)
     return 0;
-  const GValue* value = gst_structure_get_value(fields, "codec_data");
-  GstBuffer* codec_data = value && GST_VALUE_HOLDS_BUFFER(value) ? gst_value_get_buffer(value) : nullptr;
+  GstBuffer* codec_data = codec_data_of(fields);
   GstMapInfo map;
   if (!codec_data || !gst_buffer_map(codec_data, &map, GST_MAP_READ))
     return std::nullopt;
@@ -161,8 +166,10 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   const auto length_bytes = length_bytes_of(fields, codec);
   if (!length_bytes) {
     GST_ELEMENT_ERROR(transform, STREAM, FORMAT,
-                      ("The video's caps lack the codec_data that its stream-format needs: put h264parse or "
-                       "h265parse in front."),
+                      ("%s: put h264parse or h265parse in front.",
+                       codec_data_of(fields)
+                           ? "The codec_data in the video's caps does not say how NAL units lie in a buffer"
+                           : "The video's caps lack the codec_data that its stream-format needs"),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     return FALSE;
   }
@@ -207,14 +214,23 @@ void warn_formless(GstTerrainStamp* self, GstBuffer* in) {
       ("no slice in %" GST_PTR_FORMAT, printable(in)));
 }
 
+/// The picture with that stamp beside it.
+OwnedBuffer noted(GstTerrainStamp* self, GstBuffer* in, std::uint64_t time_us) {
+  OwnedBuffer out(gst_buffer_make_writable(gst_buffer_ref(in)));
+  note_stamp(out.get(), self->state->framing.codec, time_us);
+  return out;
+}
+
 /// The picture with its stamp in the bytes and beside them.
 OwnedBuffer write_stamp(GstTerrainStamp* self, GstBuffer* in, const StampSearch& found) {
   const StampState& s = *self->state;
-  if (found.several || found.time_us || !found.place) {
+  if (found.several || !found.place) {
     if (!found.place)
       warn_formless(self, in);
     return nullptr;
   }
+  if (found.time_us)
+    return stamp_of(in) ? nullptr : noted(self, in, *found.time_us);
   const std::uint64_t time_us = precision_time(in, GST_BASE_TRANSFORM(self)->segment);
   OwnedBuffer out = with_stamp(in, StampUnit(s.framing, time_us, found.temporal), *found.place);
   if (out && !stamp_of(out.get()))
