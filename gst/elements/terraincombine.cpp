@@ -142,6 +142,8 @@ struct CombineState {
   std::uint64_t frames_left = 0;          // lock; counts frames that the task took
   Time frame_duration = 0;                // lock; of the caps or the last frame; 0 = unknown
   Time newest_unit = never;               // lock; largest time of a unit since the last flush
+  Time newest_frame = never;              // lock; largest time of a frame since the last flush
+  bool stamps_came = false;               // lock; a frame with a stamp has come since the last flush
   bool stamped = false;                   // lock; frames carry stamps
   unsigned stampless = 0;                 // lock; frames without a stamp in a row
   PrecisionTime last_stamp = 0;           // lock; of a frame
@@ -696,12 +698,14 @@ template <class Done> void wait_for_task(CombineState& s, Lock& lock, Done done)
   s.feeder_waits = false;
 }
 
-/// Gives the units without a PTS that wait for the first frame their times. The caller holds the lock.
+/// Gives the units without a PTS that wait for the first frame their times; where frames have stamps, others
+/// stay as long as those of this moment. The caller holds the lock.
 void place_units(CombineState& s) {
-  for (UnitClock::Placed& placed : s.clock.place()) {
+  for (UnitClock::Placed& placed : s.clock.place(s.stamps_came)) {
+    const Time time = placed.time != never ? placed.time : std::max({s.newest_unit, s.newest_frame, Time{0}});
     s.newest_unit = std::max(s.newest_unit, placed.time);
-    s.counts.unused += s.units.add({placed.time, placed.time, placed.time_us, placed.time_us},
-                                   std::move(placed.unit), s.stamped);
+    s.counts.unused +=
+        s.units.add({time, time, placed.time_us, placed.time_us}, std::move(placed.unit), s.stamped);
   }
 }
 
@@ -727,7 +731,9 @@ GstFlowReturn take_frame(GstTerrainCombine* self, GstBuffer* frame) {
   if (GST_BUFFER_DURATION_IS_VALID(frame) && GST_BUFFER_DURATION(frame) > 0)
     s.frame_duration = static_cast<Time>(
         std::min(GST_BUFFER_DURATION(frame), static_cast<GstClockTime>(2 * most_tolerance)));
-  if (s.clock.see_frame(item.front().time, s.frame_duration))
+  s.newest_frame = std::max(s.newest_frame, item.front().time);
+  const bool first_stamp = item.front().stamp && !std::exchange(s.stamps_came, true);
+  if (s.clock.see_frame(item.front().time, s.frame_duration) || first_stamp)
     place_units(s);
   item.front().arrival = Clock::now();
   s.items.splice(s.items.end(), item);
@@ -745,7 +751,8 @@ void flush_video(GstTerrainCombine* self, bool flushing) noexcept {
   s.flushing = flushing;
   s.flow = flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK;
   s.live_is_old = true;
-  s.stamped = false;
+  s.stamped = s.stamps_came = false;
+  s.newest_frame = never;
   s.clock.reset();
   // What was queued before the flush is dropped on both of its sides.
   s.items.remove_if([](const Item& item) {
@@ -998,7 +1005,8 @@ void keep_unit(GstTerrainCombine* self, OwnedBuffer unit) {
   if (!has_room(s))
     make_room(s, lock);
   if (time == never) {
-    tell_timeless(self, lock);
+    if (s.newest_frame != never && !s.stamps_came)
+      tell_timeless(self, lock);
     s.clock.add({s.checked.time_us(), s.checked.estimate().frame}, std::move(unit));
     place_units(s);
   } else {

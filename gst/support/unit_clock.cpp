@@ -48,14 +48,14 @@ Time UnitClock::time_of(const Stamp& stamp) {
   return placed_at(first_frame_, index, duration);
 }
 
-std::list<UnitClock::Placed> UnitClock::place() {
+std::list<UnitClock::Placed> UnitClock::place(bool all) {
   std::list<Placed> placed;
-  if (first_frame_ == never)
+  if (first_frame_ == never && !all)
     return placed;
   for (; !waiting_.empty(); waiting_.pop_front()) {
     Waiting& front = waiting_.front();
     bytes_ -= gst_buffer_get_size(front.unit.get());
-    if (const Time time = time_of(front.stamp); time != never)
+    if (const Time time = first_frame_ == never ? never : time_of(front.stamp); time != never || all)
       placed.push_back({time, front.stamp.time_us, std::move(front.unit)});
   }
   return placed;

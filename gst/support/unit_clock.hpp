@@ -30,8 +30,9 @@ class UnitClock {
   /// Every frame, in order; `duration` 0 = unknown. True when it is the first that units can be placed by.
   bool see_frame(Time time, Time duration);
   void add(Stamp stamp, OwnedBuffer unit);
-  /// The units that have a time by now, in order of arrival; none before the first frame.
-  std::list<Placed> place();
+  /// The units that have a time by now, in order of arrival; none before the first frame. With `all` also
+  /// those that have none and get none, with never: frames with stamps do without.
+  std::list<Placed> place(bool all = false);
 
   std::size_t waiting() const { return waiting_.size(); }
   std::size_t waiting_bytes() const { return bytes_; }

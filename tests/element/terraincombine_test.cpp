@@ -17,6 +17,16 @@ constexpr gsize raw_size = 64 * 48 * 3 / 2;
 using std::chrono::milliseconds;
 using SteadyClock = std::chrono::steady_clock;
 
+/// With a stamp of that precision time, as decoders hand it on.
+Owned<GstBuffer> stamped(int i, std::uint64_t time_us) {
+  auto buffer = frame(raw_size, i);
+  StampIdentifier identifier = h264_microseconds;
+  StampContent content = stamp_content(time_us);
+  gst_buffer_add_video_sei_user_data_unregistered_meta(buffer.get(), identifier.data(), content.data(),
+                                                       content.size());
+  return buffer;
+}
+
 /// terraincombine with a harness on its video and another on its units.
 struct Combine {
   Owned<GstHarness> video, meta;
@@ -39,14 +49,8 @@ struct Combine {
   GstFlowReturn push_frame(int i, gsize size = raw_size) {
     return gst_harness_push(video.get(), frame(size, i).release());
   }
-  /// With a stamp of that precision time, as decoders hand it on.
   GstFlowReturn push_stamped(int i, std::uint64_t time_us) {
-    auto buffer = frame(raw_size, i);
-    StampIdentifier identifier = h264_microseconds;
-    StampContent content = stamp_content(time_us);
-    gst_buffer_add_video_sei_user_data_unregistered_meta(buffer.get(), identifier.data(), content.data(),
-                                                         content.size());
-    return gst_harness_push(video.get(), buffer.release());
+    return gst_harness_push(video.get(), stamped(i, time_us).release());
   }
   void push_unit(const Estimate& e, int i, GstClockTimeDiff offset = 0,
                  GstClockTime dts = GST_CLOCK_TIME_NONE, std::uint64_t time_us = 0) {
@@ -333,20 +337,54 @@ TEST(TerrainCombine, PrecisionTimesThatLeap) {
   }
 }
 
+/// A unit as a muxer without time stamps brings it.
+void push_timeless(Combine& c, const Estimate& e, std::uint64_t time_us) {
+  KlvEncoder encoder;
+  const auto bytes = encoder.encode(e, time_us);
+  GstBuffer* unit = gst_buffer_new_memdup(bytes.data(), bytes.size());
+  EXPECT_EQ(gst_harness_push(c.meta.get(), unit), GST_FLOW_OK);
+}
+
 // Units without a time stamp, as "ffmpeg -c copy" leaves them, need none.
 TEST(TerrainCombine, StampsDoWithoutTimeStampsOfUnits) {
   Combine c(5000);
-  for (int i = 7; i < 20; ++i) { // the first unit is not the first frame's
-    KlvEncoder encoder;
-    const auto bytes =
-        encoder.encode(some(static_cast<unsigned>(i)).estimate, day + static_cast<std::uint64_t>(i) * step);
-    GstBuffer* unit = gst_buffer_new_allocate(nullptr, bytes.size(), nullptr);
-    gst_buffer_fill(unit, 0, bytes.data(), bytes.size());
-    EXPECT_EQ(gst_harness_push(c.meta.get(), unit), GST_FLOW_OK);
-  }
+  Bus bus(c.video.get());
+  for (int i = 7; i < 20; ++i) // the first unit is not the first frame's
+    push_timeless(c, some(static_cast<unsigned>(i)).estimate, day + static_cast<std::uint64_t>(i) * step);
   for (int i = 4; i < 20; ++i) {
     c.push_stamped(i, day + static_cast<std::uint64_t>(i) * step);
     expect_unit(c, i < 7 ? -1 : i);
+  }
+  push_timeless(c, some(20).estimate, day + 20 * step);
+  EXPECT_EQ(bus.text(GST_MESSAGE_WARNING), "") << "no mask lies on a wrong frame";
+}
+
+// Nor when the sender's time begins anew, units ahead or not.
+TEST(TerrainCombine, StampsDoWithoutTimeStampsOfUnitsThatBeginAnew) {
+  for (const int ahead : {0, 20, 100}) {
+    FileCombine c(200);
+    const auto time = [](int i) { return static_cast<std::uint64_t>(i < 50 ? 500 + i : i - 50) * step; };
+    for (int i = 0; i < ahead; ++i)
+      push_timeless(c, some(static_cast<unsigned>(i)).estimate, time(i));
+    for (int i = 0; i < 100; ++i) {
+      if (i + ahead < 100)
+        push_timeless(c, some(static_cast<unsigned>(i + ahead)).estimate, time(i + ahead));
+      c.push_stamped(i, time(i));
+      expect_unit(c, i);
+    }
+    EXPECT_EQ(c.stat("unused"), 0u);
+  }
+}
+
+// Neither frames nor units have time stamps.
+TEST(TerrainCombine, StampsDoWithoutAnyTimeStamps) {
+  FileCombine c(200);
+  for (int i = 0; i < 10; ++i) {
+    push_timeless(c, some(static_cast<unsigned>(i)).estimate, day + static_cast<std::uint64_t>(i) * step);
+    auto buffer = stamped(i, day + static_cast<std::uint64_t>(i) * step);
+    GST_BUFFER_PTS(buffer.get()) = GST_BUFFER_DTS(buffer.get()) = GST_CLOCK_TIME_NONE;
+    EXPECT_EQ(gst_harness_push(c.video.get(), buffer.release()), GST_FLOW_OK);
+    expect_unit(c, i);
   }
 }
 
@@ -903,14 +941,6 @@ TEST(TerrainCombine, ExtremeTimesMatchNothing) {
   c.push_unit(some(3).estimate, 5);
   EXPECT_EQ(c.push_frame(5), GST_FLOW_OK);
   c.expect(5, true);
-}
-
-/// A unit as a muxer without time stamps brings it.
-void push_timeless(Combine& c, const Estimate& e, std::uint64_t time_us) {
-  KlvEncoder encoder;
-  const auto bytes = encoder.encode(e, time_us);
-  GstBuffer* unit = gst_buffer_new_memdup(bytes.data(), bytes.size());
-  EXPECT_EQ(gst_harness_push(c.meta.get(), unit), GST_FLOW_OK);
 }
 
 // "ffmpeg -c copy" loses the PTS of KLV, appsrc in bytes has none: the units' own times tell.
