@@ -48,10 +48,11 @@ const Property<StampSettings> stamp_table[] = {
 /// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
 /// none.
 struct StampState {
-  StampSettings settings; // object lock
-  NalFraming framing;     // streaming
-  bool first = true;      // streaming; nothing has passed since the start or a flush
-  bool warned = false;    // streaming
+  StampSettings settings;     // object lock
+  NalFraming framing;         // streaming
+  bool first = true;          // streaming; nothing has passed since the start or a flush
+  bool warned = false;        // streaming; of what has no slice
+  bool told_timeless = false; // streaming
 };
 
 } // namespace terrainseg
@@ -136,7 +137,7 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
 gboolean start(GstBaseTransform* transform) {
   StampState& s = *self_of(transform)->state;
   s.first = true;
-  s.warned = false;
+  s.warned = s.told_timeless = false;
   return TRUE;
 }
 
@@ -214,6 +215,17 @@ void warn_formless(GstTerrainStamp* self, GstBuffer* in) {
       ("no slice in %" GST_PTR_FORMAT, printable(in)));
 }
 
+/// Once: there is no time to be written.
+void warn_timeless(GstTerrainStamp* self, GstBuffer* in) {
+  if (std::exchange(self->state->told_timeless, true))
+    return;
+  GST_ELEMENT_WARNING(
+      self, STREAM, FORMAT,
+      ("A picture has no time stamp and passes without its time: put an element that sets them "
+       "in front (a parser that knows the frame rate, or appsrc with do-timestamp=true)."),
+      ("neither PTS nor time of day in %" GST_PTR_FORMAT, printable(in)));
+}
+
 /// The picture with that stamp beside it.
 OwnedBuffer noted(GstTerrainStamp* self, GstBuffer* in, std::uint64_t time_us) {
   OwnedBuffer out(gst_buffer_make_writable(gst_buffer_ref(in)));
@@ -231,6 +243,10 @@ OwnedBuffer write_stamp(GstTerrainStamp* self, GstBuffer* in, const StampSearch&
   }
   if (found.time_us)
     return stamp_of(in) ? nullptr : noted(self, in, *found.time_us);
+  if (!has_precision_time(in)) {
+    warn_timeless(self, in);
+    return nullptr;
+  }
   const std::uint64_t time_us = precision_time(in, GST_BASE_TRANSFORM(self)->segment);
   OwnedBuffer out = with_stamp(in, StampUnit(s.framing, time_us, found.temporal), *found.place);
   if (out && !stamp_of(out.get()))

@@ -57,6 +57,10 @@ std::uint64_t time_of_frame(GstBuffer* buffer, const GstSegment& segment) {
   return (GST_CLOCK_TIME_IS_VALID(time) ? time : GST_BUFFER_PTS(buffer)) / 1000;
 }
 
+bool has_precision_time(GstBuffer* buffer) {
+  return stamp_of(buffer) || utc_of(buffer) || GST_BUFFER_PTS_IS_VALID(buffer);
+}
+
 std::uint64_t precision_time(GstBuffer* buffer, const GstSegment& segment) {
   const auto stamp = stamp_of(buffer);
   return stamp ? *stamp : time_of_frame(buffer, segment);

@@ -28,6 +28,9 @@ void forget_stamps(GstBuffer* buffer);
 /// that has none, the PTS; 0 without.
 std::uint64_t time_of_frame(GstBuffer* buffer, const GstSegment& segment);
 
+/// Whether there is anything to tell it by; without, precision_time() is 0 for every frame.
+bool has_precision_time(GstBuffer* buffer);
+
 /// The stamp in the video where there is one, else the time of the frame.
 std::uint64_t precision_time(GstBuffer* buffer, const GstSegment& segment);
 

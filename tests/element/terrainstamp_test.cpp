@@ -140,6 +140,27 @@ TEST(TerrainStamp, LengthsWithoutCodecDataAreRefused) {
   EXPECT_NE(bus.text(GST_MESSAGE_ERROR).find("h264parse"), std::string::npos);
 }
 
+// Without any time all would have the same, and a unit would fit each of them.
+TEST(TerrainStamp, WithoutATimeNothingIsWritten) {
+  Stamp stamp("terrainstamp");
+  Bus bus(stamp.h.get());
+  for (int i = 0; i < 2; ++i) {
+    auto in = unit(slice, i);
+    GST_BUFFER_PTS(in.get()) = GST_CLOCK_TIME_NONE;
+    const auto out = stamp.pass(std::move(in));
+    EXPECT_EQ(text_of(out.get()), slice);
+    EXPECT_TRUE(stamps(out.get()).empty());
+    EXPECT_EQ(bus.text(GST_MESSAGE_WARNING).find("time stamp") != std::string::npos, i == 0) << "once";
+  }
+  // The time of day is one.
+  const Owned<GstCaps> unix_time(gst_caps_new_empty_simple("timestamp/x-unix"));
+  auto in = unit(slice, 1);
+  GST_BUFFER_PTS(in.get()) = GST_CLOCK_TIME_NONE;
+  gst_buffer_add_reference_timestamp_meta(in.get(), unix_time.get(), 1795377600123456789,
+                                          GST_CLOCK_TIME_NONE);
+  EXPECT_EQ(stamps(stamp.pass(std::move(in)).get()), std::vector<guint64>{1795377600123456});
+}
+
 // A codec_data that is there is not missing.
 TEST(TerrainStamp, CodecDataThatIsNoneIsCalledSo) {
   for (const char* caps : {"video/x-h264,stream-format=avc,alignment=au,codec_data=(buffer)0142c0",
