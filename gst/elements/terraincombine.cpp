@@ -504,7 +504,10 @@ OwnedBuffer take_unit(CombineState& s, const FrameTimes& frame) {
 std::uint64_t drop_past(CombineState& s, const FrameTimes& frame) {
   if (!frame.stamp)
     return s.units.drop_before(frame.time - frame.tolerance);
-  const std::uint64_t past = s.units.drop_before_precisely(*frame.stamp);
+  // A stamp beyond all units may be damaged: then the next frame's decides.
+  const auto progress = s.units.precision_progress();
+  const bool beyond = !s.units.has_later_run() && progress && *frame.stamp > *progress;
+  const std::uint64_t past = beyond ? 0 : s.units.drop_before_precisely(*frame.stamp);
   return frame.time == never ? past : past + s.units.drop_before(frame.time - most_shift);
 }
 

@@ -184,6 +184,19 @@ TEST(TerrainCombine, AFrameThatLostItsStampTakesNone) {
   EXPECT_EQ(c.stat("matched-precisely"), 2u);
 }
 
+/// One flipped bit in a picture's stamp: the units of the frames behind it stay.
+TEST(TerrainCombine, ADamagedStampCostsOneMask) {
+  Combine c(100);
+  for (int i = 1; i <= 4; ++i)
+    c.push_unit(some(static_cast<unsigned>(i)).estimate, i, 0, GST_CLOCK_TIME_NONE, 40'000u * i);
+  gst_harness_push_event(c.meta.get(), gst_event_new_eos());
+  for (int i = 1; i <= 4; ++i)
+    EXPECT_EQ(c.push_stamped(i, 40'000u * i + (i == 2 ? std::uint64_t{1} << 40 : 0)), GST_FLOW_OK);
+  for (int i = 1; i <= 4; ++i)
+    c.expect(i, i != 2);
+  EXPECT_EQ(c.stat("matched-precisely"), 3u);
+}
+
 TEST(TerrainCombine, StampsMayBeSetAside) {
   Combine c(5000);
   gst_util_set_object_arg(G_OBJECT(c.video->element), "match", "time-stamps");
