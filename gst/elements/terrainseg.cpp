@@ -92,8 +92,9 @@ struct ElementState {
   MaskPool masks, confidence_maps; // streaming
   SmallPool boundaries;            // streaming
   MetricStage metres;              // streaming; poses come from any thread
-  MetricWriter metre_writer;       // streaming
-  MetricDrawing metre_drawing;     // streaming
+  std::string shape_flaw; // streaming; of the calibration, for the frames of these caps; waits for the first
+  MetricWriter metre_writer;             // streaming
+  MetricDrawing metre_drawing;           // streaming
   std::optional<GstClockTime> start_utc; // streaming; of start-time
   std::atomic<bool> warned_pose = false; // of this start
 #ifdef TERRAINSEG_ANALYTICS
@@ -565,20 +566,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
       s.initial.reset();
       s.initial_by_signal = false;
     }
-    if (const std::string wrong = s.metres.fit(GST_VIDEO_INFO_WIDTH(&info), GST_VIDEO_INFO_HEIGHT(&info));
-        !wrong.empty()) {
-      if (!s.space) { // as above
-        if (!std::exchange(s.misfit_told, true))
-          GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
-                            ("The calibration \"%s\" of property camera-info does not fit: %s.",
-                             s.settings.camera_info.c_str(), wrong.c_str()),
-                            ("caps %" GST_PTR_FORMAT, printable(caps)));
-        return FALSE;
-      }
-      GST_ELEMENT_WARNING(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
-                          ("There are no metres of this stream: %s.", wrong.c_str()),
-                          ("caps %" GST_PTR_FORMAT, printable(caps)));
-    }
+    s.shape_flaw = s.metres.fit(GST_VIDEO_INFO_WIDTH(&info), GST_VIDEO_INFO_HEIGHT(&info));
     if (s.space && *s.space != space)
       forget(transform, "another colour space");
     GST_DEBUG_OBJECT(transform, "learns in %s, caps %" GST_PTR_FORMAT, name_of(space).c_str(),
@@ -1076,12 +1064,34 @@ void attach_metres(GstBaseTransform* transform, ElementState& s, GstBuffer* buff
                         ("%s", notice->c_str()));
 }
 
+/// Says with the first frame of a shape that the calibration is of another one, and not with its caps: in
+/// front of a video that its camera marked as turned they come twice, lying and upright. False after an error
+/// was posted.
+bool check_shape(GstBaseTransform* transform, ElementState& s) {
+  if (s.shape_flaw.empty())
+    return true;
+  if (s.fresh) { // what the user asked for cannot be had; later it is the stream that changed
+    if (!std::exchange(s.misfit_told, true))
+      GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
+                        ("The calibration \"%s\" of property camera-info does not fit: %s.",
+                         s.settings.camera_info.c_str(), s.shape_flaw.c_str()),
+                        (nullptr));
+    return false;
+  }
+  GST_ELEMENT_WARNING(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
+                      ("There are no metres of this stream: %s.", s.shape_flaw.c_str()), (nullptr));
+  s.shape_flaw.clear();
+  return true;
+}
+
 /// Overrides GstBaseTransform and not GstVideoFilter, which would map for writing and so copy every frame
 /// that somebody else holds too.
 GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
   GST_TRACE_OBJECT(transform, "in: %" GST_PTR_FORMAT, printable(buffer));
   return guarded(transform, GST_FLOW_ERROR, [&] {
     ElementState& s = state_of(transform);
+    if (!check_shape(transform, s))
+      return GST_FLOW_ERROR;
     refresh_settings(transform, s);
     fit_window(transform, s);
     if (s.settings.reset_on == ResetOn::discont && !s.fresh && GST_BUFFER_IS_DISCONT(buffer))

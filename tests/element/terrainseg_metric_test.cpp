@@ -217,6 +217,24 @@ TEST_F(Metric, ACalibrationOfAnotherSizeIsScaledAndOfAnotherShapeRefused) {
   EXPECT_TRUE(has_metres(rig.step().get()));
 }
 
+TEST_F(Metric, TheShapeThatCountsIsThatOfTheFrames) {
+  // In front of a video that its camera marked as turned caps come twice, lying and upright, and then its
+  // frames.
+  const TemporaryFile wide(calibration(width * 4, height * 3, 4));
+  const std::string launch = "terrainseg mount=height=0.5,pitch=10deg camera-info=" + wide.path;
+  Rig upright(launch);
+  upright.set_caps(caps_text("I420", height * 3, width * 4));
+  upright.set_caps(caps_text("I420", width * 4, height * 3));
+  EXPECT_TRUE(has_metres(upright.step().get()));
+  EXPECT_TRUE(upright.errors().empty());
+  EXPECT_TRUE(upright.warnings().empty());
+  Rig lying(launch);
+  lying.set_caps(caps_text("I420", width * 4, height * 3));
+  lying.set_caps(caps_text("I420", height * 3, width * 4));
+  EXPECT_NE(lying.push(new_frame(info_of(caps_text("I420", height * 3, width * 4)))), GST_FLOW_OK);
+  EXPECT_EQ(lying.errors().size(), 1u);
+}
+
 TEST_F(Metric, ACalibrationOfAnotherShapeIsSaidOnce) {
   // Upstream tries its caps again and again.
   const TemporaryFile wide(calibration(width * 4, height * 3, 4));
