@@ -489,6 +489,23 @@ def a_bonnet_is_noticed(folder):
 
 
 @case
+def what_the_filter_warns_of_is_told(folder):
+    def warnings(name):
+        return json.load(open(f'out/{name}.summary.json'))['warnings']
+    video('drive.mp4')
+    result = ok('-o', 'out', '--set', 'threshold=1', '--set', 'window-bottom=5000', 'drive.mp4')
+    told = [line for line in result.stderr.splitlines() if line.startswith('terrainseg-process: drive.mp4: warning: ')]
+    equal((len(told), [line.split('warning: ', 1)[1] for line in told]), (2, warnings('drive')), result.stderr)
+    contains(result.stderr, 'threshold')
+    contains(result.stderr, 'training window')
+    # Where nothing is to be told nothing is, and quiet is quiet.
+    result = ok('-q', '-o', 'out', '--set', 'window-bottom=5000', 'drive.mp4')
+    equal((result.stderr, len(warnings('drive'))), ('', 1))
+    result = ok('-o', 'out', 'drive.mp4')
+    equal((result.stderr, warnings('drive')), ('', []))
+
+
+@case
 def the_filters_own_time_is_told(folder):
     video('clip.mp4', frames=30, size='160x120')
     line = ok('-o', 'out', 'clip.mp4').stdout

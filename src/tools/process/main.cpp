@@ -180,6 +180,9 @@ void Batch::report(const Input& input, const Outcome& outcome) {
                 naming_of(options_, input).record(partial).string().c_str());
     std::fflush(stdout);
   }
+  if (!options_.quiet)
+    for (const std::string& warning : record.warnings)
+      complain(input.label + ": warning: " + warning);
   if (kept && record.still_rows > 0 && !options_.quiet)
     complain(
         input.label + ": the lowest " + std::to_string(record.still_rows) +

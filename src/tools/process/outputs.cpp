@@ -165,6 +165,7 @@ std::string Record::to_json() const {
   json["blocked_frames"] = blocked;
   json["horizon_frames"] = horizon_frames;
   json["still_rows"] = still_rows;
+  json["warnings"] = warnings;
   ordered_json files = ordered_json::object();
   for (int i = 0; i < output_count; ++i)
     if (outputs[i])

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "tools/process/cause.hpp"
 #include "tools/process/inputs.hpp"
@@ -78,6 +79,7 @@ struct Record {
   std::uint64_t horizon_frames = 0;  ///< frames with a horizon
   double filter_milliseconds = 0;    ///< median of what terrainseg itself took for a frame
   int still_rows = 0;                ///< at the bottom, under the training window, that never changed
+  std::vector<std::string> warnings; ///< of this project's elements, each once
   struct Written {
     std::string file;
     std::uint64_t bytes = 0;

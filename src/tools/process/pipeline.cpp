@@ -29,6 +29,9 @@ constexpr std::chrono::seconds grace{2};
 
 constexpr GstClockTime poll_interval = 20 * GST_MSECOND;
 
+/// Of one input; a stream that changes its size may give one with each.
+constexpr std::size_t most_warnings = 16;
+
 /// The text of an error message for a person: what GStreamer says to users and the detail it keeps for
 /// developers, without the places in its sources.
 std::string text_of(GstMessage* message) {
@@ -66,6 +69,13 @@ bool is_of_a_resource(GstMessage* message) {
   const bool result = error->domain == GST_RESOURCE_ERROR && error->code != GST_RESOURCE_ERROR_SETTINGS;
   g_error_free(error);
   return result;
+}
+
+/// An element of this project: its warnings speak of settings and pictures, for whoever started the program.
+bool is_of_this_project(const GstObject* from) {
+  const GstElementFactory* factory =
+      GST_IS_ELEMENT(from) ? gst_element_get_factory(GST_ELEMENT(from)) : nullptr;
+  return factory && g_str_has_prefix(GST_OBJECT_NAME(factory), "terrain");
 }
 
 bool is_decoding_problem(GstMessage* warning) {
@@ -150,6 +160,7 @@ class Run {
 
   void play(const std::atomic<int>& interrupted);
   void handle(GstMessage* message);
+  void warn(GstMessage* message);
   void handle_messages(GstBus* bus, GstClockTime timeout);
   void update_progress();
   std::uint64_t moved() const;
@@ -550,6 +561,8 @@ void Run::handle(GstMessage* message) {
   case GST_MESSAGE_WARNING:
     if (decoding && source_warning_.empty() && is_decoding_problem(message))
       source_warning_ = text_of(message);
+    if (is_of_this_project(message->src))
+      warn(message);
     break;
   case GST_MESSAGE_ELEMENT:
     if (gst_is_missing_plugin_message(message) && missing_decoder_.empty())
@@ -558,6 +571,17 @@ void Run::handle(GstMessage* message) {
   default:
     break;
   }
+}
+
+/// Each text once: several outputs are made from the same metadata.
+void Run::warn(GstMessage* message) {
+  GError* error = nullptr;
+  gst_message_parse_warning(message, &error, nullptr);
+  const std::string text = error->message;
+  g_error_free(error);
+  std::vector<std::string>& known = record_.warnings;
+  if (known.size() < most_warnings && std::find(known.begin(), known.end(), text) == known.end())
+    known.push_back(text);
 }
 
 std::string Run::unwritten_file(const GstObject* from) {
