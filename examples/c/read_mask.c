@@ -74,7 +74,10 @@ static GstElement* make_pipeline(const gchar* video) {
       g_error_free(error);
       return NULL;
     }
-    text = g_strdup_printf("uridecodebin uri=\"%s\" ! videoconvert ! %s", uri, tail);
+    /* Upright and without half-pictures, whatever the camera recorded. */
+    text = g_strdup_printf("uridecodebin uri=\"%s\" ! videoconvert ! deinterlace fields=top ! "
+                           "videoflip video-direction=auto ! videoconvert ! %s",
+                           uri, tail);
     g_free(uri);
   } else {
     text = g_strdup_printf("terrainscenesrc num-buffers=60 ! video/x-raw,width=320,height=180 ! %s", tail);

@@ -106,7 +106,9 @@ def frames(source, settings='', picture=False):
 def source_of(arguments):
     if not arguments:
         return 'terrainscenesrc num-buffers=60 ! video/x-raw,width=320,height=180'
-    return f'uridecodebin uri="{pathlib.Path(arguments[0]).resolve().as_uri()}" ! videoconvert'
+    # Upright and without half-pictures, whatever the camera recorded.
+    return (f'uridecodebin uri="{pathlib.Path(arguments[0]).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
+            '! videoflip video-direction=auto ! videoconvert')
 
 
 def main():

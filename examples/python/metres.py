@@ -128,8 +128,9 @@ def main():
     options = parser.parse_args()
     find_plugin.init()
     if options.video:
-        run(f'uridecodebin uri="{pathlib.Path(options.video).resolve().as_uri()}" ! videoconvert', options.camera_info,
-            options.mount, options.start_time)
+        # Upright and without half-pictures, whatever the camera recorded.
+        run(f'uridecodebin uri="{pathlib.Path(options.video).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
+            '! videoflip video-direction=auto ! videoconvert', options.camera_info, options.mount, options.start_time)
         return
     with tempfile.NamedTemporaryFile('w', suffix='.yaml') as camera:
         camera.write(SCENE)

@@ -113,7 +113,9 @@ def main():
     find_plugin.init()
     source = 'terrainscenesrc num-buffers=90 ! video/x-raw,width=320,height=180'
     if options.video:
-        source = f'uridecodebin uri="{pathlib.Path(options.video).resolve().as_uri()}" ! videoconvert'
+        # Upright and without half-pictures, whatever the camera recorded.
+        source = (f'uridecodebin uri="{pathlib.Path(options.video).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
+                  '! videoflip video-direction=auto ! videoconvert')
     # On a rover the newest frame counts: there put  queue leaky=downstream max-size-buffers=1  before terrainseg.
     seen = options.link or f'{source} ! terrainseg mask-level=2 {options.settings}'
     pipeline = Gst.parse_launch(f'{seen} ! appsink name=out sync=false max-buffers=1')

@@ -117,7 +117,7 @@ def source_of(what):
     if not os.access(what, os.R_OK):
         fail(f'{what} cannot be read; say a video, camera or scene')
     uri = pathlib.Path(what).resolve().as_uri()
-    return f'uridecodebin uri={uri} ! deinterlace fields=top ! videoflip video-direction=auto ! videoconvert'
+    return f'uridecodebin uri={uri} ! videoconvert ! deinterlace fields=top ! videoflip video-direction=auto ! videoconvert'
 
 
 def fields_of(buffer):

@@ -96,6 +96,46 @@ def mask_to_numpy_is_a_program_too(folder):
         contains(run(PYTHON, EXAMPLES / f'python/{program}.py', 'absent.mp4', code=1).stderr, 'absent.mp4')
 
 
+def ffmpeg(*arguments):
+    run('ffmpeg', '-nostdin', '-v', 'error', '-y', *arguments)
+
+
+@case
+def a_turned_video_is_read_upright(folder):
+    """As a phone records it: the pixels lie on their side, and a tag says so. ffmpeg turns the same pixels for good."""
+    scene('drive.mp4', frames=12)
+    ffmpeg('-i', 'drive.mp4', '-c', 'copy', '-metadata:s:v', 'rotate=90', 'turned.mp4')
+    ffmpeg('-i', 'turned.mp4', '-c:v', 'ffv1', 'upright.mkv')
+    # A calibration of another shape would be refused.
+    pathlib.Path('camera.yaml').write_text('image_width: 64\nimage_height: 96\n'
+                                           'camera_matrix: {rows: 3, cols: 3, data: [79, 0, 31.5, 0, 79, 47.5, 0, 0, 1]}\n')
+    calibration = '--camera-info', 'camera.yaml', '--mount', 'height=1.35,pitch=0.045'
+    for program in ([PYTHON, EXAMPLES / 'python/mask_to_numpy.py'], [PYTHON, EXAMPLES / 'python/steer.py'],
+                    [PYTHON, EXAMPLES / 'python/metres.py', *calibration], [os.environ['READ_MASK']]):
+        turned, upright = (run(*program, name).stdout.splitlines() for name in ('turned.mp4', 'upright.mkv'))
+        assert len(upright) >= 12, (program, upright)
+        equal(turned, upright, program)
+
+
+@case
+def a_video_of_any_kind_is_read(folder):
+    scene('drive.mp4', frames=12)
+    ffmpeg('-i', 'drive.mp4', '-pix_fmt', 'yuv422p', '-c:v', 'ffv1', '422.mkv')  # 8 bits in planes: not turned by videoflip
+    ffmpeg('-i', 'drive.mp4', '-pix_fmt', 'yuv411p', '-c:v', 'ffv1', '411.mkv')
+    ffmpeg('-i', 'drive.mp4', '-flags', '+ildct+ilme', '-x264opts', 'interlaced=1', '-c:v', 'libx264', 'interlaced.mp4')
+    ffmpeg('-i', 'drive.mp4', '-vf', 'scale=97:65', '-c:v', 'ffv1', 'odd.mkv')
+    ffmpeg('-i', 'drive.mp4', '-vf', 'scale=12:8', '-c:v', 'ffv1', 'small.mkv')
+    for name in '422.mkv', '411.mkv', 'interlaced.mp4', 'odd.mkv', 'small.mkv':
+        for program in ([PYTHON, EXAMPLES / 'python/mask_to_numpy.py'], [PYTHON, EXAMPLES / 'python/steer.py'],
+                        [PYTHON, EXAMPLES / 'python/metres.py'], [os.environ['READ_MASK']]):
+            frames = [line for line in run(*program, name).stdout.splitlines() if line.startswith('frame ')]
+            equal(len(frames), 12, f'{program} {name}')
+        run(EXAMPLES / 'file.sh', name, 'annotated.mp4')
+        frames = run('ffprobe', '-v', 'error', '-count_frames', '-show_entries', 'stream=nb_read_frames', '-of', 'csv=p=0', 'annotated.mp4')
+        equal(frames.stdout.strip(), '12', name)
+        run(EXAMPLES / 'tune.sh', name, '--picture', 'look.png', '--frames', '5')
+
+
 @case
 def metres_are_those_of_the_lines(folder):
     metres = module('metres')
