@@ -19,7 +19,7 @@ case "${1:-}" in
 esac
 [ $# -eq 2 ] || usage 2
 [ -r "$1" ] || fail "$1 cannot be read"
-# The first videoconvert is for formats that videoflip does not turn; H.264 wants even sides of 16 and more.
+# The first videoconvert is for formats that videoflip does not turn; H.264 wants even sides, MP4 sides of 16 and more.
 pipeline "uridecodebin uri=$(uri_of "$1") ! videoconvert ! deinterlace fields=top \
   ! videoflip video-direction=auto ! videoconvert ! terrainseg overlay=true $SETTINGS ! videoconvert ! videoscale \
   ! video/x-raw,format=I420,width=[16,32766,2],height=[16,32766,2] ! x264enc pass=qual speed-preset=veryfast ! mp4mux ! filesink location=$(quoted "$2")"

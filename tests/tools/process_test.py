@@ -84,7 +84,8 @@ def check_outputs(base, frames, size, partial=False):
     annotated, masks = probe(names['annotated.mp4']), probe(names['masks.mkv'])
     equal((annotated['codec_name'], annotated['pix_fmt']), ('h264', 'yuv420p'), 'annotated')
     equal((masks['codec_name'], masks['pix_fmt']), ('ffv1', 'gray'), 'masks')
-    equal((annotated['width'], annotated['height']), (width + width % 2, height + height % 2), 'annotated size')
+    equal((annotated['width'], annotated['height']), (max(16, width + width % 2), max(16, height + height % 2)),
+          'annotated size')
     equal((masks['width'], masks['height']), size, 'mask size')
     lines = [json.loads(line) for line in names['jsonl'].read_text().splitlines()]
     rows = list(csv.DictReader(names['csv'].open()))
@@ -430,13 +431,31 @@ def images_of_several_sizes(folder):
 
 @case
 def odd_sizes(folder):
-    for size in ((65, 49), (64, 49), (33, 48), (17, 17)):
+    for size in ((65, 49), (64, 49), (33, 48), (17, 17), (8, 6), (2, 40), (40, 1)):
         name = f'odd{size[0]}x{size[1]}'
         ffmpeg('-f', 'lavfi', '-i', f'testsrc=size={size[0]}x{size[1]}:rate=24', '-frames:v', 4, '-pix_fmt', 'yuv420p',
                '-c:v', 'ffv1', f'{name}.mkv')
         equal((probe(f'{name}.mkv')['width'], probe(f'{name}.mkv')['height']), size, 'the input')
         ok('-q', '-o', 'out', f'{name}.mkv')
         check_outputs(f'out/{name}', 4, size)
+
+
+@case
+def a_calibration_is_that_of_the_upright_picture(folder):
+    video('flat.mp4', frames=6, size='96x64')
+    if supports_display_rotation():
+        ffmpeg('-display_rotation', '90', '-i', 'flat.mp4', '-c', 'copy', 'turned.mp4')
+    else:
+        ffmpeg('-i', 'flat.mp4', '-c', 'copy', '-metadata:s:v', 'rotate=90', 'turned.mp4')
+    for name, width, height in (('upright', 64, 96), ('lying', 96, 64)):
+        pathlib.Path(f'{name}.yaml').write_text(
+            f'image_width: {width}\nimage_height: {height}\ncamera_matrix: {{rows: 3, cols: 3, data: '
+            f'[79, 0, {(width - 1) / 2}, 0, 79, {(height - 1) / 2}, 0, 0, 1]}}\n')
+    mount = '--mount', 'height=1,pitch=0.3'
+    ok('-q', '-o', 'out', '--camera-info', 'upright.yaml', *mount, 'turned.mp4')
+    assert all('metric' in json.loads(line) for line in open('out/turned.jsonl'))
+    refused = ok('-q', '-o', 'other', '--camera-info', 'lying.yaml', *mount, 'turned.mp4', code=1)
+    contains(refused.stderr, '96 x 64 and these are 64 x 96')
 
 
 @case
@@ -486,6 +505,14 @@ def a_bonnet_is_noticed(folder):
             # What it says to try, helps.
             result = ok('-o', 'out', '--set', f'window-bottom={rows}', f'{name}.mp4')
         equal((json.load(open(f'out/{name}.summary.json'))['still_rows'], result.stderr), (0, ''), name)
+
+
+@case
+def a_wrong_rectangle_is_answered_with_a_right_one(folder):
+    video('drive.mp4', frames=3)
+    refused = ok('-o', 'out', '--set', 'ignore-regions=1,2,3', 'drive.mp4', code=2)
+    contains(refused.stderr, 'as <<x,y,width,height>,<x,y,width,height>>')
+    ok('-q', '-o', 'out', '--set', 'ignore-regions=<<0,0,9,9>,<9,9,9,9>>', 'drive.mp4')
 
 
 @case

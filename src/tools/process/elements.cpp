@@ -53,6 +53,8 @@ std::string range_of(GParamSpec* spec) {
       text += (i ? ", " : "one of ") + std::string(all->values[i].value_nick);
     return text;
   }
+  if (g_str_equal(spec->name, "ignore-regions"))
+    return "rectangles in pixels, as <<x,y,width,height>,<x,y,width,height>>";
   return std::string("a ") + g_type_name(spec->value_type);
 }
 

@@ -276,7 +276,7 @@ void Run::add_annotated(GstElement* tee) {
   GstElement* convert = add("videoconvert");
   GstElement* scale = add("videoscale"); // only where a stream changes its size: a file has one
   annotated_caps_ = add("capsfilter");
-  annotated_box_ = add("videobox"); // H.264 4:2:0 wants even sizes
+  annotated_box_ = add("videobox"); // fills up to annotated_side()
   GstElement* mux = add("mp4mux");
   g_object_set(scale, "add-borders", TRUE, nullptr);
   gst_element_link_many(queue, overlay_, convert, scale, annotated_caps_, annotated_box_, nullptr);
@@ -466,6 +466,12 @@ GstPadProbeReturn Run::entering(GstPadProbeInfo* info) {
   return GST_PAD_PROBE_OK;
 }
 
+/// The side of an annotated picture that holds a frame's: H.264 4:2:0 wants even ones, mp4mux 16 pixels and
+/// more.
+int annotated_side(int side) {
+  return std::max(16, side + (side & 1));
+}
+
 /// Files have one size: the first frame's. Later frames of another size are scaled to it. Caps may come twice
 /// before the first frame: the orientation of a video comes behind them and turns them.
 void Run::size_known(GstCaps* caps) {
@@ -483,7 +489,8 @@ void Run::size_known(GstCaps* caps) {
         info.height, "pixel-aspect-ratio", GST_TYPE_FRACTION, info.par_n, info.par_d, "colorimetry",
         G_TYPE_STRING, info.height >= 720 ? "bt709" : "bt601", nullptr));
     g_object_set(annotated_caps_, "caps", filter.get(), nullptr);
-    g_object_set(annotated_box_, "right", -(info.width & 1), "bottom", -(info.height & 1), nullptr);
+    g_object_set(annotated_box_, "right", info.width - annotated_side(info.width), "bottom",
+                 info.height - annotated_side(info.height), nullptr);
   }
   if (recording_caps_) {
     const CapsPointer filter(gst_caps_new_simple("video/x-raw", "format", G_TYPE_STRING, "I420", "width",
