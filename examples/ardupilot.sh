@@ -59,10 +59,14 @@ YAML
 esac
 [ -z "${1:-}" ] || target=$1
 [[ $target =~ ^[A-Za-z0-9._-]+:[0-9]+$ ]] || fail "'$target' is not HOST:PORT"
+check_port "${target##*:}"
+SYSTEM_ID=${SYSTEM_ID:-1} LAYOUT=${LAYOUT:-fine}
+{ [[ $SYSTEM_ID =~ ^[0-9]{1,3}$ ]] && [ "$((10#$SYSTEM_ID))" -ge 1 ] && [ "$((10#$SYSTEM_ID))" -le 255 ]; } || fail "SYSTEM_ID '$SYSTEM_ID': say 1 to 255"
+[[ $LAYOUT =~ ^(fine|portable)$ ]] || fail "LAYOUT '$LAYOUT': say fine or portable"
 [ -n "$camera_info" ] && [ -n "$mount" ] ||
   echo "ardupilot.sh: CAMERA_INFO or MOUNT is not set: the autopilot will be told that nothing is known" >&2
 text="$SOURCE ! videoconvert ! video/x-raw,format=NV12 ! queue leaky=downstream max-size-buffers=1 ! terrainseg ${camera_info:+camera-info=$(quoted "$camera_info")} \
-  ${mount:+mount=$(quoted "$mount")} $SETTINGS ! terrainextract mavlink-layout=${LAYOUT:-fine} system-id=${SYSTEM_ID:-1} \
+  ${mount:+mount=$(quoted "$mount")} $SETTINGS ! terrainextract mavlink-layout=$LAYOUT system-id=$SYSTEM_ID \
   ! application/x-mavlink ! udpsink host=${target%:*} port=${target##*:} sync=false async=false"
 if [ -n "${ATTITUDE:-}" ]; then
   exec /usr/bin/python3 "$here/python/attitude_to_pose.py" --listen "$ATTITUDE" --mount "$mount" "$text"

@@ -39,6 +39,19 @@ quoted() {
   printf '"%s"' "${text//\"/\\\"}"
 }
 
+# check_port TEXT: gst-launch-1.0 only warns of a number that is no port, and goes on with another one.
+check_port() {
+  { [[ $1 =~ ^[0-9]{1,5}$ ]] && [ "$((10#$1))" -ge 1 ] && [ "$((10#$1))" -le 65535 ]; } || fail "'$1' is no port: say one from 1 to 65535"
+}
+
+# check_passphrase: one that SRT takes, or none.
+check_passphrase() {
+  local length=${#SRT_PASSPHRASE}
+  [ "$length" -eq 0 ] || { [ "$length" -ge 10 ] && [ "$length" -le 79 ]; } ||
+    fail "SRT_PASSPHRASE has $length characters, and SRT takes 10 to 79: set the same at both ends"
+}
+SRT_PASSPHRASE=${SRT_PASSPHRASE:-}
+
 # lines_branch: behind a tee named t, one JSON object per frame into the file LINES_TO, when that is set.
 lines_branch() {
   [ -z "${LINES_TO:-}" ] || printf '%s' "t. ! queue ! terrainextract ! application/x-ndjson ! filesink location=$(quoted "$LINES_TO") \

@@ -13,8 +13,10 @@ uri=$1
 # The words of the pipeline are those of this file; of the URI only what an address may hold gets into them.
 [[ $uri =~ ^(srt://[A-Za-z0-9._-]+|srt://\[[0-9A-Fa-f:.]+\]|udp://|rtp://):([0-9]{1,5})$ ]] || fail "$uri is no srt://ROVER:PORT, udp://:PORT or rtp://:PORT"
 port=${BASH_REMATCH[2]}
+check_port "$port"
 case "$uri" in
   srt://*)
+    check_passphrase
     secret=${SRT_PASSPHRASE:+"passphrase=$(quoted "$SRT_PASSPHRASE") pbkeylen=16"}
     input="srtsrc uri=$uri?mode=caller $secret ! tsdemux name=d  d. ! h264parse ! terrainstamp mode=read ! video.  d. ! meta/x-klv ! klv." ;;
   udp://*)

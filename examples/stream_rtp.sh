@@ -9,4 +9,5 @@ case "${1:-}" in
   "") usage 2 ;;
   --self-test) port=$(free_port); link_test "rtp://:$port" "$0" 127.0.0.1 "$port"; exit ;;
 esac
+check_port "${2:-7010}"
 rover "rtpmp2tpay ! udpsink host=$1 port=${2:-7010} sync=false"

@@ -13,5 +13,7 @@ case "${1:-}" in
     link_test "srt://127.0.0.1:$port" "$0" "$port"
     exit ;;
 esac
+check_port "${1:-7001}"
+check_passphrase
 secret=${SRT_PASSPHRASE:+"passphrase=$(quoted "$SRT_PASSPHRASE") pbkeylen=16"}
 rover "srtsink uri=srt://:${1:-7001}?mode=listener wait-for-connection=true $secret"

@@ -8,4 +8,5 @@ case "${1:-}" in
   "") usage 2 ;;
   --self-test) port=$(free_port); link_test "udp://:$port" "$0" 127.0.0.1 "$port"; exit ;;
 esac
+check_port "${2:-7000}"
 rover "udpsink host=$1 port=${2:-7000} sync=false"

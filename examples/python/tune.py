@@ -347,10 +347,13 @@ class Tuner:
         return self.status
 
     def say_goodbye(self, settings):
-        write_settings(self.options.settings, settings)
         properties = ' '.join(f'{name}={shlex.quote(value)}' for name, value in settings)
         print(f'gst-launch-1.0 {source_of(self.options.what)} ! terrainseg {properties}{" " if properties else ""}overlay=true '
-              '! videoconvert ! autovideosink')
+              '! videoconvert ! autovideosink', flush=True)
+        try:
+            write_settings(self.options.settings, settings)
+        except OSError as error:
+            fail(f'{self.options.settings} cannot be written: {error.strerror}; the line above has the same')
         print(f'tune.sh: {self.options.settings} has the same: terrainseg settings-location={shlex.quote(self.options.settings)}, '
               f'terrainseg-process --set settings-location={shlex.quote(self.options.settings)}', file=sys.stderr)
 
@@ -376,7 +379,10 @@ def picture_of(options):
             set_text(element, key, text)
     last = last_sample(pipeline)
     png = GstVideo.video_convert_sample(last, Gst.Caps.from_string('image/png'), 10 * Gst.SECOND).get_buffer()
-    pathlib.Path(options.picture).write_bytes(png.extract_dup(0, png.get_size()))
+    try:
+        pathlib.Path(options.picture).write_bytes(png.extract_dup(0, png.get_size()))
+    except OSError as error:
+        fail(f'{options.picture} cannot be written: {error.strerror}')
     print(options.picture)
     return 0
 

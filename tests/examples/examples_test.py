@@ -137,6 +137,23 @@ def a_video_of_any_kind_is_read(folder):
 
 
 @case
+def numbers_that_are_wrong_are_refused_and_not_replaced(folder):
+    """gst-launch-1.0 warns of them and goes on with its defaults: another port, another vehicle."""
+    for port in '0', '65536', '99999', 'seven':
+        for script, *arguments in (('stream_rtp', '127.0.0.1', port), ('stream_udp_ts', '127.0.0.1', port), ('stream_srt', port),
+                                   ('ardupilot', f'127.0.0.1:{port}'), ('ground_station', f'udp://:{port}')):
+            result = run(EXAMPLES / f'{script}.sh', *arguments, code=1, env={**os.environ, 'SOURCE': 'videotestsrc num-buffers=1'})
+            contains(result.stderr.lower(), 'port')
+            assert 'GLib' not in result.stderr, result.stderr
+    for name, value in (('SYSTEM_ID', '300'), ('SYSTEM_ID', '0'), ('LAYOUT', 'fien')):
+        result = run(EXAMPLES / 'ardupilot.sh', '--scene', code=1, env={**os.environ, name: value})
+        contains(result.stderr, f"{name} '{value}'")
+    for script, argument in (('stream_srt', '7001'), ('ground_station', 'srt://127.0.0.1:7001')):
+        result = run(EXAMPLES / f'{script}.sh', argument, code=1, env={**os.environ, 'SRT_PASSPHRASE': 'short'})
+        contains(result.stderr, 'SRT takes 10 to 79')
+
+
+@case
 def metres_are_those_of_the_lines(folder):
     metres = module('metres')
     pathlib.Path('camera.yaml').write_text(metres.SCENE)

@@ -203,6 +203,8 @@ def without_a_display_three_values_lie_side_by_side(folder):
 @case
 def what_is_wrong_is_said(folder):
     contains(run(TUNE, 'absent.mp4', '--picture', 'x.png', code=1).stderr, 'absent.mp4 cannot be read')
+    refused = run(TUNE, 'scene', '--frames', '2', '--picture', 'absent/x.png', code=1).stderr
+    assert 'tune.sh: absent/x.png cannot be written' in refused and 'Traceback' not in refused, refused
     contains(run(TUNE, 'scene', 'no-such=1', '--picture', 'x.png', code=1).stderr, 'no property no-such')
     contains(run(TUNE, code=2).stdout, 'usage: examples/tune.sh')
 
