@@ -212,7 +212,10 @@ def main():
     parser.add_argument('--spool', default='terrain.spool', help='file for lines that are not delivered yet')
     parser.add_argument('--limit', type=int, default=1_000_000, help='lines that the spool holds at most')
     parser.add_argument('--retry', type=float, default=1.0, help='seconds between two attempts to connect')
-    sys.exit(Publisher(parser.parse_args()).run())
+    options = parser.parse_args()
+    if not 1 <= options.port <= 65535:
+        parser.error(f'{options.port} is no port: say one from 1 to 65535')
+    sys.exit(Publisher(options).run())
 
 
 if __name__ == '__main__':

@@ -206,6 +206,10 @@ int main(int argc, char** argv) {
 
   if (!address)
     address = g_strdup("127.0.0.1");
+  if (port < 1 || port > 65535) {
+    g_printerr("rtsp_server: %d is no port: say one from 1 to 65535\n", port);
+    return 2;
+  }
   if (!user != !password) {
     g_printerr("rtsp_server: set both RTSP_USER and RTSP_PASSWORD, or neither\n");
     return 2;

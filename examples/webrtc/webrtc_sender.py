@@ -269,6 +269,8 @@ def main():
     parser.add_argument('--stun', help='such as stun://stun.example.org:3478')
     parser.add_argument('--report', help='for tests: a file for what the page at /?report says it saw')
     options = parser.parse_args()
+    if not 1 <= options.port <= 65535:
+        parser.error(f'{options.port} is no port: say one from 1 to 65535')
 
     Handler.secret = secret_for(options, parser)
 

@@ -145,6 +145,7 @@ def numbers_that_are_wrong_are_refused_and_not_replaced(folder):
             result = run(EXAMPLES / f'{script}.sh', *arguments, code=1, env={**os.environ, 'SOURCE': 'videotestsrc num-buffers=1'})
             contains(result.stderr.lower(), 'port')
             assert 'GLib' not in result.stderr, result.stderr
+    contains(run(PYTHON, EXAMPLES / 'python/mqtt_publish.py', '--port', '99999', code=2).stderr, '99999 is no port')
     for name, value in (('SYSTEM_ID', '300'), ('SYSTEM_ID', '0'), ('LAYOUT', 'fien')):
         result = run(EXAMPLES / 'ardupilot.sh', '--scene', code=1, env={**os.environ, name: value})
         contains(result.stderr, f"{name} '{value}'")

@@ -265,6 +265,7 @@ def rtsp_refuses_what_it_cannot_do(folder):
     if not os.environ['RTSP_SERVER']:
         raise Skip('built without gstreamer-rtsp-server-1.0')
     contains(run(os.environ['RTSP_SERVER'], '--no-such', code=2).stderr, 'no-such')
+    contains(run(os.environ['RTSP_SERVER'], '--port', '99999', code=2).stderr, '99999 is no port')
     with socket.socket() as taken:
         taken.bind(('0.0.0.0', 0))
         taken.listen()
