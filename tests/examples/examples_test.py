@@ -11,6 +11,7 @@ import subprocess
 import time
 
 from example_runs import EXAMPLES, PYTHON, launch, module, reference_lines, run, scene
+from ffmpeg import ffmpeg, mark_turned
 from ports import free_port
 from tap import Skip, contains, equal, installing, main
 
@@ -96,15 +97,11 @@ def mask_to_numpy_is_a_program_too(folder):
         contains(run(PYTHON, EXAMPLES / f'python/{program}.py', 'absent.mp4', code=1).stderr, 'absent.mp4')
 
 
-def ffmpeg(*arguments):
-    run('ffmpeg', '-nostdin', '-v', 'error', '-y', *arguments)
-
-
 @case
 def a_turned_video_is_read_upright(folder):
     """As a phone records it: the pixels lie on their side, and a tag says so. ffmpeg turns the same pixels for good."""
     scene('drive.mp4', frames=12)
-    ffmpeg('-i', 'drive.mp4', '-c', 'copy', '-metadata:s:v', 'rotate=90', 'turned.mp4')
+    mark_turned('drive.mp4', 90, 'turned.mp4')
     ffmpeg('-i', 'turned.mp4', '-c:v', 'ffv1', 'upright.mkv')
     # A calibration of another shape would be refused.
     pathlib.Path('camera.yaml').write_text('image_width: 64\nimage_height: 96\n'

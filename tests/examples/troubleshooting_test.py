@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from ffmpeg import mark_turned  # noqa: E402
 from tap import Skip, contains, equal, main  # noqa: E402
 
 EXAMPLES = pathlib.Path(os.environ['TERRAINSEG_EXAMPLES'])
@@ -178,10 +179,7 @@ def players_refuse(folder):
 @row('the picture lies on its side')
 def turned(folder):
     launch(f'{SCENE} ! x264enc ! mp4mux ! filesink location=flat.mp4')
-    text = subprocess.run(['ffmpeg', '-h', 'full'], capture_output=True, text=True).stdout
-    turn = ['-display_rotation', '90', '-i', 'flat.mp4'] if '-display_rotation' in text else \
-        ['-i', 'flat.mp4', '-metadata:s:v', 'rotate=90']
-    subprocess.run(['ffmpeg', '-nostdin', '-v', 'error', *turn, '-c', 'copy', 'phone.mp4'], check=True)
+    mark_turned('flat.mp4', 90, 'phone.mp4')
     source = 'filesrc location=phone.mp4 ! decodebin'
     size = [(line['width'], line['height']) for line in lines(f'{source} ! terrainseg ! terrainextract')][0]
     equal(size, (320, 180), 'as it lies in the file')

@@ -4,7 +4,6 @@
 import contextlib
 import csv
 import errno
-import functools
 import hashlib
 import json
 import math
@@ -21,6 +20,7 @@ import sys
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from ffmpeg import ffmpeg, mark_turned  # noqa: E402
 from tap import Skip, contains, equal, installing, main  # noqa: E402
 
 PROCESS = os.environ['TERRAINSEG_PROCESS']
@@ -42,10 +42,6 @@ def ok(*arguments, code=0, **options):
     result = run(*arguments, **options)
     assert result.returncode == code, f'exit {result.returncode} instead of {code}: {result.stderr}{result.stdout}'
     return result
-
-
-def ffmpeg(*arguments):
-    subprocess.run(['ffmpeg', '-nostdin', '-v', 'error', '-y', *map(str, arguments)], check=True)
 
 
 def video(path, frames=12, size='64x48', rate=24, audio=False, before=(), extra=()):
@@ -443,10 +439,7 @@ def odd_sizes(folder):
 @case
 def a_calibration_is_that_of_the_upright_picture(folder):
     video('flat.mp4', frames=6, size='96x64')
-    if supports_display_rotation():
-        ffmpeg('-display_rotation', '90', '-i', 'flat.mp4', '-c', 'copy', 'turned.mp4')
-    else:
-        ffmpeg('-i', 'flat.mp4', '-c', 'copy', '-metadata:s:v', 'rotate=90', 'turned.mp4')
+    mark_turned('flat.mp4', 90, 'turned.mp4')
     for name, width, height in (('upright', 64, 96), ('lying', 96, 64)):
         pathlib.Path(f'{name}.yaml').write_text(
             f'image_width: {width}\nimage_height: {height}\ncamera_matrix: {{rows: 3, cols: 3, data: '
@@ -461,8 +454,7 @@ def a_calibration_is_that_of_the_upright_picture(folder):
 @case
 def rotated_video_is_turned_upright(folder):
     video('flat.mp4', frames=6, size='96x64')
-    ffmpeg('-display_rotation', '90', '-i', 'flat.mp4', '-c', 'copy', 'turned.mp4') if supports_display_rotation() \
-        else ffmpeg('-i', 'flat.mp4', '-c', 'copy', '-metadata:s:v', 'rotate=90', 'turned.mp4')
+    mark_turned('flat.mp4', 90, 'turned.mp4')
     ok('-q', '-o', 'out', 'flat.mp4', 'turned.mp4')
     check_outputs('out/flat', 6, (96, 64))
     check_outputs('out/turned', 6, (64, 96))
@@ -475,10 +467,7 @@ def every_camera_that_was_turned_is_turned_back(folder):
     for name, extra in kinds.items():
         video('flat.mp4', frames=4, size='96x64', extra=extra)
         for angle, size in ((90, (64, 96)), (180, (96, 64)), (270, (64, 96))):
-            if supports_display_rotation():
-                ffmpeg('-display_rotation', angle, '-i', 'flat.mp4', '-c', 'copy', f'{name}{angle}.mp4')
-            else:
-                ffmpeg('-i', 'flat.mp4', '-c', 'copy', '-metadata:s:v', f'rotate={angle}', f'{name}{angle}.mp4')
+            mark_turned('flat.mp4', angle, f'{name}{angle}.mp4')
             ok('-q', '-o', 'out', f'{name}{angle}.mp4')
             check_outputs(f'out/{name}{angle}', 4, size)
             # The oracle turns by itself: the pictures must be those that ffmpeg shows, but for the drawn ground.
@@ -539,12 +528,6 @@ def the_filters_own_time_is_told(folder):
     own = json.load(open('out/clip.summary.json'))['filter_milliseconds']
     assert 0 < own < 1000, own
     contains(line, f'filter {own:.2f} ms')
-
-
-@functools.cache
-def supports_display_rotation():
-    text = subprocess.run(['ffmpeg', '-h', 'full'], capture_output=True, text=True).stdout
-    return '-display_rotation' in text
 
 
 @case

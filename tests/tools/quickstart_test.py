@@ -10,6 +10,7 @@ import sys
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from ffmpeg import ffmpeg, mark_turned  # noqa: E402
 from tap import contains, equal, main  # noqa: E402
 
 TOP = pathlib.Path(__file__).resolve().parent.parent.parent
@@ -32,10 +33,6 @@ def shell(command, code=0, cwd=None):
 
 def quickstart(*arguments, code=0):
     return shell([str(TOP / 'examples/quickstart.sh'), *map(str, arguments)], code)
-
-
-def ffmpeg(*arguments):
-    subprocess.run(['ffmpeg', '-nostdin', '-v', 'error', '-y', *map(str, arguments)], check=True)
 
 
 def video(name, *extra, size='160x96', frames=30, pixels='yuv420p'):
@@ -87,11 +84,7 @@ def without_a_video_it_renders_one_and_what_it_says_next_works(folder):
 @case
 def it_takes_what_people_have(folder):
     video('flat.mp4')
-    text = subprocess.run(['ffmpeg', '-h', 'full'], capture_output=True, text=True).stdout
-    if '-display_rotation' in text:
-        ffmpeg('-display_rotation', '90', '-i', 'flat.mp4', '-c', 'copy', 'phone clip.mp4')
-    else:
-        ffmpeg('-i', 'flat.mp4', '-c', 'copy', '-metadata:s:v', 'rotate=90', 'phone clip.mp4')
+    mark_turned('flat.mp4', 90, 'phone clip.mp4')
     quickstart('phone clip.mp4')
     check((96, 160), 30)
     quickstart(video('odd.mkv', '-c:v', 'ffv1', '-vf', 'format=yuv444p,scale=161:97'))
