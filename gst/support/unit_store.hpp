@@ -5,11 +5,11 @@
 #include <gst/gst.h>
 
 #include <algorithm>
-#include <compare>
 #include <cstdint>
 #include <limits>
 #include <map>
 #include <optional>
+#include <tuple>
 
 #include "support/buffer_pool.hpp"
 
@@ -79,7 +79,9 @@ class UnitStore {
     std::uint64_t run;
     PrecisionTime time;
     std::uint64_t arrived;
-    auto operator<=>(const Key&) const = default;
+    bool operator<(const Key& other) const {
+      return std::tie(run, time, arrived) < std::tie(other.run, other.time, other.arrived);
+    }
   };
   struct Unit {
     OwnedBuffer buffer;
