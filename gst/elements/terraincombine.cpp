@@ -384,8 +384,7 @@ std::string precise_silence(const CombineState& s, PrecisionTime frame) {
   return "the frames' precision times (now " + std::to_string(frame) + " us) are none of the units' (now " +
          std::to_string(newest) +
          " us): do the sender's terrainstamp and terrainextract see the same frames? match=time-stamps does "
-         "without "
-         "the stamps";
+         "without the stamps";
 }
 
 /// Why no frame has met a unit for a while, and what to do; empty while there is nothing to tell. The caller

@@ -457,7 +457,7 @@ GstBuffer* make_messages(GstTerrainExtract* self, GstBuffer* frame) {
   const std::int64_t time = GST_BUFFER_PTS_IS_VALID(frame) ? static_cast<std::int64_t>(GST_BUFFER_PTS(frame))
                                                            : g_get_monotonic_time() * 1000;
   const auto bytes =
-      s.mavlink.at(time, time_of_frame(frame, s.segment), metres ? &metres.metric() : nullptr,
+      s.mavlink.at(time, time_of_frame(frame, s.segment).value_or(0), metres ? &metres.metric() : nullptr,
                    {set.mavlink_layout,
                     set.mavlink_unknown,
                     {static_cast<std::uint8_t>(set.system_id), static_cast<std::uint8_t>(set.component_id)}});
@@ -509,8 +509,8 @@ GstBuffer* make_klv(GstTerrainExtract* self, GstBuffer* frame, const EstimateRea
   std::optional<UasPlatform> platform;
   if (set.klv_form == KlvForm::uas_datalink)
     platform = platform_of(self, frame, set.klv_position);
-  const auto unit =
-      s.klv.encode(reader.estimate(), precision_time(frame, s.segment), platform ? &*platform : nullptr);
+  const auto unit = s.klv.encode(reader.estimate(), precision_time(frame, s.segment).value_or(0),
+                                 platform ? &*platform : nullptr);
   return unit.empty() ? nullptr : copy_of(unit.data(), unit.size());
 }
 

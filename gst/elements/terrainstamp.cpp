@@ -227,7 +227,7 @@ void warn_timeless(GstTerrainStamp* self, GstBuffer* in) {
 }
 
 /// The picture with that stamp beside it.
-OwnedBuffer noted(GstTerrainStamp* self, GstBuffer* in, std::uint64_t time_us) {
+OwnedBuffer with_note(GstTerrainStamp* self, GstBuffer* in, std::uint64_t time_us) {
   OwnedBuffer out(gst_buffer_make_writable(gst_buffer_ref(in)));
   note_stamp(out.get(), self->state->framing.codec, time_us);
   return out;
@@ -242,15 +242,15 @@ OwnedBuffer write_stamp(GstTerrainStamp* self, GstBuffer* in, const StampSearch&
     return nullptr;
   }
   if (found.time_us)
-    return stamp_of(in) ? nullptr : noted(self, in, *found.time_us);
-  if (!has_precision_time(in)) {
+    return stamp_of(in) ? nullptr : with_note(self, in, *found.time_us);
+  const auto time_us = precision_time(in, GST_BASE_TRANSFORM(self)->segment);
+  if (!time_us) {
     warn_timeless(self, in);
     return nullptr;
   }
-  const std::uint64_t time_us = precision_time(in, GST_BASE_TRANSFORM(self)->segment);
-  OwnedBuffer out = with_stamp(in, StampUnit(s.framing, time_us, found.temporal), *found.place);
+  OwnedBuffer out = with_stamp(in, StampUnit(s.framing, *time_us, found.temporal), *found.place);
   if (out && !stamp_of(out.get()))
-    note_stamp(out.get(), s.framing.codec, time_us);
+    note_stamp(out.get(), s.framing.codec, *time_us);
   return out;
 }
 

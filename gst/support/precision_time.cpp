@@ -48,22 +48,18 @@ void forget_stamps(GstBuffer* buffer) {
   gst_buffer_foreach_meta(buffer, remove_stamp, nullptr);
 }
 
-std::uint64_t time_of_frame(GstBuffer* buffer, const GstSegment& segment) {
+std::optional<std::uint64_t> time_of_frame(GstBuffer* buffer, const GstSegment& segment) {
   if (const auto utc = utc_of(buffer))
     return *utc / 1000;
   if (!GST_BUFFER_PTS_IS_VALID(buffer))
-    return 0;
+    return std::nullopt;
   const GstClockTime time = stream_time_of(segment, GST_BUFFER_PTS(buffer));
   return (GST_CLOCK_TIME_IS_VALID(time) ? time : GST_BUFFER_PTS(buffer)) / 1000;
 }
 
-bool has_precision_time(GstBuffer* buffer) {
-  return stamp_of(buffer) || utc_of(buffer) || GST_BUFFER_PTS_IS_VALID(buffer);
-}
-
-std::uint64_t precision_time(GstBuffer* buffer, const GstSegment& segment) {
+std::optional<std::uint64_t> precision_time(GstBuffer* buffer, const GstSegment& segment) {
   const auto stamp = stamp_of(buffer);
-  return stamp ? *stamp : time_of_frame(buffer, segment);
+  return stamp ? stamp : time_of_frame(buffer, segment);
 }
 
 } // namespace terrainseg

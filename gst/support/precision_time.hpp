@@ -25,13 +25,10 @@ void forget_stamps(GstBuffer* buffer);
 
 /// Microseconds since 1970 when upstream knows the time of day, else the stream time, so that a run can be
 /// repeated: encoders that shift time stamps shift the segment too, and the stream time stays. In a segment
-/// that has none, the PTS; 0 without.
-std::uint64_t time_of_frame(GstBuffer* buffer, const GstSegment& segment);
-
-/// Whether there is anything to tell it by; without, precision_time() is 0 for every frame.
-bool has_precision_time(GstBuffer* buffer);
+/// that has none, the PTS; nothing without.
+std::optional<std::uint64_t> time_of_frame(GstBuffer* buffer, const GstSegment& segment);
 
 /// The stamp in the video where there is one, else the time of the frame.
-std::uint64_t precision_time(GstBuffer* buffer, const GstSegment& segment);
+std::optional<std::uint64_t> precision_time(GstBuffer* buffer, const GstSegment& segment);
 
 } // namespace terrainseg
