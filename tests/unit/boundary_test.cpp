@@ -46,7 +46,7 @@ double worth(const test::OwnedGrid& g, const CellScores& score, const RowPriors&
     if (r > 0 && r < g.height && !g.ignored[g.at(r, j)] && !g.ignored[g.at(r - 1, j)]) {
       sum += std::min(288.0, 88 * std::log2((step(r, j, r - 1, j) + 4) / 4));
       sum +=
-          std::clamp(10.0 * std::floor((g.y[g.at(r, j)] - g.y[g.at(r - 1, j)]) * gain / 256.0), 0.0, 200.0);
+          std::clamp(10.0 * std::floor((g.y[g.at(r, j)] - g.y[g.at(r - 1, j)]) * gain / 256.0), 0.0, 215.0);
     }
     if (r < g.height && !edgeless.empty() && edgeless[g.at(r, j)])
       sum -= 300;

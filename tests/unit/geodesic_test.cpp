@@ -43,7 +43,7 @@ CellPenalties by_definition(const test::OwnedGrid& g, const std::vector<Cell>& s
     if (s.y > 0)
       own += step(g.at(s.y, s.x), g.at(s.y - 1, s.x)), ++count;
   }
-  const int free = std::min(8, 2 + 2 * (count ? static_cast<int>(std::floor(own / count)) : 0));
+  const int free = std::min(8, 1 + (count ? static_cast<int>(std::floor(1.75 * own / count)) : 0));
   const auto cost = [&](std::size_t a, std::size_t b) {
     return g.ignored[a] || g.ignored[b] ? 0 : std::max(step(a, b) - free, 0);
   };
@@ -119,6 +119,20 @@ TEST(Geodesic, AGentleSlopeAndTheGroundsOwnGrainCostNothing) {
       g.y[g.at(i, j)] = static_cast<std::uint8_t>(60 + 4 * (29 - i) + 4 * ((i + j) % 2));
   for (const int p : raised(g, bottom_row(g, 5, 25)))
     EXPECT_EQ(p, 0);
+}
+
+// A ramp to the right of the ground: each step costs what it has beyond the free one.
+TEST(Geodesic, AStepIsFreeUpToOneAndTheGroundsOwnAndThreeQuartersMore) {
+  for (const auto& [grain, free] : {std::pair{0, 1}, {1, 2}, {2, 4}, {3, 6}, {4, 8}, {5, 8}})
+    for (const int beyond : {0, 1, 2}) {
+      test::OwnedGrid g = gray_grid(34, 1);
+      for (int j = 0; j < 34; ++j)
+        g.y[g.at(0, j)] =
+            static_cast<std::uint8_t>(j < 10 ? 6 + grain * (j % 2) : 6 + grain + (j - 9) * (free + beyond));
+      const auto penalty = raised(g, bottom_row(g, 0, 10));
+      EXPECT_EQ(penalty[g.at(0, 27)], std::clamp(18 * beyond - 10, 0, 40)) << grain << ' ' << beyond;
+      EXPECT_EQ(penalty, by_definition(g, bottom_row(g, 0, 10), 256)) << grain << ' ' << beyond;
+    }
 }
 
 TEST(Geodesic, ALineAcrossTheRoadIsForgiven) {
