@@ -8,7 +8,7 @@ cd "$(dirname "$0")/.."
 # Another major version has other checks, as with clang-format: the one of Debian 12 decides.
 tidy=$(command -v clang-tidy-14) || { echo "tidy.sh: clang-tidy 14 is not here; nothing was checked" >&2; exit 1; }
 [ -f build-tidy/build.ninja ] ||
-  CC=clang CXX=clang++ meson setup build-tidy -Dtests=disabled -Dbench=disabled -Db_pch=false >build-tidy.log || { cat build-tidy.log >&2; exit 1; }
+  CC=clang CXX=clang++ meson setup build-tidy -Dtests=disabled -Dbench=disabled -Db_pch=false -Dunity-tools=false >build-tidy.log || { cat build-tidy.log >&2; exit 1; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 

@@ -20,7 +20,7 @@ class UsageError : public std::runtime_error {
 struct FreeContext {
   void operator()(GOptionContext* context) const { g_option_context_free(context); }
 };
-using Context = std::unique_ptr<GOptionContext, FreeContext>;
+using OptionContext = std::unique_ptr<GOptionContext, FreeContext>;
 
 /// A list that GLib writes into; owns its strings.
 struct Words {

@@ -9,7 +9,7 @@
 namespace terrainseg::calibrate {
 namespace {
 
-using tools::Context, tools::UsageError, tools::Word, tools::Words;
+using tools::OptionContext, tools::UsageError, tools::Word, tools::Words;
 
 constexpr const char* overview =
     "usage: terrainseg-calibrate COMMAND [OPTIONS]\n\n"
@@ -27,7 +27,7 @@ constexpr GOptionEntry end{nullptr, 0, 0, G_OPTION_ARG_NONE, nullptr, nullptr, n
 /// Parses into what the entries point to.
 void parse(const std::vector<GOptionEntry>& entries, const char* arguments, const char* summary,
            const std::vector<std::string>& words, const char* name) {
-  const Context context(g_option_context_new(arguments));
+  const OptionContext context(g_option_context_new(arguments));
   g_option_context_add_main_entries(context.get(), entries.data(), nullptr);
   g_option_context_set_summary(context.get(), summary);
   tools::parse(context.get(), words, name);

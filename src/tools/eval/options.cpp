@@ -9,7 +9,7 @@
 namespace terrainseg::eval {
 namespace {
 
-using tools::Context, tools::Word, tools::Words, tools::parse;
+using tools::OptionContext, tools::Word, tools::Words, tools::parse;
 
 const std::vector<std::string> stages_changed{
     "texture=false",     "exposure=false",      "row-prior=false",        "local-reference=false",
@@ -52,7 +52,7 @@ struct EvalEntries {
   gboolean ablation = FALSE, with_baselines = FALSE, sweep = FALSE;
   int limit = 0, every = 1;
 
-  Context context() {
+  OptionContext context() {
     const GOptionEntry entries[] = {
         {"engine", 0, 0, G_OPTION_ARG_STRING_ARRAY, &engines.list,
          "What is measured, more than once if wished (default: default)", "NAME"},
@@ -73,7 +73,7 @@ struct EvalEntries {
          "Contact sheets of the best, median and worst frames, and plots", "FOLDER"},
         {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &sequences.list, nullptr, nullptr},
         {nullptr, 0, 0, G_OPTION_ARG_NONE, nullptr, nullptr, nullptr}};
-    Context made(g_option_context_new("SEQUENCE..."));
+    OptionContext made(g_option_context_new("SEQUENCE..."));
     g_option_context_add_main_entries(made.get(), entries, nullptr);
     g_option_context_set_summary(made.get(), summary);
     std::string more = std::string("Engines:\n") + engine_help + "\nChanged input:";
@@ -143,7 +143,7 @@ MetresOptions parse_metres_options(const std::vector<std::string>& words) {
       {"csv", 0, 0, G_OPTION_ARG_FILENAME, &csv.text, "The same figures, one line each", "FILE"},
       {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_STRING_ARRAY, &others.list, nullptr, nullptr},
       {nullptr, 0, 0, G_OPTION_ARG_NONE, nullptr, nullptr, nullptr}};
-  const Context context(g_option_context_new(nullptr));
+  const OptionContext context(g_option_context_new(nullptr));
   g_option_context_add_main_entries(context.get(), entries, nullptr);
   g_option_context_set_summary(
       context.get(),
@@ -173,7 +173,7 @@ PaperOptions parse_paper_options(const std::vector<std::string>& words, bool wit
                                  "table1, table2, curves, training or readings; more than once if wished",
                                  "PART"},
                                 {nullptr, 0, 0, G_OPTION_ARG_NONE, nullptr, nullptr, nullptr}};
-  const Context context(g_option_context_new(nullptr));
+  const OptionContext context(g_option_context_new(nullptr));
   if (with_parts)
     g_option_context_add_main_entries(context.get(), parts, nullptr);
   g_option_context_add_main_entries(context.get(), common, nullptr);
