@@ -68,8 +68,11 @@ werror=-Dwerror=false
 
 ahead=
 build_sanitizers() {
+  # Meson finds ccache by itself only where no compiler is named.
+  local cache=
+  ! command -v ccache >/dev/null || cache='ccache '
   # Of debug information the lines, which is what a report names.
-  CC=clang CXX=clang++ configure_and_build build-sanitizers --werror -Doptimization=2 -Ddebug=false \
+  CC="${cache}clang" CXX="${cache}clang++" configure_and_build build-sanitizers --werror -Doptimization=2 -Ddebug=false \
     -Dc_args=-gline-tables-only -Dcpp_args="-gline-tables-only -D_GLIBCXX_ASSERTIONS" -Db_sanitize=address,undefined -Db_lundef=false -Dtools=disabled -Dbench=disabled
 }
 # Compiles for the sanitizers in what the tests of the release leave of the processors; those that run alone wait for most of their time.
