@@ -18,6 +18,7 @@ finish() {
   exit
 }
 . examples/heartbeat.sh
+. tests/with_clang.sh
 step() { printf '\n== %s (%s s)\n' "$1" "$SECONDS"; }
 
 ./install-dependencies.sh test || { count 0 1; finish; }
@@ -68,11 +69,8 @@ werror=-Dwerror=false
 
 ahead=
 build_sanitizers() {
-  # Meson finds ccache by itself only where no compiler is named.
-  local cache=
-  ! command -v ccache >/dev/null || cache='ccache '
   # Of debug information the lines, which is what a report names.
-  CC="${cache}clang" CXX="${cache}clang++" configure_and_build build-sanitizers --werror -Doptimization=2 -Ddebug=false \
+  with_clang configure_and_build build-sanitizers --werror -Doptimization=2 -Ddebug=false \
     -Dc_args=-gline-tables-only -Dcpp_args="-gline-tables-only -D_GLIBCXX_ASSERTIONS" -Db_sanitize=address,undefined -Db_lundef=false -Dtools=disabled -Dbench=disabled
 }
 # Compiles for the sanitizers in what the tests of the release leave of the processors; those that run alone wait for most of their time.

@@ -12,6 +12,7 @@
 # as seeds, and runs. Ends with "N passed, N failed"; an input that breaks something stays in build-fuzz/findings.
 set -u
 cd "$(dirname "$0")/../.." || exit
+. tests/with_clang.sh
 mode=${1:-60}
 shift || true
 targets=("$@")
@@ -34,8 +35,7 @@ if [ "$mode" = coverage ]; then
 fi
 if [ ! -f "$build/build.ninja" ]; then
   rm -rf "$build"
-  cache=$(command -v ccache >/dev/null && echo 'ccache ')
-  CC="${cache}clang" CXX="${cache}clang++" meson setup "$build" "${options[@]}" >"$build.log" 2>&1 ||
+  with_clang meson setup "$build" "${options[@]}" >"$build.log" 2>&1 ||
     { cat "$build.log"; exit 1; }
 fi
 # shellcheck disable=SC2046
