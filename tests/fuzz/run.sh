@@ -39,7 +39,7 @@ if [ ! -f "$build/build.ninja" ]; then
     { cat "$build.log"; exit 1; }
 fi
 # shellcheck disable=SC2046
-ninja -C "$build" tests/fuzz/fuzz_seeds $(printf 'tests/fuzz/%s_fuzz ' "${targets[@]}") >"$build.log" 2>&1 ||
+with_clang ninja -C "$build" tests/fuzz/fuzz_seeds $(printf 'tests/fuzz/%s_fuzz ' "${targets[@]}") >"$build.log" 2>&1 ||
   { grep -E -A6 'error|FAILED' "$build.log"; exit 1; }
 
 # Longest input in bytes, of each target.
