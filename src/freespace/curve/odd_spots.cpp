@@ -2,13 +2,11 @@
 #include "freespace/curve/odd_spots.hpp"
 
 #include <algorithm>
-#include <cstring>
 
 #include "base/fixed_log.hpp"
-#include "base/lattice.hpp"
+#include "freespace/curve/small_things.hpp"
 #include "kernels/cells.hpp"
 #include "kernels/sides.hpp"
-#include "terrainseg/estimate.hpp"
 
 namespace terrainseg {
 namespace {
@@ -38,36 +36,6 @@ constexpr int far_seed_enough = 44;
 /// latter 8 takes in the ground around things; 3 is as good in error, but a tenth more of the things on
 /// rendered plains is called ground.
 constexpr int seed_reach = 3, growth_reach = 4;
-
-// Traversable pixels; returns how many there were.
-int make_doubtful(std::uint8_t* pixels, int count) {
-  int turned = 0;
-  for (int x = 0; x < count; ++x) {
-    const bool traversable = pixels[x] == mask_traversable;
-    turned += traversable;
-    pixels[x] = traversable ? mask_doubtful : pixels[x];
-  }
-  return turned;
-}
-
-void outline_row(const std::uint16_t* __restrict safe, int row, int count, std::uint8_t* __restrict in) {
-  for (int x = 0; x < count; ++x)
-    in[x] = safe[x] <= row;
-}
-
-void outline_behind(const std::uint16_t* __restrict first, const std::uint16_t* __restrict end, int row,
-                    int count, std::uint8_t* __restrict in) {
-  for (int x = 0; x < count; ++x)
-    in[x] |= static_cast<std::uint8_t>((first[x] <= row) & (end[x] > row));
-}
-
-/// True where one of eight values, 0..127, is `least` or more.
-bool any_of_eight(const std::uint8_t* values, int least) {
-  constexpr std::uint64_t ones = 0x0101010101010101u;
-  std::uint64_t eight = 0;
-  std::memcpy(&eight, values, sizeof eight);
-  return ((eight + ones * static_cast<std::uint64_t>(128 - least)) & (ones << 7)) != 0;
-}
 
 std::uint8_t largest(const std::uint8_t* values, std::size_t count) {
   std::uint8_t most = 0;
@@ -99,6 +67,11 @@ int OddSpots::distance(int row) const {
   return std::max(row - horizon_row_, is_far() ? far_nearest_rows : nearest_rows);
 }
 
+// Half of a box around a cell of that row, at least a cell.
+int OddSpots::reach(int sixty_fourths, int row) const {
+  return std::max((sixty_fourths * distance(row) + 32) >> 6, 1);
+}
+
 bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
                     const GroundView& view) {
   view_ = view;
@@ -111,16 +84,15 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   blocks_y_ = (height_ >> 1) + 1;
   const std::size_t size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   odd_.resize(size);
-  for (const std::uint32_t cell : candidates_) // no others belong to spots
+  for (const std::uint32_t cell : candidates_.cells()) // no others belong to spots
     spot_[cell] = 0;
-  candidates_.clear();
   spot_.resize(size);
-  row_ends_.assign(static_cast<std::size_t>(height_), 0);
-  for (auto* cells : {&queue_, &candidates_}) // now: not in the frame in which something is first found
-    cells->reserve(size);
+  queue_.reserve(size); // now: not in the frame in which something is first found
   seed_.resize(size);
-  columns_.reserve(static_cast<std::size_t>(width_));
-  const bool any_ground = outline_ground(curves);
+  const bool any_ground =
+      ground_.draw(curves, {view.level, width_, height_, view.column_level, view.level, view.ignored});
+  first_ = ground_.first();
+  candidates_.start(width_, height_, first_);
   std::fill_n(odd_.begin(), std::min(first_, height_) * width_, std::uint8_t{0});
   if (!any_ground)
     return false;
@@ -136,43 +108,6 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
     return false;
   grow();
   return keep_islands();
-}
-
-// The ground in cells, and the first row that has any.
-bool OddSpots::outline_ground(const FreeSpaceCurves& curves) {
-  const auto w = static_cast<std::size_t>(width_);
-  const int k = view_.level, half = 1 << k >> 1;
-  const auto cells_of = [&](const FrameCurve& rows, std::vector<std::uint16_t>& out) {
-    out.resize(w);
-    for (std::size_t j = 0; j < w; ++j)
-      out[j] = static_cast<std::uint16_t>((rows[j << k >> view_.column_level] + half) >> k);
-  };
-  cells_of(curves.safe, safe_);
-  first_ = *std::min_element(safe_.begin(), safe_.end());
-  behind_first_.reserve(w);
-  behind_end_.reserve(w);
-  if (curves.ground_behind) {
-    cells_of(curves.behind_first, behind_first_);
-    cells_of(curves.behind_end, behind_end_);
-    for (std::size_t j = 0; j < w; ++j)
-      if (behind_first_[j] < behind_end_[j])
-        first_ = std::min<int>(first_, behind_first_[j]);
-  }
-  if (first_ >= height_)
-    return false;
-  ground_.resize(odd_.size()); // known from first_ on
-  for (int i = first_; i < height_; ++i) {
-    std::uint8_t* const in = &ground_[static_cast<std::size_t>(i) * w];
-    outline_row(safe_.data(), i, width_, in);
-    if (curves.ground_behind)
-      outline_behind(behind_first_.data(), behind_end_.data(), i, width_, in);
-  }
-  for (const Rectangle& region : view_.ignored) {
-    const Rectangle cells = cells_in(region, k, width_, height_);
-    for (int i = std::max(cells.y, first_); i < cells.y + cells.height; ++i)
-      std::fill_n(&ground_[static_cast<std::size_t>(i) * w] + cells.x, cells.width, std::uint8_t{0});
-  }
-  return true;
 }
 
 void OddSpots::read_cells(const Pyramid& pyramid, const ColorTransform& transform) {
@@ -201,7 +136,7 @@ void OddSpots::sum_blocks() {
       std::copy_n(&sums[above], stride, &sums[here]);
     for (int i = std::max(2 * I - 1, first_); i <= std::min(2 * I, height_ - 1); ++i) {
       const std::size_t row = static_cast<std::size_t>(i) * w;
-      const std::uint8_t* const ground = &ground_[row];
+      const std::uint8_t* const ground = ground_.row(i);
       const auto add = [&](const std::uint8_t* values, std::uint32_t* sums, std::uint32_t* squares) {
         // Of the first block one column is in the picture; of an even number of them one of the last, too.
         const auto add_alone = [&](std::size_t column, std::size_t block) {
@@ -283,7 +218,7 @@ void OddSpots::measure_row(int row) {
                         sides_.inverse[c].data() + 1, width_, deviation_[c].data(),
                         c == 0 ? dark_.data() : nullptr);
   }
-  const std::uint8_t *const ground = &ground_[at], *const y = deviation_[0].data(),
+  const std::uint8_t *const ground = ground_.row(row), *const y = deviation_[0].data(),
                             *const dark = dark_.data();
   // A column wider on both sides.
   shade_.resize(w + 2);
@@ -294,70 +229,6 @@ void OddSpots::measure_row(int row) {
   kernels::oddness(deviations, nearest_dark_.data(), reached, most_oddness, width_, &odd_[at]);
 }
 
-// Cells that are odd enough, outside of the window, row by row.
-void OddSpots::list_candidates() {
-  const auto w = static_cast<std::size_t>(width_);
-  const int k = view_.level, window_top = view_.window.y >> k, window_left = view_.window.x >> k,
-            window_right = (view_.window.x + view_.window.width) >> k;
-  candidates_.clear();
-  for (int i = first_; i < height_; ++i) {
-    const std::size_t at = static_cast<std::size_t>(i) * w;
-    const std::uint8_t* const odd = &odd_[at];
-    const auto take = [&](std::size_t j) {
-      const auto column = static_cast<int>(j);
-      if (odd[j] >= odd_enough && (i < window_top || column < window_left || column > window_right))
-        candidates_.push_back(static_cast<std::uint32_t>(at + j));
-    };
-    std::size_t j = 0;
-    for (; j + 8 <= w; j += 8)
-      if (any_of_eight(odd + j, odd_enough))
-        for (std::size_t e = 0; e < 8; ++e)
-          take(j + e);
-    for (; j < w; ++j)
-      take(j);
-    row_ends_[static_cast<std::size_t>(i)] = candidates_.size();
-  }
-}
-
-// Calls visit(cell, sum) for each candidate, with the sum over the box around it that reaches `sixty_fourths`
-// of its distance, at least a cell. `add(row, sign)` adds a row's values, or takes them off again, from
-// columns_: a box moves down with the rows and never up, so that each row is added once.
-template <typename Add, typename Visit> void OddSpots::sum_around(int sixty_fourths, Add add, Visit visit) {
-  columns_.assign(static_cast<std::size_t>(width_), 0);
-  int top = first_, bottom = first_;
-  std::size_t next = 0;
-  for (int i = first_; i < height_; ++i) {
-    const std::size_t end = row_ends_[static_cast<std::size_t>(i)];
-    if (next == end)
-      continue;
-    const int reach = std::max((sixty_fourths * distance(i) + 32) >> 6, 1),
-              above = std::max(i - reach, first_), below = std::min(i + reach + 1, height_);
-    if (above >= bottom) {
-      std::fill(columns_.begin(), columns_.end(), 0);
-      top = bottom = above;
-    }
-    for (; bottom < below; ++bottom)
-      add(bottom, 1);
-    for (; top < above; ++top)
-      add(top, -1);
-    const std::size_t at = static_cast<std::size_t>(i) * static_cast<std::size_t>(width_);
-    int left = 0, right = 0, sum = 0;
-    for (; next < end; ++next) {
-      const int column = static_cast<int>(candidates_[next] - at), from = std::max(column - reach, 0),
-                to = std::min(column + reach + 1, width_);
-      if (from >= right) {
-        left = right = from;
-        sum = 0;
-      }
-      for (; right < to; ++right)
-        sum += columns_[static_cast<std::size_t>(right)];
-      for (; left < from; ++left)
-        sum -= columns_[static_cast<std::size_t>(left)];
-      visit(candidates_[next], sum);
-    }
-  }
-}
-
 // Where the mean oddness of the ground around a candidate is enough. The rest of seed_ is 0: keep_islands()
 // leaves nothing of it.
 bool OddSpots::seed() {
@@ -366,57 +237,46 @@ bool OddSpots::seed() {
   const std::size_t from = static_cast<std::size_t>(first_) * w;
   if (largest(&odd_[from], odd_.size() - from) < enough)
     return false;
-  list_candidates();
+  const int k = view_.level;
+  const Rectangle& window = view_.window;
+  candidates_.list(odd_.data(), odd_enough,
+                   {window.x >> k, window.y >> k, ((window.x + window.width) >> k) - (window.x >> k), 0});
   bool any = false;
-  sum_around(
-      seed_reach,
-      [&](int row, int sign) {
-        const std::size_t at = static_cast<std::size_t>(row) * w;
-        kernels::add_excess(&odd_[at], &ground_[at], enough, sign, width_, columns_.data());
-      },
-      [&](std::uint32_t cell, int excess) {
-        seed_[cell] = excess >= 0;
-        any |= excess >= 0;
-      });
+  candidates_.sum_around([&](int row) { return reach(seed_reach, row); },
+                         [&](int row, int sign, std::int32_t* columns) {
+                           kernels::add_excess(&odd_[static_cast<std::size_t>(row) * w], ground_.row(row),
+                                               enough, sign, width_, columns);
+                         },
+                         [&](std::uint32_t cell, int excess) {
+                           seed_[cell] = excess >= 0;
+                           any |= excess >= 0;
+                         });
   return any;
 }
 
 void OddSpots::grow() {
-  sum_around(
-      growth_reach,
-      [&](int row, int sign) {
-        const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
-        kernels::add_excess(&seed_[at], &seed_[at], 0, sign, width_, columns_.data());
-      },
-      [&](std::uint32_t cell, int seeds) { spot_[cell] = seeds > 0; });
+  candidates_.sum_around([&](int row) { return reach(growth_reach, row); },
+                         [&](int row, int sign, std::int32_t* columns) {
+                           const std::size_t at =
+                               static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
+                           kernels::add_excess(&seed_[at], &seed_[at], 0, sign, width_, columns);
+                         },
+                         [&](std::uint32_t cell, int seeds) { spot_[cell] = seeds > 0; });
 }
 
 // Drops what touches something above it that is not ground: a matter of the boundary.
 bool OddSpots::keep_islands() {
   bool any = false;
-  for (const std::uint32_t cell : candidates_)
+  for (const std::uint32_t cell : candidates_.cells())
     seed_[cell] = spot_[cell]; // cells that wait to be looked at
-  const auto w = static_cast<std::size_t>(width_);
-  for (const std::uint32_t start : candidates_) {
+  const auto w = static_cast<std::uint32_t>(width_);
+  for (const std::uint32_t start : candidates_.cells()) {
     if (!seed_[start])
       continue;
-    queue_.clear();
-    queue_.push_back(start);
-    seed_[start] = 0;
-    bool island = true;
-    for (std::size_t next = 0; next < queue_.size(); ++next) {
-      const std::uint32_t cell = queue_[next];
-      const int i = row_of(cell), j = column_of(cell);
-      island &= i <= first_ || ground_[cell - w] != 0;
-      for (int y = std::max(i - 1, 0); y <= std::min(i + 1, height_ - 1); ++y)
-        for (int x = std::max(j - 1, 0); x <= std::min(j + 1, width_ - 1); ++x) {
-          const std::size_t other = static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x);
-          if (seed_[other]) {
-            seed_[other] = 0;
-            queue_.push_back(static_cast<std::uint32_t>(other));
-          }
-        }
-    }
+    candidates_.take_piece(start, seed_.data(), queue_);
+    const bool island = std::all_of(queue_.begin(), queue_.end(), [&](std::uint32_t cell) {
+      return static_cast<int>(cell / w) <= first_ || ground_.at(cell - w);
+    });
     any |= island;
     if (!island)
       for (const std::uint32_t cell : queue_)
@@ -425,43 +285,16 @@ bool OddSpots::keep_islands() {
   return any;
 }
 
-// Calls visit(row, first, end) for each stretch of a row that belongs to spots.
-template <typename Visit> void OddSpots::each_stretch(Visit visit) const {
-  std::size_t next = 0;
-  for (int i = first_; i < height_; ++i) {
-    const std::size_t at = static_cast<std::size_t>(i) * static_cast<std::size_t>(width_),
-                      end = row_ends_[static_cast<std::size_t>(i)];
-    while (next < end) {
-      const std::uint32_t start = candidates_[next++];
-      if (!spot_[start])
-        continue;
-      std::uint32_t stop = start + 1;
-      for (; next < end && candidates_[next] == stop && spot_[stop]; ++next)
-        ++stop;
-      visit(i, static_cast<int>(start - at), static_cast<int>(stop - at));
-    }
-  }
-}
-
 void OddSpots::lower(int mask_level, FrameCurve& rows) const {
-  const int k = view_.level, half = 1 << k >> 1, columns = static_cast<int>(rows.size());
-  each_stretch([&](int i, int from, int to) {
-    const auto row = static_cast<std::uint16_t>((i << k) - half + (1 << k));
-    const int left = subsampled(std::max((from << k) - half, 0), mask_level),
-              right = std::min(subsampled((to << k) - half, mask_level), columns);
-    for (int x = left; x < right; ++x)
-      rows[static_cast<std::size_t>(x)] = std::max(rows[static_cast<std::size_t>(x)], row);
+  candidates_.each_stretch(spot_.data(), [&](int row, int from, int to) {
+    lower_below({view_.level, row, from, to}, mask_level, rows);
   });
 }
 
 std::uint64_t OddSpots::mark(const MutablePlane& mask, int width, int height, int mask_level) const {
-  const int k = view_.level, half = 1 << k >> 1;
-  const auto first = [&](int cell) { return subsampled(std::max((cell << k) - half, 0), mask_level); };
   std::uint64_t turned = 0;
-  each_stretch([&](int i, int from, int to) {
-    const int left = first(from), count = std::max(std::min(first(to), width) - left, 0);
-    for (int y = first(i), bottom = std::min(first(i + 1), height); y < bottom; ++y)
-      turned += static_cast<std::uint64_t>(make_doubtful(mask.row(y) + left, count));
+  candidates_.each_stretch(spot_.data(), [&](int row, int from, int to) {
+    turned += make_doubtful({view_.level, row, from, to}, mask, width, height, mask_level);
   });
   return turned;
 }

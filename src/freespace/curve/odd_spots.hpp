@@ -11,8 +11,10 @@
 
 #include "base/color_transform.hpp"
 #include "coarse/pyramid.hpp"
+#include "freespace/curve/candidate_cells.hpp"
 #include "freespace/curve/evidence.hpp"
 #include "freespace/curve/free_space.hpp"
+#include "freespace/curve/ground_outline.hpp"
 
 namespace terrainseg {
 
@@ -59,20 +61,13 @@ class OddSpots {
   };
 
   int distance(int row) const;
+  int reach(int sixty_fourths, int row) const;
   bool is_far() const { return view_.rows > 0; } ///< only what is far away is searched
-  bool outline_ground(const FreeSpaceCurves& curves);
   void read_cells(const Pyramid& pyramid, const ColorTransform& transform);
   void sum_blocks();
   void sum_strips(int top, int bottom, std::size_t pad);
   void compare_sides(int block_row);
   void measure_row(int row);
-  int row_of(std::uint32_t cell) const { return static_cast<int>(cell / static_cast<std::uint32_t>(width_)); }
-  int column_of(std::uint32_t cell) const {
-    return static_cast<int>(cell % static_cast<std::uint32_t>(width_));
-  }
-  void list_candidates();
-  template <typename Add, typename Visit> void sum_around(int sixty_fourths, Add add, Visit visit);
-  template <typename Visit> void each_stretch(Visit visit) const;
   bool seed();
   void grow();
   bool keep_islands();
@@ -80,9 +75,9 @@ class OddSpots {
   GroundView view_;
   int width_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
   int blocks_x_ = 0, blocks_y_ = 0;
-  std::vector<std::uint16_t> safe_, behind_first_, behind_end_; ///< in rows of cells
+  GroundOutline ground_;
   std::array<std::vector<std::uint8_t>, 3> color_;
-  std::vector<std::uint8_t> ground_, odd_, seed_, spot_;
+  std::vector<std::uint8_t> odd_, seed_, spot_;
   std::array<std::vector<std::uint32_t>, sum_count>
       sums_; ///< of blocks and those above; from the first that has ground
   std::array<std::vector<std::uint32_t>, sum_count> strips_; ///< of a block row: integral over its box's rows
@@ -94,9 +89,8 @@ class OddSpots {
   std::vector<std::int16_t> nearest_dark_;
   std::array<std::vector<std::uint8_t>, 3> deviation_; ///< of a row, Q4
   std::vector<std::uint8_t> dark_, shade_;             ///< likewise: darker than both sides; clearly so
-  std::vector<std::int32_t> columns_;                  ///< sums over a box's rows
-  std::vector<std::uint32_t> candidates_, queue_;      ///< cells
-  std::vector<std::size_t> row_ends_;                  ///< of each row's candidates, from first_ on
+  CandidateCells candidates_;                          ///< that are odd enough, outside of the window
+  std::vector<std::uint32_t> queue_;                   ///< cells of a piece
 };
 
 } // namespace terrainseg
