@@ -136,6 +136,9 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
     if (search.found)
       traversable -=
           search.spots.mark(out.mask(), estimate.mask.width, estimate.mask.height, settings.mask_level);
+  if (in_stones_)
+    traversable -=
+        stone_field_.mark(out.mask(), estimate.mask.width, estimate.mask.height, settings.mask_level);
   if (stands)
     traversable -= standing_.mark(out.mask(), estimate.mask.width, estimate.mask.height, settings.mask_level);
   out.tell_free_space(traversable, settings, grid_.level);
@@ -286,6 +289,7 @@ void FreeSpacePipeline::find_spots(const FrameTask& task, const Rectangle& windo
   const Settings& settings = task.settings;
   for (SpotSearch& search : spot_searches_)
     search.found = false;
+  in_stones_ = false;
   if (!settings.odd_spots)
     return;
   const int level = std::max(grid_.level - 1, 0), finest = std::max(level - 1, 0),
@@ -301,6 +305,11 @@ void FreeSpacePipeline::find_spots(const FrameTask& task, const Rectangle& windo
   look(spot_searches_[0], level, 0);
   if (finest < level)
     look(spot_searches_[1], finest, far_rows);
+  in_stones_ = stone_field_.find(pyramid_, transform_, curves,
+                                 {texture_level(grid_.level), layout_of(task.frame.format).rgb, column_level,
+                                  finest, slow_horizon, window, settings.ignore_regions});
+  if (in_stones_)
+    stone_field_.lower(settings.mask_level, below_things_);
 }
 
 // What moves as something that stands on the ground.
@@ -328,6 +337,8 @@ void FreeSpacePipeline::tell_confidence(const Settings& settings, bool stands, c
   for (const SpotSearch& search : spot_searches_)
     if (search.found)
       evidence_.subtract_oddness(search.spots.oddness());
+  if (in_stones_)
+    evidence_.subtract_oddness(stone_field_.oddness());
   if (stands)
     evidence_.subtract_standing(standing_.evidence());
   evidence_.tell(grid_, estimate.mask, settings.mask_level, estimate.confidence, map);
@@ -364,6 +375,7 @@ void FreeSpacePipeline::forget_frames() {
   averaging_.forget();
   guard_.forget();
   standing_.forget();
+  stone_field_.forget();
   boundary_.clear();
   horizon_hold_.forget();
 }

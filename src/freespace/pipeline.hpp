@@ -30,6 +30,7 @@
 #include "freespace/curve/reestimation.hpp"
 #include "freespace/curve/refinement.hpp"
 #include "freespace/curve/standing_things.hpp"
+#include "freespace/curve/stone_field.hpp"
 #include "freespace/window_guard.hpp"
 #include "learning/clustering.hpp"
 
@@ -116,6 +117,8 @@ class FreeSpacePipeline final : public Pipeline {
     bool found = false; ///< in this frame
   };
   std::array<SpotSearch, 2> spot_searches_;
+  StoneField stone_field_;
+  bool in_stones_ = false; ///< there is a field of stones in this frame
   StandingThings standing_;
   FrameCurve below_things_; ///< the safe curve where nothing stands in the open below it
   FreeSpace free_space_;

@@ -34,6 +34,8 @@ odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough 
   far_nearest_rows far_seed_enough
 reestimation: color_weight texture_weight limit limit_per_penalty upper_end
 row_prior: strongest middle middle_per_row
+stone_field: nearest_rows box_reach least_ground trim deviation_floor odd_enough seed_enough seed_reach
+  stone_width stone_height stone_peak sure_width sure_height sure_peak least_sure least_share
 window_guard: patience
 '''
 OF_STILLS = '''
@@ -44,6 +46,8 @@ local_reference: follow_below free_below most
 odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
 row_prior: middle
+stone_field: box_reach trim odd_enough seed_enough seed_reach stone_peak sure_width sure_height sure_peak
+  least_sure least_share
 '''
 OF_RENDERED = '''
 boundary: leave_price edgeless_price

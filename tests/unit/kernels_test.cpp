@@ -8,6 +8,7 @@
 #include "kernel_harness.hpp"
 #include "kernels/blend.hpp"
 #include "kernels/cells.hpp"
+#include "kernels/deviation.hpp"
 #include "kernels/ground_warp.hpp"
 #include "kernels/mask.hpp"
 #include "kernels/point_fit.hpp"
@@ -1273,6 +1274,99 @@ TEST(Kernels, RunDifferences) {
         std::uint32_t sum = 0;
         for (std::size_t i = 0; i < size; ++i)
           ASSERT_EQ(out[i], sum += b[i] - a[i]) << i << " of " << count;
+      }
+  });
+}
+
+TEST(Kernels, AddMoments) {
+  on_every_target([] {
+    std::mt19937 random(51);
+    for (int count = 1; count <= 150; ++count)
+      for (const bool at_end : {false, true}) {
+        const auto size = static_cast<std::size_t>(count);
+        const Guarded<std::uint8_t> luma(size, at_end), ground(size, at_end);
+        const Guarded<std::uint16_t> cells(size, at_end), sums(size, at_end);
+        const Guarded<std::uint32_t> squares(size, at_end);
+        std::vector<unsigned> n(size, 3), sum(size, 700), square(size, 40000);
+        for (std::size_t i = 0; i < size; ++i) {
+          cells[i] = 3;
+          sums[i] = 700;
+          squares[i] = 40000;
+        }
+        for (int row = 0; row < 13; ++row) {
+          fill(luma, all_fills[static_cast<std::size_t>(count + row) % 5], random);
+          for (std::size_t i = 0; i < size; ++i) {
+            ground[i] = random() % 3 > 0;
+            if (!ground[i])
+              continue;
+            ++n[i];
+            sum[i] += luma[i];
+            square[i] += static_cast<unsigned>((luma[i] - 128) * (luma[i] - 128));
+          }
+          add_moments(luma.data(), ground.data(), count, {cells.data(), sums.data(), squares.data()});
+        }
+        for (std::size_t i = 0; i < size; ++i) {
+          ASSERT_EQ(cells[i], n[i]) << i << " of " << count;
+          ASSERT_EQ(sums[i], sum[i]) << i << " of " << count;
+          ASSERT_EQ(squares[i], square[i]) << i << " of " << count;
+        }
+      }
+  });
+}
+
+TEST(Kernels, AddNear) {
+  on_every_target([] {
+    std::mt19937 random(52);
+    for (int count = 1; count <= 150; ++count)
+      for (const bool at_end : {false, true}) {
+        const auto size = static_cast<std::size_t>(count);
+        const Guarded<std::uint8_t> luma(size, at_end), ground(size, at_end), middle(size, at_end),
+            reach(size, at_end);
+        const Guarded<std::uint16_t> cells(size, at_end), sums(size, at_end), distances(size, at_end);
+        fill(luma, all_fills[static_cast<std::size_t>(count) % 5], random);
+        std::vector<unsigned> before(size);
+        for (std::size_t i = 0; i < size; ++i) {
+          ground[i] = random() % 3 > 0;
+          middle[i] = static_cast<std::uint8_t>(random());
+          reach[i] = random() % 5 ? static_cast<std::uint8_t>(random()) // and the limit itself
+                                  : static_cast<std::uint8_t>(std::abs(luma[i] - middle[i]));
+          cells[i] = static_cast<std::uint16_t>(before[i] = static_cast<unsigned>(random() % 100));
+          sums[i] = static_cast<std::uint16_t>(20 * before[i]);
+          distances[i] = static_cast<std::uint16_t>(7 * before[i]);
+        }
+        add_near(luma.data(), ground.data(), middle.data(), reach.data(), count,
+                 {cells.data(), sums.data(), distances.data()});
+        for (std::size_t i = 0; i < size; ++i) {
+          const unsigned away = static_cast<unsigned>(std::abs(luma[i] - middle[i]));
+          const bool near = ground[i] && away <= reach[i];
+          ASSERT_EQ(cells[i], before[i] + near) << i << " of " << count;
+          ASSERT_EQ(sums[i], 20 * before[i] + (near ? luma[i] : 0)) << i << " of " << count;
+          ASSERT_EQ(distances[i], 7 * before[i] + (near ? away : 0)) << i << " of " << count;
+        }
+      }
+  });
+}
+
+TEST(Kernels, DeviationsFrom) {
+  on_every_target([] {
+    std::mt19937 random(53);
+    for (int count = 1; count <= 150; ++count)
+      for (const bool at_end : {false, true}) {
+        const auto size = static_cast<std::size_t>(count);
+        const Guarded<std::uint8_t> luma(size, at_end), ground(size, at_end), middle(size, at_end),
+            out(size, at_end);
+        const Guarded<std::uint16_t> scale(size, at_end);
+        fill(luma, all_fills[static_cast<std::size_t>(count) % 5], random);
+        for (std::size_t i = 0; i < size; ++i) {
+          ground[i] = random() % 3 > 0;
+          middle[i] = static_cast<std::uint8_t>(random());
+          scale[i] = static_cast<std::uint16_t>(random() % 1025);
+        }
+        scale[0] = 1024;
+        deviations_from(luma.data(), ground.data(), middle.data(), scale.data(), count, out.data());
+        for (std::size_t i = 0; i < size; ++i)
+          ASSERT_EQ(out[i], ground[i] ? std::min(std::abs(luma[i] - middle[i]) * scale[i] / 256, 127) : 0)
+              << i << " of " << count;
       }
   });
 }
