@@ -44,5 +44,33 @@ TEST(Allocation, NoneOnceRunning) {
         }
 }
 
+// Ground that reaches higher than before, and the first field of stones on it.
+TEST(Allocation, NoneWhereStonesAppear) {
+  const auto painter = [](int sky, bool stones) {
+    return [=](int x, int y) -> test::Components {
+      if (y < sky)
+        return {230, 150, 100};
+      const int grain = (x * 7 + y * 13) % 11, in_stone = stones && x % 40 < 10 && y % 24 < 8 ? 1 : 0;
+      return {static_cast<std::uint8_t>(100 + grain + in_stone * (x % 40 < 5 ? 70 : -60)), 128, 128};
+    };
+  };
+  const test::OwnedFrame even(PixelFormat::I420, 320, 240, painter(140, false)),
+      stony(PixelFormat::I420, 320, 240, painter(60, true));
+  Segmenter segmenter{Settings{}};
+  for (int i = 0; i < 4; ++i)
+    ASSERT_TRUE(segmenter.process(even.frame()).ok());
+  const long before = allocations;
+  for (int i = 0; i < 9; ++i)
+    ASSERT_TRUE(segmenter.process(stony.frame()).ok());
+  EXPECT_EQ(allocations - before, 0);
+  // It is a field: its stones are holes.
+  const Estimate& estimate = segmenter.estimate();
+  int doubtful = 0;
+  for (int y = 0; y < estimate.mask.height; ++y)
+    for (int x = 0; x < estimate.mask.width; ++x)
+      doubtful += estimate.mask.plane.row(y)[x] == mask_doubtful;
+  EXPECT_GT(doubtful, 1000);
+}
+
 } // namespace
 } // namespace terrainseg

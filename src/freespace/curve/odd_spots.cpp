@@ -60,6 +60,11 @@ constexpr auto root_table = [] {
   return table;
 }();
 
+/// Blocks of a side at that distance.
+constexpr int side_reach(int distance) {
+  return std::max((box_width * distance / 16 + 1) >> 1, 2);
+}
+
 } // namespace
 
 // Rows below the horizon.
@@ -161,11 +166,14 @@ void OddSpots::sum_blocks() {
 // Running sums over the blocks of the rows `top` to `bottom`, from `pad` blocks left of the picture to `pad`
 // blocks right of it.
 void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
-  const auto stride = static_cast<std::size_t>(blocks_x_);
+  const auto stride = static_cast<std::size_t>(blocks_x_),
+             most_pad = static_cast<std::size_t>(
+                 side_reach(is_far() ? std::max(view_.rows, far_nearest_rows) : height_));
   const auto from = static_cast<std::size_t>(std::max(top, (first_ + 1) >> 1)) * stride,
              to = static_cast<std::size_t>(bottom) * stride;
   for (std::size_t s = 0; s < sum_count; ++s) {
     auto& strip = strips_[s];
+    strip.reserve(stride + 1 + 2 * most_pad); // however high the horizon comes to lie
     strip.resize(stride + 1 + 2 * pad);
     const std::uint32_t *const a = &sums_[s][from], *const b = a + (to - from);
     std::uint32_t* const out = strip.data() + pad;
@@ -176,7 +184,7 @@ void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
 }
 
 void OddSpots::compare_sides(int I) {
-  const int away = distance(2 * I), reach = std::max((box_width * away / 16 + 1) >> 1, 2),
+  const int away = distance(2 * I), reach = side_reach(away),
             rows = std::max((box_height * away / 16 + 1) >> 1, 1);
   const int top = std::max(I - rows, 0), bottom = std::min(I + rows + 1, blocks_y_);
   const auto blocks = static_cast<std::size_t>(blocks_x_);

@@ -151,7 +151,7 @@ int StoneField::block_reach(int block_row) const {
 template <typename AddRow> void StoneField::sum_blocks(AddRow add_row) {
   const auto columns = static_cast<std::size_t>(width_), stride = static_cast<std::size_t>(blocks_x_) + 1;
   for (auto& sums : blocks_) {
-    sums.resize(stride * static_cast<std::size_t>(blocks_y_ - first_block_ + 1));
+    sums.resize(stride * (static_cast<std::size_t>(blocks_y_) + 1)); // wherever the ground begins
     std::fill_n(sums.begin(), stride, 0u);
   }
   for (int I = first_block_; I < blocks_y_; ++I) {
