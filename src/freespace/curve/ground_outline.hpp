@@ -15,8 +15,8 @@ namespace terrainseg {
 struct OutlineView {
   int level = 0, width = 0, height = 0; ///< of the cells; rows may end above the picture's end
   int column_level = 0;                 ///< the curves have a column per 2^this of the frame
-  int column_spacing =
-      0; ///< of them those at multiples of 2^this of the frame are looked at, if level is less
+  /// Of them the one at or before the cell's centre at a multiple of 2^this of the frame is looked at.
+  int column_spacing = 0;
   std::span<const Rectangle> ignored; ///< frame pixels
 };
 

@@ -103,6 +103,9 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
     return false;
   read_cells(pyramid, transform);
   sum_blocks();
+  const int most_reach = side_reach(is_far() ? std::max(view.rows, far_nearest_rows) : height_);
+  for (auto& strip : strips_) // however high the horizon comes to lie
+    strip.reserve(static_cast<std::size_t>(blocks_x_ + 1 + 2 * most_reach));
   nearest_dark_.assign(static_cast<std::size_t>(width_), 30000);
   for (int block_row = blocks_y_ - 1; 2 * block_row >= first_; --block_row) {
     compare_sides(block_row);
@@ -111,7 +114,8 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   }
   if (!seed())
     return false;
-  grow();
+  candidates_.grow(
+      seed_.data(), [&](int row) { return reach(growth_reach, row); }, spot_.data());
   return keep_islands();
 }
 
@@ -166,14 +170,11 @@ void OddSpots::sum_blocks() {
 // Running sums over the blocks of the rows `top` to `bottom`, from `pad` blocks left of the picture to `pad`
 // blocks right of it.
 void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
-  const auto stride = static_cast<std::size_t>(blocks_x_),
-             most_pad = static_cast<std::size_t>(
-                 side_reach(is_far() ? std::max(view_.rows, far_nearest_rows) : height_));
+  const auto stride = static_cast<std::size_t>(blocks_x_);
   const auto from = static_cast<std::size_t>(std::max(top, (first_ + 1) >> 1)) * stride,
              to = static_cast<std::size_t>(bottom) * stride;
   for (std::size_t s = 0; s < sum_count; ++s) {
     auto& strip = strips_[s];
-    strip.reserve(stride + 1 + 2 * most_pad); // however high the horizon comes to lie
     strip.resize(stride + 1 + 2 * pad);
     const std::uint32_t *const a = &sums_[s][from], *const b = a + (to - from);
     std::uint32_t* const out = strip.data() + pad;
@@ -241,35 +242,12 @@ void OddSpots::measure_row(int row) {
 // leaves nothing of it.
 bool OddSpots::seed() {
   const int enough = is_far() ? far_seed_enough : seed_enough;
-  const auto w = static_cast<std::size_t>(width_);
-  const std::size_t from = static_cast<std::size_t>(first_) * w;
+  const std::size_t from = static_cast<std::size_t>(first_) * static_cast<std::size_t>(width_);
   if (largest(&odd_[from], odd_.size() - from) < enough)
     return false;
-  const int k = view_.level;
-  const Rectangle& window = view_.window;
-  candidates_.list(odd_.data(), odd_enough,
-                   {window.x >> k, window.y >> k, ((window.x + window.width) >> k) - (window.x >> k), 0});
-  bool any = false;
-  candidates_.sum_around([&](int row) { return reach(seed_reach, row); },
-                         [&](int row, int sign, std::int32_t* columns) {
-                           kernels::add_excess(&odd_[static_cast<std::size_t>(row) * w], ground_.row(row),
-                                               enough, sign, width_, columns);
-                         },
-                         [&](std::uint32_t cell, int excess) {
-                           seed_[cell] = excess >= 0;
-                           any |= excess >= 0;
-                         });
-  return any;
-}
-
-void OddSpots::grow() {
-  candidates_.sum_around([&](int row) { return reach(growth_reach, row); },
-                         [&](int row, int sign, std::int32_t* columns) {
-                           const std::size_t at =
-                               static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
-                           kernels::add_excess(&seed_[at], &seed_[at], 0, sign, width_, columns);
-                         },
-                         [&](std::uint32_t cell, int seeds) { spot_[cell] = seeds > 0; });
+  candidates_.list(odd_.data(), odd_enough, window_cells(view_.window, view_.level));
+  return candidates_.seed(
+      odd_.data(), ground_, enough, [&](int row) { return reach(seed_reach, row); }, seed_.data());
 }
 
 // Drops what touches something above it that is not ground: a matter of the boundary.

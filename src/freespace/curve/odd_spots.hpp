@@ -69,7 +69,6 @@ class OddSpots {
   void compare_sides(int block_row);
   void measure_row(int row);
   bool seed();
-  void grow();
   bool keep_islands();
 
   GroundView view_;

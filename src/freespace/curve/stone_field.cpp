@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "kernels/deviation.hpp"
-#include "kernels/sides.hpp"
 
 namespace terrainseg {
 namespace {
@@ -116,9 +115,13 @@ bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, c
   read_luma(pyramid, transform);
   measure_ground();
   measure_deviations();
-  if (!seed())
+  const auto reach_of = [&](int row) { return reach(row); };
+  candidates_.list(deviation_.data(), odd_enough, window_cells(view.window, view.level));
+  if (!candidates_.seed(deviation_.data(), ground_, seed_enough, reach_of, marked_.data()))
     return false;
-  grow();
+  candidates_.grow(marked_.data(), reach_of, waiting_.data());
+  for (const std::uint32_t cell : candidates_.cells())
+    marked_[cell] = waiting_[cell];
   if (!is_field())
     return false;
   take_stones();
@@ -271,36 +274,6 @@ int StoneField::reach(int row) const {
   return std::max((seed_reach * distance(row) + 512) >> 10, 1);
 }
 
-// Marks the cells outside of the window around which the mean of the ground is enough.
-bool StoneField::seed() {
-  const auto w = static_cast<std::size_t>(width_);
-  candidates_.list(deviation_.data(), odd_enough, window_cells());
-  bool any = false;
-  candidates_.sum_around([&](int row) { return reach(row); },
-                         [&](int row, int sign, std::int32_t* columns) {
-                           kernels::add_excess(&deviation_[static_cast<std::size_t>(row) * w],
-                                               ground_.row(row), seed_enough, sign, width_, columns);
-                         },
-                         [&](std::uint32_t cell, int excess) {
-                           marked_[cell] = excess >= 0;
-                           any |= excess >= 0;
-                         });
-  return any;
-}
-
-// Cells near seeds wait to be looked at.
-void StoneField::grow() {
-  const auto w = static_cast<std::size_t>(width_);
-  candidates_.sum_around([&](int row) { return reach(row); },
-                         [&](int row, int sign, std::int32_t* columns) {
-                           const std::size_t at = static_cast<std::size_t>(row) * w;
-                           kernels::add_excess(&marked_[at], &marked_[at], 0, sign, width_, columns);
-                         },
-                         [&](std::uint32_t cell, int seeds) { waiting_[cell] = seeds > 0; });
-  for (const std::uint32_t cell : candidates_.cells())
-    marked_[cell] = waiting_[cell];
-}
-
 // Calls visit(piece) for each piece, whose cells are in piece_; nothing waits any longer.
 template <typename Visit> void StoneField::each_piece(Visit visit) {
   for (const std::uint32_t start : candidates_.cells())
@@ -363,7 +336,7 @@ void StoneField::take_stones() {
 // the ground's own luma. The window stays ground.
 void StoneField::fill(const Piece& piece) {
   const auto w = static_cast<std::uint32_t>(width_);
-  const Rectangle window = window_cells();
+  const Rectangle window = window_cells(view_.window, view_.level);
   const auto rows = static_cast<std::size_t>(piece.bottom - piece.top + 1);
   row_ends_.assign(rows, {width_, 0});
   for (const std::uint32_t cell : piece_) {
@@ -389,12 +362,6 @@ void StoneField::fill(const Piece& piece) {
       add(row, std::max(from, window.x + window.width + 1), to);
     }
   }
-}
-
-// Both ends of its columns are in it.
-Rectangle StoneField::window_cells() const {
-  const int k = view_.level, left = view_.window.x >> k;
-  return {left, view_.window.y >> k, ((view_.window.x + view_.window.width) >> k) - left, 0};
 }
 
 void StoneField::lower(int mask_level, FrameCurve& rows) const {

@@ -76,14 +76,11 @@ class StoneField {
   int distance_of(const Piece& piece) const;
   int reach(int row) const;
   int block_reach(int block_row) const;
-  Rectangle window_cells() const;
   void read_luma(const Pyramid& pyramid, const ColorTransform& transform);
   template <typename AddRow> void sum_blocks(AddRow add_row);
   std::array<std::uint32_t, 3> box_around(int block_row, int column, int reach) const;
   void measure_ground();
   void measure_deviations();
-  bool seed();
-  void grow();
   template <typename Visit> void each_piece(Visit visit);
   Piece look_at(std::span<const std::uint32_t> cells) const;
   bool is_field();
