@@ -107,12 +107,12 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   const std::uint8_t confidence = mask_confidence(grid_, average_, boundary_, behind_);
   walk_doubtful(grid_, average_, settings.doubtful, boundary_, safe_);
 
-  // 10. The curves at the picture's own edges, in rows of the frame: what stands in the open below them, what
-  // is reachable, where the horizon lies.
+  // 10. The curves at the picture's own edges, in rows of the frame: what stands in the open below them (what
+  // looks odd does not where it moves as the ground does), what is reachable, where the horizon lies.
   refine_curves(task, settings.mask_level, curves_);
   below_things_ = curves_.safe;
-  find_spots(task, estimate.window, terrain.horizon);
   const bool stands = find_standing(task, estimate);
+  find_spots(task, estimate.window, terrain.horizon);
   reachable_rows(below_things_, settings.mask_level, estimate.window, task.frame.height, out.boundary());
   if (settings.horizon == HorizonMode::paper) {
     estimate.horizon_row = horizon.row < 0 ? -1 : horizon.row << grid_.level;
@@ -299,6 +299,8 @@ void FreeSpacePipeline::find_spots(const FrameTask& task, const Rectangle& windo
     search.found =
         search.spots.find(pyramid_, transform_, curves,
                           {cells, column_level, slow_horizon, window, settings.ignore_regions, rows});
+    if (search.found && settings.motion != Motion::off)
+      search.found = search.spots.drop_flat(standing_.evidence());
     if (search.found)
       search.spots.lower(settings.mask_level, below_things_);
   };

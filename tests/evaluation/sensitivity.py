@@ -53,7 +53,7 @@ OF_RENDERED = '''
 boundary: leave_price edgeless_price
 connected_ground: taught_chroma vouched_chroma
 motion_obstacles: near_rows far_rows memory settling
-odd_spots: odd_enough seed_enough far_seed_enough
+odd_spots: odd_enough seed_enough far_seed_enough flat_everywhere flat_on_average
 row_prior: denied
 standing_map: least_to_appear least_to_stay
 '''

@@ -354,6 +354,30 @@ TEST(OddSpots, AreDoubtfulInTheMaskAndEndTheFreeSpace) {
   EXPECT_EQ(mask[65 * 160 + 20], mask_traversable);
 }
 
+TEST(OddSpots, ThatMoveAsTheGroundAllOverAreDropped) {
+  Scene s(160, 120, 1, sand({60, 60, 12, 10}, {50, 120, 136}));
+  // Cells of 4 x 4 pixels; the spot lies in columns 15 to 17 and rows 15 to 17 of them.
+  std::vector<std::int16_t> evidence(40 * 30, 0);
+  const FinerCells<std::int16_t> motion{evidence, 40, 30, 2, 2};
+  const auto left_with = [&](int everywhere, int of_one) {
+    EXPECT_TRUE(s.find());
+    std::fill(evidence.begin(), evidence.end(), static_cast<std::int16_t>(everywhere));
+    evidence[16 * 40 + 16] = static_cast<std::int16_t>(of_one);
+    const bool left = s.spots.drop_flat(motion);
+    Bytes mask(160 * 120, mask_traversable);
+    EXPECT_EQ(s.spots.mark({mask.data(), 160}, 160, 120, 0) > 0, left);
+    return left;
+  };
+  EXPECT_FALSE(left_with(-90, -90));
+  EXPECT_FALSE(left_with(-90, -20));
+  EXPECT_TRUE(left_with(-90, -19)) << "a part may stand";
+  EXPECT_TRUE(left_with(-39, -39)) << "not clearly flat";
+  EXPECT_TRUE(left_with(0, -192));
+  ASSERT_TRUE(s.find());
+  EXPECT_TRUE(s.spots.drop_flat({})) << "nothing is known of motion";
+  EXPECT_TRUE(s.spot(32, 33));
+}
+
 TEST(OddSpots, FindStonesOnARenderedPlain) {
   scene::Renderer renderer({scene::Kind::plain, scene::Light::day, scene::Motion::straight, 5, 80}, 640, 360);
   scene::Picture picture(PixelFormat::I420, 640, 360);

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "terrainseg/segmenter.hpp"
@@ -120,6 +121,43 @@ TEST(StandingThings, AreHolesWhateverTheirColour) {
     EXPECT_NEAR(with.vanishing_row / 65536.0, 150, 4);
     EXPECT_NEAR(with.speed / 65536.0, 1.1, 0.08); // 0.055 of the height in 50 ms
   }
+}
+
+// Moss on the ground is as odd as a stone in one frame. Two seconds later it has moved as the ground does.
+TEST(StandingThings, APatchThatMovesAsTheGroundIsNoHole) {
+  Settings off;
+  off.motion = Motion::off;
+  Segmenter with({}), without(off);
+  long moss = 0, lost_with = 0, lost_without = 0;
+  for (int n = 0; n < 60; ++n) {
+    const double z = n * 0.055;
+    Picture p = picture(z);
+    std::vector<std::uint8_t> patch(p.luma.size());
+    for (int v = 160; v < height; ++v)
+      for (int u = 0; u < width; ++u) {
+        const double x = (u - 319.5) / 525, y = (v - 150) / 525.0;
+        const auto at = static_cast<std::size_t>(v * width + u);
+        patch[at] = std::hypot((x / y + 1.1) / 0.25, (1 / y + z - 7) / 0.4) < 1;
+        p.luma[at] = static_cast<std::uint8_t>(std::clamp(3 * (p.luma[at] - 75), 0, 255)); // more to be seen
+        if (patch[at])
+          p.chroma[static_cast<std::size_t>(v / 2 * (width / 2) + u / 2)] = 145;
+      }
+    ASSERT_TRUE(with.process(p.frame(n * 50'000'000ll)).ok());
+    ASSERT_TRUE(without.process(p.frame(n * 50'000'000ll)).ok());
+    if (n < 20 || n > 45)
+      continue;
+    for (int v = 160; v < height; ++v)
+      for (int u = 0; u < width; ++u) {
+        if (!patch[static_cast<std::size_t>(v * width + u)])
+          continue;
+        ++moss;
+        lost_with += with.estimate().mask.plane.row(v)[u] != mask_traversable;
+        lost_without += without.estimate().mask.plane.row(v)[u] != mask_traversable;
+      }
+  }
+  EXPECT_GT(moss, 10000);
+  EXPECT_GT(lost_without * 2, moss) << "the patch is odd";
+  EXPECT_LT(lost_with * 20, moss);
 }
 
 TEST(StandingThings, SayNothingOfWhatIsIgnored) {

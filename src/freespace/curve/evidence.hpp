@@ -2,6 +2,7 @@
 // What all stages say of each cell, added up, and how sure the mask's label is of it.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -19,6 +20,15 @@ template <typename Value> struct FinerCells {
   std::span<const Value> values;
   int width = 0, height = 0, level = 0;
   int middle = 0;
+
+  /// Of the cell nearest to a pixel of the frame; there must be one.
+  Value nearest(int x, int y) const {
+    const auto cell = [&](int pixel, int count) {
+      return static_cast<std::size_t>(
+          std::clamp((pixel - middle + (1 << level >> 1)) >> level, 0, count - 1));
+    };
+    return values[cell(y, height) * static_cast<std::size_t>(width) + cell(x, width)];
+  }
 };
 
 /// Evidence adds up: appearance and the curve speak for or against the ground in every cell, what stands in

@@ -2,6 +2,7 @@
 #include "freespace/curve/odd_spots.hpp"
 
 #include <algorithm>
+#include <limits>
 
 #include "base/fixed_log.hpp"
 #include "freespace/curve/small_things.hpp"
@@ -36,6 +37,10 @@ constexpr int far_seed_enough = 44;
 /// latter 8 takes in the ground around things; 3 is as good in error, but a tenth more of the things on
 /// rendered plains is called ground.
 constexpr int seed_reach = 3, growth_reach = 4;
+/// Most evidence of something that stands (Q8) that any cell of a flat spot has, and most of their mean; what
+/// moves as ground has down to -192. On 24 rendered trails 5.02 -> 4.82 % error, with one of 261 things more
+/// called ground. With -5 and -20 4.68 %, but five more, and six of 381 on plains.
+constexpr int flat_everywhere = -20, flat_on_average = -40;
 
 std::uint8_t largest(const std::uint8_t* values, std::size_t count) {
   std::uint8_t most = 0;
@@ -250,25 +255,49 @@ bool OddSpots::seed() {
       odd_.data(), ground_, enough, [&](int row) { return reach(seed_reach, row); }, seed_.data());
 }
 
-// Drops what touches something above it that is not ground: a matter of the boundary.
-bool OddSpots::keep_islands() {
+// Drops the pieces of spots whose cells are not to be kept. False when none are left.
+template <typename Keep> bool OddSpots::keep_pieces(Keep keep) {
   bool any = false;
   for (const std::uint32_t cell : candidates_.cells())
     seed_[cell] = spot_[cell]; // cells that wait to be looked at
-  const auto w = static_cast<std::uint32_t>(width_);
   for (const std::uint32_t start : candidates_.cells()) {
     if (!seed_[start])
       continue;
     candidates_.take_piece(start, seed_.data(), queue_);
-    const bool island = std::all_of(queue_.begin(), queue_.end(), [&](std::uint32_t cell) {
-      return static_cast<int>(cell / w) <= first_ || ground_.at(cell - w);
-    });
-    any |= island;
-    if (!island)
+    const bool kept = keep(queue_);
+    any |= kept;
+    if (!kept)
       for (const std::uint32_t cell : queue_)
         spot_[cell] = 0;
   }
   return any;
+}
+
+// Drops what touches something above it that is not ground: a matter of the boundary.
+bool OddSpots::keep_islands() {
+  const auto w = static_cast<std::uint32_t>(width_);
+  return keep_pieces([&](const std::vector<std::uint32_t>& piece) {
+    return std::all_of(piece.begin(), piece.end(), [&](std::uint32_t cell) {
+      return static_cast<int>(cell / w) <= first_ || ground_.at(cell - w);
+    });
+  });
+}
+
+// The foot of a thing moves as the ground does, too: all of a spot has to, and most of it clearly.
+bool OddSpots::drop_flat(const FinerCells<std::int16_t>& motion) {
+  if (motion.values.empty())
+    return true;
+  const auto w = static_cast<std::uint32_t>(width_);
+  return keep_pieces([&](const std::vector<std::uint32_t>& piece) {
+    int sum = 0, most = std::numeric_limits<std::int16_t>::min();
+    for (const std::uint32_t cell : piece) {
+      const int moves = motion.nearest(static_cast<int>(cell % w) << view_.level, static_cast<int>(cell / w)
+                                                                                      << view_.level);
+      sum += moves;
+      most = std::max(most, moves);
+    }
+    return most > flat_everywhere || sum > flat_on_average * static_cast<int>(piece.size());
+  });
 }
 
 void OddSpots::lower(int mask_level, FrameCurve& rows) const {

@@ -38,6 +38,11 @@ class OddSpots {
   bool find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
             const GroundView& view);
 
+  /// Of what find() found drops the spots that are seen to move as the ground does all over: shadows, patches
+  /// of another tint. `motion` as StandingThings::evidence(); where that is empty nothing is dropped. False
+  /// when none are left.
+  bool drop_flat(const FinerCells<std::int16_t>& motion);
+
   /// Lowers curve rows (of the frame, one per mask column) to below the lowest spot of their column.
   void lower(int mask_level, FrameCurve& rows) const;
 
@@ -70,6 +75,7 @@ class OddSpots {
   void measure_row(int row);
   bool seed();
   bool keep_islands();
+  template <typename Keep> bool keep_pieces(Keep keep);
 
   GroundView view_;
   int width_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;

@@ -100,6 +100,7 @@ void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesO
 bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of) {
   vanishing_row_ = -1;
   speed_ = 0;
+  evidence_ = {};
   level_ = level_of(pyramid, of.grid_level);
   if (level_ > of.grid_level)
     return false; // the pyramid ends before

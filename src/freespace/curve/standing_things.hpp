@@ -46,7 +46,8 @@ class StandingThings {
   /// Forward speed over the camera's height, Q16 1/s; 0 = still or unknown.
   std::int32_t speed_over_height() const { return speed_; }
 
-  /// Of the last find(): evidence in cells of 4 x 4 pixels of motion's level, Q8, above 0 something stands.
+  /// Of the last find(): evidence in cells of 4 x 4 pixels of motion's level, Q8: above 15 something stands,
+  /// the surer the greater; below 0 a cell moves as the ground does. Empty while motion is not looked at.
   FinerCells<std::int16_t> evidence() const;
 
   void forget(); ///< what spans neighbouring frames
