@@ -110,7 +110,7 @@ class ByDefinition {
     const Rectangle& window = s_.view.window;
     const auto candidate = [&](int i, int j) {
       const bool inside = i >= window.y >> k && j >= window.x >> k && j <= (window.x + window.width) >> k;
-      return s_.oddness(i, j) >= 28 && !inside;
+      return s_.oddness(i, j) >= 31 && !inside;
     };
     Bytes seed(static_cast<std::size_t>(w_ * h_), 0), odd = seed;
     for (int i = 0; i < h_; ++i)

@@ -27,7 +27,7 @@ constexpr int dark_enough = 16; ///< Q4: one deviation
 constexpr int most_oddness = 96;
 /// Q4 of a deviation: of a cell, and of the mean of a box around a seed. 40 finds a tenth more of the things
 /// that stand on rendered trails and plains, for half a point of error on trails and 0.05 in town.
-constexpr int odd_enough = 28, seed_enough = 48;
+constexpr int odd_enough = 31, seed_enough = 48;
 /// Of a seed far away. With this and far_nearest_rows 32 % of the things on rendered plains are called ground
 /// in place of 39 by day, 53 in place of 62 at dusk, for 0.01 of error on the drives. 12 rows find half of
 /// that, 42 flickers more.
