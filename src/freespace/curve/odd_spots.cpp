@@ -260,16 +260,13 @@ template <typename Keep> bool OddSpots::keep_pieces(Keep keep) {
   bool any = false;
   for (const std::uint32_t cell : candidates_.cells())
     seed_[cell] = spot_[cell]; // cells that wait to be looked at
-  for (const std::uint32_t start : candidates_.cells()) {
-    if (!seed_[start])
-      continue;
-    candidates_.take_piece(start, seed_.data(), queue_);
+  candidates_.each_piece(seed_.data(), queue_, [&] {
     const bool kept = keep(queue_);
     any |= kept;
     if (!kept)
       for (const std::uint32_t cell : queue_)
         spot_[cell] = 0;
-  }
+  });
   return any;
 }
 
@@ -291,8 +288,8 @@ bool OddSpots::drop_flat(const FinerCells<std::int16_t>& motion) {
   return keep_pieces([&](const std::vector<std::uint32_t>& piece) {
     int sum = 0, most = std::numeric_limits<std::int16_t>::min();
     for (const std::uint32_t cell : piece) {
-      const int moves = motion.nearest(static_cast<int>(cell % w) << view_.level, static_cast<int>(cell / w)
-                                                                                      << view_.level);
+      const int row = static_cast<int>(cell / w), column = static_cast<int>(cell % w);
+      const int moves = motion.nearest(column << view_.level, row << view_.level);
       sum += moves;
       most = std::max(most, moves);
     }

@@ -276,11 +276,7 @@ int StoneField::reach(int row) const {
 
 // Calls visit(piece) for each piece, whose cells are in piece_; nothing waits any longer.
 template <typename Visit> void StoneField::each_piece(Visit visit) {
-  for (const std::uint32_t start : candidates_.cells())
-    if (waiting_[start]) {
-      candidates_.take_piece(start, waiting_.data(), piece_);
-      visit(look_at(piece_));
-    }
+  candidates_.each_piece(waiting_.data(), piece_, [&] { visit(look_at(piece_)); });
 }
 
 StoneField::Piece StoneField::look_at(std::span<const std::uint32_t> cells) const {
