@@ -4,8 +4,9 @@
 
 usage: browser.py BUILD_FOLDER [SCREENSHOT.png]
 
-Counts the frames and JSON lines that arrive in the page, compares the picture with the one that was sent, and lets two
-browsers look at a time and one come back. Packages: chromium gstreamer1.0-nice gir1.2-gst-plugins-bad-1.0.
+Counts the frames and JSON lines that arrive in the page, compares the picture with the one that was sent, lets two
+browsers look at a time and one come back, and asks for an offer without answering it.
+Packages: chromium gstreamer1.0-nice gir1.2-gst-plugins-bad-1.0.
 """
 import base64
 import contextlib
@@ -28,6 +29,7 @@ SIZE = (320, 180)
 SCENE = f'terrainscenesrc is-live=true motion=still ! video/x-raw,width={SIZE[0]},height={SIZE[1]},framerate=15/1'
 SCREENSHOT = None
 WAIT = 60
+ANSWER_LIMIT = 20  # as webrtc_sender.py has it
 
 
 @contextlib.contextmanager
@@ -67,14 +69,14 @@ def browser(address, *arguments, tools=None):
                 process.wait()
 
 
-def report_with(path, frames, process):
-    """The page's report as soon as it has seen `frames` frames and lines."""
+def report_with(path, frames, process, viewer=1):
+    """That viewer's report as soon as its page has seen `frames` frames and lines."""
     deadline, report = time.monotonic() + WAIT, {}
     while time.monotonic() < deadline:
         assert process.poll() is None, process.stderr.read()
         with contextlib.suppress(OSError, ValueError):
             report = json.loads(path.read_text())
-            if report['frames'] >= frames and report['lines'] >= frames and report['picture']:
+            if report['viewer'] == viewer and report['frames'] >= frames and report['lines'] >= frames and report['picture']:
                 return report
         time.sleep(0.2)
     raise AssertionError(f'after {WAIT} s: { {key: value for key, value in report.items() if key != "picture"} }')
@@ -122,25 +124,39 @@ def frames_and_lines_arrive(folder):
     assert below < 0.75 * undrawn, (below, undrawn)
 
 
+def ends(process, viewers):
+    """Ctrl-C ends the server, which tells how many have looked."""
+    process.send_signal(2)
+    text = process.communicate(timeout=20)[0]
+    equal(process.returncode, 0, 'exit code')
+    frames, seen = (int(word) for word in text.split() if word.isdigit())
+    equal(seen, viewers, 'viewers')
+    return frames
+
+
 def viewers_come_and_go(folder):
     report_file = folder / 'report.json'
     with sender(report_file) as (process, address):
         with browser(address + '?report'):
             report_with(report_file, 20, process)
-            with browser(address):  # a second one that looks at the same time, and goes
-                time.sleep(5)
+            with browser(address + '?report'):  # a second one that looks at the same time, and goes
+                report_with(report_file, 20, process, viewer=2)
             lines = report_with(report_file, 21, process)['lines']
             report_with(report_file, lines + 20, process)
-        report_file.unlink(missing_ok=True)
-        time.sleep(1)
-        report_file.unlink(missing_ok=True)
         with browser(address + '?report'):
-            report_with(report_file, 20, process)
-        process.send_signal(2)
-        text = process.communicate(timeout=20)[0]
-        equal(process.returncode, 0, 'exit code')
-        frames, viewers = (int(word) for word in text.split() if word.isdigit())
-        assert frames > 60 and viewers >= 3, text
+            report_with(report_file, 20, process, viewer=3)
+        assert ends(process, viewers=3) > 60
+
+
+def who_never_answers_is_given_up(folder):
+    import urllib.request
+    with sender(folder / 'report.json') as (process, address):
+        offer = urllib.request.Request(address + 'offer', b'')
+        equal(json.load(urllib.request.urlopen(offer, timeout=30))['viewer'], 1, 'the first')
+        time.sleep(ANSWER_LIMIT + 2)
+        equal(json.load(urllib.request.urlopen(offer, timeout=30))['viewer'], 2, 'the next')
+        # Frames are counted where all others are served: nothing has held that up.
+        assert ends(process, viewers=2) > 15 * ANSWER_LIMIT
 
 
 class DevTools:
@@ -222,4 +238,4 @@ if __name__ == '__main__':
     build = pathlib.Path(sys.argv.pop(1)).resolve()
     os.environ.update(GST_PLUGIN_PATH=str(build / 'gst'), GST_REGISTRY=str(build / 'registry-browser.bin'))
     SCREENSHOT = pathlib.Path(sys.argv.pop(1)).resolve() if len(sys.argv) > 1 and sys.argv[1].endswith('.png') else None
-    main([frames_and_lines_arrive, viewers_come_and_go, a_screenshot_shows_the_page, the_server_survives_bad_requests])
+    main([frames_and_lines_arrive, viewers_come_and_go, who_never_answers_is_given_up, a_screenshot_shows_the_page, the_server_survives_bad_requests])

@@ -124,7 +124,9 @@ class Viewer:
 
     def dispose(self):
         self.rover.tee.release_request_pad(self.pad)
-        for element in self.queue, self.web:
+        # From the end on: until a browser has answered webrtcbin holds on to what the queue pushes, and the queue would
+        # wait for it for ever.
+        for element in self.web, self.queue:
             element.set_state(Gst.State.NULL)
             self.rover.pipeline.remove(element)
         self.channel = None
