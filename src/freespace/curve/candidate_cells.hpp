@@ -107,23 +107,8 @@ class CandidateCells {
     }
   }
 
-  /// Calls visit() for each piece of listed cells that are `waiting` (1) and hang together (eight
-  /// neighbours), which `piece` then holds; none waits any longer.
-  template <typename Visit>
-  void each_piece(std::uint8_t* waiting, std::vector<std::uint32_t>& piece, Visit visit) const {
-    for (const std::uint32_t start : cells_)
-      if (waiting[start]) {
-        take_piece(start, waiting, piece);
-        visit();
-      }
-  }
-
- private:
-  std::size_t cell_of(int row) const {
-    return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
-  }
-
-  // The piece that `start` belongs to.
+  /// `piece`: the cells that are `waiting` (1) and hang together with `start` (eight neighbours). None of
+  /// them waits any longer.
   void take_piece(std::uint32_t start, std::uint8_t* waiting, std::vector<std::uint32_t>& piece) const {
     piece.clear();
     piece.push_back(start);
@@ -140,6 +125,11 @@ class CandidateCells {
           }
         }
     }
+  }
+
+ private:
+  std::size_t cell_of(int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
   }
 
   // Calls visit(cell, sum) for each, with the sum over the box around it that reaches reach_of(row).

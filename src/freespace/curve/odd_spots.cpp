@@ -260,13 +260,16 @@ template <typename Keep> bool OddSpots::keep_pieces(Keep keep) {
   bool any = false;
   for (const std::uint32_t cell : candidates_.cells())
     seed_[cell] = spot_[cell]; // cells that wait to be looked at
-  candidates_.each_piece(seed_.data(), queue_, [&] {
+  for (const std::uint32_t start : candidates_.cells()) {
+    if (!seed_[start])
+      continue;
+    candidates_.take_piece(start, seed_.data(), queue_);
     const bool kept = keep(queue_);
     any |= kept;
     if (!kept)
       for (const std::uint32_t cell : queue_)
         spot_[cell] = 0;
-  });
+  }
   return any;
 }
 

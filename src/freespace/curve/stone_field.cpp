@@ -117,6 +117,10 @@ bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, c
   measure_deviations();
   const auto reach_of = [&](int row) { return reach(row); };
   candidates_.list(deviation_.data(), odd_enough, window_cells(view.window, view.level));
+  const auto clear = std::count_if(candidates_.cells().begin(), candidates_.cells().end(),
+                                   [&](std::uint32_t cell) { return deviation_[cell] >= sure_peak; });
+  if (clear < pieces_of_a_field()) // each piece has one
+    return false;
   if (!candidates_.seed(deviation_.data(), ground_, seed_enough, reach_of, marked_.data()))
     return false;
   candidates_.grow(marked_.data(), reach_of, waiting_.data());
@@ -274,9 +278,19 @@ int StoneField::reach(int row) const {
   return std::max((seed_reach * distance(row) + 512) >> 10, 1);
 }
 
-// Calls visit(piece) for each piece, whose cells are in piece_; nothing waits any longer.
-template <typename Visit> void StoneField::each_piece(Visit visit) {
-  candidates_.each_piece(waiting_.data(), piece_, [&] { visit(look_at(piece_)); });
+// Calls visit(piece) for each piece with a cell that stands out by `peak` or more, whose cells are in piece_
+// and wait no longer.
+template <typename Visit> void StoneField::each_piece(int peak, Visit visit) {
+  for (const std::uint32_t cell : candidates_.cells())
+    if (waiting_[cell] && deviation_[cell] >= peak) {
+      candidates_.take_piece(cell, waiting_.data(), piece_);
+      visit(look_at(piece_));
+    }
+}
+
+// Clear pieces that make the field.
+int StoneField::pieces_of_a_field() const {
+  return in_field_ ? least_sure / less_in_a_field : least_sure;
 }
 
 StoneField::Piece StoneField::look_at(std::span<const std::uint32_t> cells) const {
@@ -300,19 +314,20 @@ int StoneField::distance_of(const Piece& piece) const {
   return std::max(piece.bottom - horizon_row_, least_distance);
 }
 
+// Of pieces without a clear cell only how many cells they have matters.
 bool StoneField::is_field() {
   int sure = 0;
   std::int64_t sure_cells = 0, all_cells = 0;
-  each_piece([&](const Piece& piece) {
-    all_cells += piece.cells;
-    if (!piece.inside || piece.peak < sure_peak ||
-        !piece.is_within(distance_of(piece), sure_width, sure_height))
+  for (const std::uint32_t cell : candidates_.cells())
+    all_cells += waiting_[cell];
+  each_piece(sure_peak, [&](const Piece& piece) {
+    if (!piece.inside || !piece.is_within(distance_of(piece), sure_width, sure_height))
       return;
     ++sure;
     sure_cells += piece.cells;
   });
-  const int less = in_field_ ? less_in_a_field : 1;
-  const bool field = less * sure >= least_sure && less * least_share * sure_cells >= all_cells;
+  const int share = in_field_ ? least_share * less_in_a_field : least_share;
+  const bool field = sure >= pieces_of_a_field() && share * sure_cells >= all_cells;
   for (const std::uint32_t cell : candidates_.cells()) {
     waiting_[cell] = field ? marked_[cell] : std::uint8_t{0};
     marked_[cell] = 0;
@@ -321,11 +336,12 @@ bool StoneField::is_field() {
 }
 
 void StoneField::take_stones() {
-  each_piece([&](const Piece& piece) {
-    if (piece.inside && piece.peak >= stone_peak &&
-        piece.is_within(distance_of(piece), stone_width, stone_height))
+  each_piece(stone_peak, [&](const Piece& piece) {
+    if (piece.inside && piece.is_within(distance_of(piece), stone_width, stone_height))
       fill(piece);
   });
+  for (const std::uint32_t cell : candidates_.cells())
+    waiting_[cell] = 0;
 }
 
 // A stone is as wide as its outermost cells in each row: what lies between its light and its shaded side has

@@ -81,7 +81,8 @@ class StoneField {
   std::array<std::uint32_t, 3> box_around(int block_row, int column, int reach) const;
   void measure_ground();
   void measure_deviations();
-  template <typename Visit> void each_piece(Visit visit);
+  template <typename Visit> void each_piece(int peak, Visit visit);
+  int pieces_of_a_field() const;
   Piece look_at(std::span<const std::uint32_t> cells) const;
   bool is_field();
   void take_stones();
