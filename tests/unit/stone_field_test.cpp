@@ -331,15 +331,25 @@ TEST(StoneField, AFewAreNoFieldUnlessThereWasOne) {
   EXPECT_FALSE(many.find_in(few));
 }
 
-TEST(StoneField, LooksAtEveryThirdFrameWhereThereIsNone) {
+TEST(StoneField, LooksMoreSeldomWhereThereIsNone) {
   Scene many(320, 240, 0, ground_with(field_of(32, 320, 240))),
       even(320, 240, 0, ground_with(std::vector<Rectangle>{}));
-  std::vector<bool> found{even.find()};
-  for (int frame = 0; frame < 4; ++frame)
-    found.push_back(even.find_in(many));
-  EXPECT_EQ(found, (std::vector<bool>{false, false, false, true, true}));
-  even.field.forget();
-  EXPECT_TRUE(even.find_in(many)) << "a new place is looked at at once";
+  // A field is shown after so many frames without one: the frame in which it is found.
+  const std::vector<std::pair<int, int>> found_in{{0, 0}, {1, 3}, {3, 3}, {4, 8}, {8, 8}, {9, 17}, {18, 26}};
+  for (const auto& [without, found] : found_in) {
+    even.field.forget();
+    for (int frame = 0; frame < without; ++frame)
+      ASSERT_FALSE(even.find());
+    int frame = without;
+    while (frame < 100 && !even.find_in(many))
+      ++frame;
+    EXPECT_EQ(frame, found) << without << " frames without a field";
+    EXPECT_TRUE(even.find_in(many)) << "every frame is looked at";
+    ASSERT_FALSE(even.find());
+    EXPECT_EQ(std::vector<bool>({even.find_in(many), even.find_in(many), even.find_in(many)}),
+              (std::vector<bool>{false, false, true}))
+        << "pauses are short again";
+  }
 }
 
 TEST(StoneField, MarkingsAreNoStones) {

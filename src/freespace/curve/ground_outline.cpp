@@ -8,14 +8,15 @@
 namespace terrainseg {
 namespace {
 
-void outline_row(const std::uint16_t* __restrict safe, int row, std::size_t count,
+// In 16 bits from end to end: of these compilers make vectors.
+void outline_row(const std::uint16_t* __restrict safe, std::uint16_t row, std::size_t count,
                  std::uint8_t* __restrict in) {
   for (std::size_t x = 0; x < count; ++x)
-    in[x] = safe[x] <= row;
+    in[x] = static_cast<std::uint8_t>(safe[x] <= row);
 }
 
-void outline_behind(const std::uint16_t* __restrict first, const std::uint16_t* __restrict end, int row,
-                    std::size_t count, std::uint8_t* __restrict in) {
+void outline_behind(const std::uint16_t* __restrict first, const std::uint16_t* __restrict end,
+                    std::uint16_t row, std::size_t count, std::uint8_t* __restrict in) {
   for (std::size_t x = 0; x < count; ++x)
     in[x] |= static_cast<std::uint8_t>((first[x] <= row) & (end[x] > row));
 }
@@ -47,10 +48,11 @@ bool GroundOutline::draw(const FreeSpaceCurves& curves, const OutlineView& view)
     return false;
   cells_.resize(width_ * static_cast<std::size_t>(view.height));
   for (int i = first_; i < view.height; ++i) {
+    const auto row = static_cast<std::uint16_t>(i);
     std::uint8_t* const in = &cells_[static_cast<std::size_t>(i) * width_];
-    outline_row(safe_.data(), i, width_, in);
+    outline_row(safe_.data(), row, width_, in);
     if (curves.ground_behind)
-      outline_behind(behind_first_.data(), behind_end_.data(), i, width_, in);
+      outline_behind(behind_first_.data(), behind_end_.data(), row, width_, in);
   }
   for (const Rectangle& region : view.ignored) {
     const Rectangle cells = cells_in(region, k, view.width, view.height);

@@ -33,8 +33,8 @@ constexpr int least_sure = 16;
 constexpr int least_share = 6;
 /// Half of both is enough where the frame before showed one.
 constexpr int less_in_a_field = 2;
-/// Where it showed none only every third frame is looked at.
-constexpr int frames_between = 2;
+/// Frames that are not looked at after so many looks in vain, in a row.
+constexpr std::array<int, 4> pauses{0, 2, 4, 8};
 /// Of the distance that sizes are compared with.
 constexpr int least_distance = 12;
 constexpr int most_oddness = 96;
@@ -85,13 +85,15 @@ bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, c
     return false;
   }
   in_field_ = look(pyramid, transform, curves, view);
-  frames_to_wait_ = in_field_ ? 0 : frames_between;
+  looks_in_vain_ = in_field_ ? 0 : std::min(looks_in_vain_ + 1, pauses.size() - 1);
+  frames_to_wait_ = pauses[looks_in_vain_];
   return in_field_;
 }
 
 void StoneField::forget() {
   in_field_ = false;
   frames_to_wait_ = 0;
+  looks_in_vain_ = 0;
 }
 
 bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,

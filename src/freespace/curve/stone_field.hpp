@@ -37,8 +37,8 @@ struct StoneView {
 /// Where the mean of a small box is enough it is a seed; pieces grow around seeds. Pieces that ground
 /// surrounds, and that are no larger than a stone, are stones only in a field of them: where there are many,
 /// and they are much of all that stands out. On roads markings, seams, shadows and patches stand out: few of
-/// them are small and surrounded. Where there is no field only every third frame is looked at; where there is
-/// one, it stays one with half of that.
+/// them are small and surrounded. Where there is no field only every third frame is looked at, then
+/// every fifth, then every ninth; where there is one, it stays one with half of that.
 class StoneField {
  public:
   /// False when there is no field of stones, or none was looked for.
@@ -90,6 +90,7 @@ class StoneField {
 
   bool in_field_ = false; ///< the last frame that was looked at
   int frames_to_wait_ = 0;
+  std::size_t looks_in_vain_ = 0;
   StoneView view_;
   int width_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
   int blocks_x_ = 0, blocks_y_ = 0, first_block_ = 0;
