@@ -421,6 +421,12 @@ def attempt(text):
     return name, value.split(':')
 
 
+def png_file(text):
+    if not text.lower().endswith('.png'):
+        raise argparse.ArgumentTypeError(f'{text}: a picture is a PNG, call it NAME.png')
+    return text
+
+
 def main():
     parser = argparse.ArgumentParser(prog='tune.sh', description='A window to tune the filter in.')
     parser.add_argument('what', metavar='VIDEO|camera|scene')
@@ -428,7 +434,7 @@ def main():
     parser.add_argument('--settings', default='terrainseg.settings', help='file that is read first and written last (%(default)s)')
     parser.add_argument('--width', type=int, default=800, help='of the picture in the window, pixels (%(default)s)')
     parser.add_argument('--sink', default='ximagesink', help='the window (%(default)s)')
-    parser.add_argument('--picture', metavar='FILE.png', help='no window: the last of some frames as a picture')
+    parser.add_argument('--picture', metavar='FILE.png', type=png_file, help='no window: the last of some frames as a picture')
     parser.add_argument('--try', dest='attempt', metavar='PROPERTY=A:B:C', type=attempt, help='with --picture: side by side')
     parser.add_argument('--frames', type=int, default=60, help='with --picture: how many (%(default)s)')
     options = parser.parse_args()

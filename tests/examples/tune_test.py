@@ -52,14 +52,19 @@ def display():
     if subprocess.run(['gst-inspect-1.0', '--exists', 'ximagesink']).returncode:
         raise Skip('there is no ximagesink')
     reader, writer = os.pipe()
-    server = subprocess.Popen(['Xvfb', '-displayfd', str(writer), '-screen', '0', '1280x800x24'], pass_fds=[writer],
+    # Without -noreset the server begins anew whenever its only client leaves, and turns away who comes meanwhile: each
+    # look of xdotool for the window is such a client.
+    server = subprocess.Popen(['Xvfb', '-noreset', '-displayfd', str(writer), '-screen', '0', '1280x800x24'], pass_fds=[writer],
                               stderr=subprocess.DEVNULL)
     os.close(writer)
     try:
-        os.environ['DISPLAY'] = f":{os.read(reader, 16).decode().strip()}"
+        number = os.read(reader, 16).decode().strip()
+        assert number, 'Xvfb did not start'
+        os.environ['DISPLAY'] = f':{number}'
         yield
     finally:
-        os.environ.pop('DISPLAY')
+        os.environ.pop('DISPLAY', None)
+        os.close(reader)
         server.terminate()
         server.wait(20)
 
@@ -205,6 +210,7 @@ def what_is_wrong_is_said(folder):
     contains(run(TUNE, 'absent.mp4', '--picture', 'x.png', code=1).stderr, 'absent.mp4 cannot be read')
     refused = run(TUNE, 'scene', '--frames', '2', '--picture', 'absent/x.png', code=1).stderr
     assert 'tune.sh: absent/x.png cannot be written' in refused and 'Traceback' not in refused, refused
+    contains(run(TUNE, 'scene', '--picture', 'x.jpg', code=2).stderr, 'x.jpg: a picture is a PNG')
     contains(run(TUNE, 'scene', 'no-such=1', '--picture', 'x.png', code=1).stderr, 'no property no-such')
     contains(run(TUNE, code=2).stdout, 'usage: examples/tune.sh')
 
