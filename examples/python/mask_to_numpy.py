@@ -6,6 +6,7 @@ usage: mask_to_numpy.py [VIDEO]        without a video: a rendered scene of 60 f
 
 Copy frames() into your program. It reads the metadata of every frame; the picture itself comes with it when asked for.
 """
+import argparse
 import os
 import pathlib
 import sys
@@ -103,16 +104,18 @@ def frames(source, settings='', picture=False):
         pipeline.set_state(Gst.State.NULL)
 
 
-def source_of(arguments):
-    if not arguments:
+def source_of(video):
+    if video is None:
         return 'terrainscenesrc num-buffers=60 ! video/x-raw,width=320,height=180'
     # Upright and without half-pictures, whatever the camera recorded.
-    return (f'uridecodebin uri="{pathlib.Path(arguments[0]).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
+    return (f'uridecodebin uri="{pathlib.Path(video).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
             '! videoflip video-direction=auto ! videoconvert')
 
 
 def main():
-    for each in frames(source_of(sys.argv[1:])):
+    parser = argparse.ArgumentParser(description='Masks as numpy arrays: a line a frame.')
+    parser.add_argument('video', metavar='VIDEO', nargs='?', help='without one: a rendered scene of 60 frames')
+    for each in frames(source_of(parser.parse_args().video)):
         share = np.mean(each['mask'] == 255)
         print(f"frame {each['frame']}: {each['mask'].shape[1]}x{each['mask'].shape[0]} mask, "
               f"{100 * share:.1f} % traversable, horizon {each['horizon']}", flush=True)

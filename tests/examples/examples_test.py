@@ -93,6 +93,7 @@ def mask_to_numpy_is_a_program_too(folder):
     lines = run(PYTHON, EXAMPLES / 'python/mask_to_numpy.py', 'dri ve.mp4').stdout.splitlines()
     equal(len(lines), 20, 'lines')
     contains(lines[-1], 'frame 19: 96x64 mask')
+    contains(run(PYTHON, EXAMPLES / 'python/mask_to_numpy.py', '--help').stdout, 'VIDEO')
     for program in 'mask_to_numpy', 'steer':
         contains(run(PYTHON, EXAMPLES / f'python/{program}.py', 'absent.mp4', code=1).stderr, 'absent.mp4')
 

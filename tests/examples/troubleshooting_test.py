@@ -77,6 +77,15 @@ def not_negotiated(folder):
         launch(f'{source} ! {remedy} ! terrainseg ! fakesink')
 
 
+@row('`not-linked`')
+def not_linked(folder):
+    launch('audiotestsrc num-buffers=20 ! wavenc ! filesink location=sound.wav')
+    launch(f'{SCENE} ! x264enc ! mux. audiotestsrc num-buffers=20 ! opusenc ! matroskamux name=mux ! filesink location=both.mkv')
+    reader = 'uridecodebin uri={} ! videoconvert ! terrainseg ! fakesink'
+    contains(launch(reader.format((folder / 'sound.wav').as_uri()), code=1), 'not-linked')
+    launch(reader.format((folder / 'both.mkv').as_uri()))
+
+
 @row('a warning that the training window')
 def window_does_not_fit(folder):
     contains(launch(f'{SCENE} ! terrainseg window-bottom=5000 ! fakesink'), 'does not fit a frame of 320 x 180')
