@@ -5,6 +5,7 @@ import contextlib
 import csv
 import errno
 import hashlib
+import http.server
 import json
 import math
 import os
@@ -17,6 +18,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
@@ -1141,6 +1143,53 @@ def a_uri_is_an_input_too(folder):
     video('clip.mp4', frames=3)
     ok('-q', '-o', 'out', (folder / 'clip.mp4').as_uri())
     check_outputs('out/clip', 3, (64, 48))
+
+
+class Web:
+    """A web server with one file; where `path` is None, a port that refuses."""
+
+    def __init__(self, path, code=200):
+        self.data = path.read_bytes() if path else b''
+        web = self
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_GET(self):
+                self.send_response(code)
+                self.send_header('Content-Length', str(len(web.data)))
+                self.end_headers()
+                self.wfile.write(web.data)
+
+            def log_message(self, *_):
+                pass
+
+        self.server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Handler)
+        self.address = f'http://127.0.0.1:{self.server.server_port}/clip.mp4'
+        if path is None:
+            self.server.server_close()
+
+    def __enter__(self):
+        if self.data:
+            threading.Thread(target=self.server.serve_forever, daemon=True).start()
+        return self.address
+
+    def __exit__(self, *_):
+        if self.data:
+            self.server.shutdown()
+            self.server.server_close()
+
+
+@case
+def what_is_not_reached_may_be_tried_again_and_what_is_broken_not(folder):
+    video('clip.mp4', frames=30)
+    clip = folder / 'clip.mp4'
+    noise = folder / 'noise.mp4'
+    noise.write_bytes(bytes(range(256)) * 100)
+    os.environ.pop('http_proxy', None)
+    with Web(clip) as address:
+        ok('-q', '-o', 'out', address)
+    for name, web, code in ('refused', Web(None), 75), ('not found', Web(clip, code=404), 75), ('no video', Web(noise), 1):
+        with web as address:
+            contains(ok('-q', '-o', name, address, code=code).stderr, address)
 
 
 if __name__ == '__main__':

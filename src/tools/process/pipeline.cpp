@@ -51,13 +51,22 @@ std::string text_of(GstMessage* message) {
   return text;
 }
 
+/// Whether an element that reads gave up without a word why (souphttpsrc, when refused). Where what comes
+/// after it fails that is told first.
+bool source_gave_up(GstMessage* message) {
+  const GstStructure* details = nullptr;
+  gst_message_parse_error_details(message, &details);
+  int flow = GST_FLOW_OK;
+  return details && gst_structure_get_int(details, "flow-return", &flow) && flow == GST_FLOW_ERROR;
+}
+
 /// Whose fault an error is: of a file or a stream that cannot be opened or read, or of what is in it.
 Cause cause_of(GstMessage* message) {
+  if (!GST_IS_ELEMENT(message->src) || !GST_OBJECT_FLAG_IS_SET(message->src, GST_ELEMENT_FLAG_SOURCE))
+    return Cause::damaged;
   GError* error = nullptr;
   gst_message_parse_error(message, &error, nullptr);
-  const bool from_source =
-      GST_IS_ELEMENT(message->src) && GST_OBJECT_FLAG_IS_SET(message->src, GST_ELEMENT_FLAG_SOURCE);
-  const bool unreadable = error->domain == GST_RESOURCE_ERROR && from_source;
+  const bool unreadable = error->domain == GST_RESOURCE_ERROR || source_gave_up(message);
   g_error_free(error);
   return unreadable ? Cause::missing : Cause::damaged;
 }
@@ -560,6 +569,8 @@ void Run::handle(GstMessage* message) {
       break;
     const std::string file = is_of_a_resource(message) ? unwritten_file(message->src) : "";
     error = file + text_of(message);
+    if (decoding && cause_of(message) == Cause::missing && source_gave_up(message))
+      error = "it cannot be reached or read: " + error;
     (decoding ? source_cause_ : filter_cause_) = decoding       ? cause_of(message)
                                                  : file.empty() ? Cause::unsupported
                                                                 : Cause::disk;
