@@ -232,22 +232,23 @@ void FreeSpacePipeline::find_boundary(const Settings& settings, bool continued, 
   search_.look(grid_, steps_, exposure_.gain, before_);
   if (settings.connected_ground)
     search_.price_edgeless(grid_, connected_.edgeless(grid_));
+  const std::int32_t line = continued && settings.motion != Motion::off ? standing_.vanishing_row() : -1;
+  const int line_q8 = line < 0 ? -1 : (line >> 8) / pyramid_.height(0);
   // The first frame knows no horizon: it is searched twice, the second time with its own.
   for (int pass = terrain.horizon == 0 ? 0 : 1; pass < 2; ++pass) {
-    row_prior(grid_.height, terrain.horizon, settings.row_prior, settings.caution, prior_);
-    if (continued)
-      deny_rows_before(first_row_of_plane(settings), prior_);
+    row_prior(grid_.height, horizon_of_prior(terrain.horizon, line_q8), settings.row_prior, settings.caution,
+              prior_);
+    deny_rows_before(first_row_of_plane(line), prior_);
     search_.find(grid_, average_, prior_, settings.ground_behind, boundary_);
     terrain.horizon = follow_horizon(pass == 0 ? 0 : terrain.horizon, boundary_, grid_.height, scratch_);
   }
 }
 
-// A plane ends at its vanishing line, which motion knows after some metres: the first row of the grid in
-// which there may be ground, a 32nd of the height above the line that the last frame told, for ground
-// that rises a little.
-int FreeSpacePipeline::first_row_of_plane(const Settings& settings) const {
-  const std::int32_t line = standing_.vanishing_row(); // Q16 rows of the frame
-  if (settings.motion == Motion::off || line < 0)
+// A plane ends at its vanishing line (Q16 rows of the frame, negative = not known), which motion knows after
+// some metres: the first row of the grid in which there may be ground, a 32nd of the height above the line
+// that the last frame told, for ground that rises a little.
+int FreeSpacePipeline::first_row_of_plane(std::int32_t line) const {
+  if (line < 0)
     return 0;
   const int row = (line >> 16) - (pyramid_.height(0) >> 5);
   return std::max((row + (1 << grid_.level) - 1) >> grid_.level, 0);

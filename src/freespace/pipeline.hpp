@@ -55,7 +55,7 @@ class FreeSpacePipeline final : public Pipeline {
   void rely_on_memory();
   void weigh_cells(const Settings& settings, std::span<const Cell> trusted, const Terrain& terrain);
   void find_boundary(const Settings& settings, bool continued, Terrain& terrain);
-  int first_row_of_plane(const Settings& settings) const;
+  int first_row_of_plane(std::int32_t line) const;
   void refine_curves(const FrameTask& task, int mask_level, FreeSpaceCurves& curves);
   const FreeSpaceCurves& curves_at(const FrameTask& task, int level);
   void find_spots(const FrameTask& task, const Rectangle& window, std::uint32_t slow_horizon);

@@ -38,6 +38,15 @@ TEST(RowPrior, CautionIsTakenOffEverywhere) {
   }
 }
 
+TEST(RowPrior, TheHorizonIsNotFarBelowWhereTheGroundVanishes) {
+  for (const int slow : {0, 1, 90, 124, 125, 200, 255}) {
+    EXPECT_EQ(horizon_of_prior(slow, -1), slow) << "the line is not known";
+    EXPECT_EQ(horizon_of_prior(slow, 100), std::min(slow, 124)) << slow;
+    EXPECT_EQ(horizon_of_prior(slow, 0), std::min(slow, 24)) << slow;
+    EXPECT_EQ(horizon_of_prior(slow, 255), slow) << slow;
+  }
+}
+
 TEST(RowPrior, DeniesTheRowsBefore) {
   RowPriors plain, denied;
   row_prior(30, 100, true, 5, plain);
