@@ -54,7 +54,7 @@ boundary: leave_price edgeless_price
 connected_ground: taught_chroma vouched_chroma
 motion_obstacles: near_rows far_rows memory settling
 odd_spots: odd_enough seed_enough far_seed_enough flat_everywhere flat_on_average
-row_prior: denied
+row_prior: denied most_below
 standing_map: least_to_appear least_to_stay
 '''
 RENDERED = ['scene:plain:day:straight@640x360#101-102', 'scene:trail:day:bumpy@640x360#103', 'scene:road:day:straight@640x360#104']
