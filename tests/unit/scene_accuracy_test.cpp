@@ -176,6 +176,25 @@ TEST(Motion, EndsTheGroundAtItsVanishingLine) {
   EXPECT_LT(told.unsafe_percent(), 5);     // 3.7
 }
 
+// The window comes from the sun into the shade of trees, and all beyond is another ground: what is lost must
+// not stay lost because the horizon went down with it.
+TEST(Motion, FindsTheGroundBeyondAChangeOfLightAgain) {
+  scene::Renderer renderer({Kind::trail, Light::day, Motion::straight, 220}, 480, 270);
+  scene::Picture picture(PixelFormat::I420, 480, 270);
+  Segmenter segmenter{Settings()};
+  Count lost, found;
+  for (std::uint64_t k = 0; k < 68; ++k) {
+    renderer.render(k, picture);
+    EXPECT_TRUE(segmenter.process(picture.frame()).ok());
+    if (k >= 60)
+      (k < 62 ? lost : found).add(segmenter.estimate(), picture.labels());
+  }
+  RecordProperty("error_percent_lost", std::to_string(lost.error_percent()));
+  RecordProperty("error_percent_found", std::to_string(found.error_percent()));
+  EXPECT_GT(lost.error_percent(), 30);
+  EXPECT_LT(found.error_percent(), 24); // 18.8; 36.7 where the prior follows the boundary alone
+}
+
 // 3.9 % with the prior for ground that a window needs.
 TEST(Supervision, OfMostOfTheGroundIsSafe) {
   const Score score = drive({Kind::corridor, Light::dusk, Motion::straight, 2}, 16, 6, {}, 150);
