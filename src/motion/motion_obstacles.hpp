@@ -102,6 +102,7 @@ class MotionObstacles {
   std::uint64_t frame_ = 0;
   std::int64_t pts_ = -1, interval_ = 0;
   std::int64_t line_weight_ = 0, line_sum_ = 0; ///< information, and information times rows (Q8)
+  std::int64_t line_information_ = 0;           ///< of all estimates
   MotionView result_;
 };
 
