@@ -52,7 +52,7 @@ stone_field: box_reach trim odd_enough seed_enough seed_reach stone_peak sure_wi
 OF_RENDERED = '''
 boundary: leave_price edgeless_price
 connected_ground: taught_chroma vouched_chroma
-motion_obstacles: near_rows far_rows memory settling
+motion_obstacles: near_rows far_rows memory settling least_information
 odd_spots: odd_enough seed_enough far_seed_enough flat_everywhere flat_on_average
 row_prior: denied most_below
 standing_map: least_to_appear least_to_stay
