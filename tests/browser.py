@@ -19,6 +19,8 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.error
+import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ports import free_port  # noqa: E402
@@ -149,7 +151,6 @@ def viewers_come_and_go(folder):
 
 
 def who_never_answers_is_given_up(folder):
-    import urllib.request
     with sender(folder / 'report.json') as (process, address):
         offer = urllib.request.Request(address + 'offer', b'')
         equal(json.load(urllib.request.urlopen(offer, timeout=30))['viewer'], 1, 'the first')
@@ -213,8 +214,6 @@ def a_screenshot_shows_the_page(folder):
 
 
 def the_server_survives_bad_requests(folder):
-    import urllib.error
-    import urllib.request
     with sender(folder / 'report.json') as (process, address):
         for path, body, code in (('answer', b'{', 400), ('answer', b'{}', 400), ('answer', b'[1]', 400),
                                  ('answer', b'{"viewer": 99, "sdp": "x"}', 204), ('nothing', b'', 404)):

@@ -569,11 +569,13 @@ void Run::handle(GstMessage* message) {
       break;
     const std::string file = is_of_a_resource(message) ? unwritten_file(message->src) : "";
     error = file + text_of(message);
-    if (decoding && cause_of(message) == Cause::missing && source_gave_up(message))
+    if (!decoding) {
+      filter_cause_ = file.empty() ? Cause::unsupported : Cause::disk;
+      break;
+    }
+    source_cause_ = cause_of(message);
+    if (source_cause_ == Cause::missing && source_gave_up(message))
       error = "it cannot be reached or read: " + error;
-    (decoding ? source_cause_ : filter_cause_) = decoding       ? cause_of(message)
-                                                 : file.empty() ? Cause::unsupported
-                                                                : Cause::disk;
     break;
   }
   case GST_MESSAGE_WARNING:
