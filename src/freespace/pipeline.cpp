@@ -88,7 +88,10 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   // 7. Scores: how much likelier a cell is terrain, averaged over frames that show the same (E).
   const bool from_memory = foreign || !settings.near_clear; // what is in front has not been looked at
   const std::span<const Cell> trusted = from_memory ? std::span<const Cell>{} : kept_.cells;
-  weigh_cells(settings, trusted, terrain);
+  // A teacher shows the ground in all lights; what stands in the window lies in none.
+  const bool one_light = settings.light_ahead && !trusted.empty() && task.supervision.empty();
+  const Columns ahead = one_light ? columns_ahead(window, grid_.width) : Columns{};
+  weigh_cells(settings, trusted, ahead, terrain);
   const bool continued = averaging_.continues(grid_, task.frame.pts, settings.temporal);
   averaging_.add(score_, continued, average_);
   clock.lap(Stage::scoring);
@@ -213,7 +216,7 @@ void FreeSpacePipeline::rely_on_memory() {
 
 // Colour and texture speak for and against a cell; its distance from the `trusted` ground speaks against it.
 void FreeSpacePipeline::weigh_cells(const Settings& settings, std::span<const Cell> trusted,
-                                    const Terrain& terrain) {
+                                    const Columns& ahead, const Terrain& terrain) {
   if (settings.local_reference)
     local_reference_.climb(grid_, reference_color(trusted, terrain), exposure_.gain, penalty_);
   else
@@ -221,7 +224,7 @@ void FreeSpacePipeline::weigh_cells(const Settings& settings, std::span<const Ce
   measure_color_steps(grid_, exposure_.gain, settings.geodesic, steps_);
   if (settings.geodesic)
     geodesic_.raise(grid_, steps_, trusted, penalty_);
-  score_cells(grid_, cells_, likelihoods(settings, terrain), penalty_, {vouched_, trusted}, score_);
+  score_cells(grid_, cells_, likelihoods(settings, terrain), penalty_, {vouched_, trusted}, ahead, score_);
 }
 
 // The slow horizon follows the boundary.

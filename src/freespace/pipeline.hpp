@@ -53,7 +53,8 @@ class FreeSpacePipeline final : public Pipeline {
   bool window_is_foreign(const FrameTask& task, const Rectangle& window, const Terrain& terrain);
   void learn_window(const Settings& settings, const Grid& colors, Terrain& terrain, StageClock& clock);
   void rely_on_memory();
-  void weigh_cells(const Settings& settings, std::span<const Cell> trusted, const Terrain& terrain);
+  void weigh_cells(const Settings& settings, std::span<const Cell> trusted, const Columns& ahead,
+                   const Terrain& terrain);
   void find_boundary(const Settings& settings, bool continued, Terrain& terrain);
   int first_row_of_plane(std::int32_t line) const;
   void refine_curves(const FrameTask& task, int mask_level, FreeSpaceCurves& curves);

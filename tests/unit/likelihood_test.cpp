@@ -140,6 +140,33 @@ TEST(Likelihood, WhatIsInTheWindowNowIsTerrain) {
   EXPECT_EQ(after.color[bin(112, 128, 128)], before.color[bin(112, 128, 128)]);
 }
 
+// Whoever is ground in one of both lights is ground in any; the other light speaks with half a share.
+TEST(Likelihood, InAnyLightTheOtherOneSpeaksToo) {
+  Terrain lit = gray_road(), other = lit;
+  lit.models[0].mean[0] = 160 << 8;
+  other.models[0] = in_other_light(lit.models[0]);
+  LikelihoodTables both, shade;
+  Likelihood().build(lit, {}, 0, Settings(), both);
+  Likelihood().build(other, {}, 0, Settings(), shade);
+  EXPECT_LT(both.color[bin(80, 128, 128)], 0);
+  EXPECT_GT(both.any_light[bin(80, 128, 128)], 10);
+  const double half_a_share = 0.384 * 32 * std::log(2);
+  for (int i = 0; i < 2048; ++i) {
+    EXPECT_GE(both.any_light[i], both.color[i]) << i;
+    const int further =
+        std::abs(shade.color[i]) < 26 // not at the limit
+            ? std::max<int>(both.color[i], static_cast<int>(std::lround(shade.color[i] - half_a_share)))
+            : both.any_light[i];
+    EXPECT_NEAR(both.any_light[i], further, 1.6) << i;
+  }
+  // The window's own models too.
+  Terrain blue = gray_road();
+  blue.models[0].mean = {60 << 8, 160 << 8, 90 << 8};
+  LikelihoodTables trained;
+  Likelihood().build(blue, lit.models, 0, Settings(), trained);
+  EXPECT_GT(trained.any_light[bin(80, 128, 128)], trained.color[bin(80, 128, 128)]);
+}
+
 TEST(Likelihood, TextureIsForWhatTheWindowShows) {
   Terrain t = gray_road();
   std::vector<std::array<int, 4>> cells;
@@ -171,15 +198,44 @@ TEST(Likelihood, WhatIsVouchedForIsNeverAgainst) {
   tables.texture[5] = 15;
   const CellPenalties none{0, 0, 0, 0};
   CellScores score;
-  score_cells(grid, cells, tables, none, {}, score);
+  score_cells(grid, cells, tables, none, {}, {}, score);
   EXPECT_EQ(score, (CellScores{16 * 35, 16 * -48, 16 * -48, 16 * -40}));
   const std::vector<std::uint8_t> vouched{1, 1, 0, 1};
   const std::vector<Cell> ground{{0, 0}}, both{{0, 0}, {3, 0}};
-  score_cells(grid, cells, tables, none, {vouched, ground}, score);
+  score_cells(grid, cells, tables, none, {vouched, ground}, {}, score);
   EXPECT_EQ(score, (CellScores{16 * 35, 16 * 24, 16 * -48, 16 * 24}));
   // Seeds that are hardly ground themselves: (35 - 40) / 2.
-  score_cells(grid, cells, tables, none, {vouched, both}, score);
+  score_cells(grid, cells, tables, none, {vouched, both}, {}, score);
   EXPECT_EQ(score, (CellScores{16 * 35, 16 * -2, 16 * -48, 16 * -2}));
+}
+
+TEST(Likelihood, AheadTheGroundMayLieInAnotherLight) {
+  // Two rows of five cells; the columns 1 to 3 lie ahead.
+  const CellBins cells = cells_of({{100, 128, 128, 5},
+                                   {100, 128, 128, 5},
+                                   {30, 90, 90, 5},
+                                   {30, 90, 90, 5},
+                                   {30, 90, 90, 5},
+                                   {30, 90, 90, 5},
+                                   {100, 128, 128, 5},
+                                   {200, 150, 150, 5},
+                                   {30, 90, 90, 5},
+                                   {100, 128, 128, 5}});
+  test::OwnedGrid grid = test::gray_grid(5, 2);
+  grid.ignored[grid.at(1, 1)] = 1;
+  LikelihoodTables tables{};
+  tables.color.fill(-20);
+  tables.any_light.fill(-20);
+  tables.color[cells.color[0]] = tables.any_light[cells.color[0]] = 9; // does not speak for ground yet
+  tables.any_light[cells.color[2]] = 10;
+  const CellPenalties penalty{7, 7, 7, 0, 7, 7, 7, 7, 8, 7};
+  CellScores score;
+  score_cells(grid, cells, tables, penalty, {}, {1, 4}, score);
+  EXPECT_EQ(score, (CellScores{16 * 2, 16 * 2, 16 * (10 - 3), 16 * 10, 16 * -27, //
+                               16 * -27, 0, 16 * -27, 16 * (10 - 4), 16 * 2}));
+  score_cells(grid, cells, tables, penalty, {}, {}, score);
+  EXPECT_EQ(score, (CellScores{16 * 2, 16 * 2, 16 * -27, 16 * -20, 16 * -27, //
+                               16 * -27, 0, 16 * -27, 16 * -28, 16 * 2}));
 }
 
 } // namespace

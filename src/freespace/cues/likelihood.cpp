@@ -13,6 +13,9 @@ namespace {
 constexpr int colors_per_bin_log2 = luma_bin_shift + 2 * chroma_bin_shift;
 
 constexpr int score_limit = 48; ///< 1.5 nats: no cell outweighs two neighbours
+/// What a colour says from which on it speaks for ground in any light. With 0 dusk is 1.3 points less safe,
+/// with 16 places in the sun a little worse.
+constexpr int speaks_for_ground = 10;
 /// Of ground that is joined to the window: Mars 15.3 -> 7.1 % wrong. A wall that has come into the
 /// window is like itself, too, but not yet like the ground: it vouches for no more than that.
 constexpr int least_of_vouched = 24;
@@ -34,6 +37,8 @@ constexpr int little_taught = 32, much_taught = 64;
 /// Of a training model, log2 Q8: a fifth. Flat from an eighth to a half; without it single frames after a
 /// jump of the scene lose their ground altogether (off-road 11.6 in place of 10.8 % with forgetting by >> 6).
 constexpr int training_share = -619;
+/// Of a model in the other light, log2 Q8: half of its share. Flat from a quarter to all of it.
+constexpr int other_light_share = -256;
 /// A negative bin holds at least a 10000th of all.
 constexpr std::uint64_t negative_floor = 10000;
 /// 0.385 of the ratio in nats, 32 = 1 nat, from log2 Q8 (Q16).
@@ -99,23 +104,28 @@ void mark_lessons(const Grid& grid, std::span<const Cell> window, std::span<cons
 }
 
 void score_cells(const Grid& grid, const CellBins& cells, const LikelihoodTables& tables,
-                 const CellPenalties& penalty, const Vouched& vouched, CellScores& score) {
+                 const CellPenalties& penalty, const Vouched& vouched, const Columns& ahead,
+                 CellScores& score) {
   score.resize(grid.size());
-  const auto likeness = [&](std::size_t i) {
-    return tables.color[cells.color[i]] + tables.texture[cells.texture[i]];
-  };
   int least = least_of_vouched;
   if (!vouched.seeds.empty()) {
     int sum = 0;
-    for (const Cell& seed : vouched.seeds)
-      sum += likeness(grid.at(seed.y, seed.x));
+    for (const Cell& seed : vouched.seeds) {
+      const std::size_t i = grid.at(seed.y, seed.x);
+      sum += tables.color[cells.color[i]] + tables.texture[cells.texture[i]];
+    }
     least = std::clamp(sum / static_cast<int>(vouched.seeds.size()), -score_limit, least_of_vouched);
   }
-  for (std::size_t i = 0; i < grid.size(); ++i) {
-    const int lowest = !vouched.cells.empty() && vouched.cells[i] ? least : -score_limit;
-    const int evidence = std::clamp(likeness(i) - penalty[i], lowest, score_limit);
-    score[i] = static_cast<std::int16_t>(grid.ignored[i] ? 0 : 16 * evidence);
-  }
+  for (int row = 0; row < grid.height; ++row)
+    for (int column = 0; column < grid.width; ++column) {
+      const std::size_t i = grid.at(row, column);
+      const bool any_light = column >= ahead.first && column < ahead.end;
+      const int color = (any_light ? tables.any_light : tables.color)[cells.color[i]],
+                doubt = any_light && color >= speaks_for_ground ? penalty[i] / 2 : penalty[i],
+                lowest = !vouched.cells.empty() && vouched.cells[i] ? least : -score_limit;
+      const int evidence = std::clamp(color + tables.texture[cells.texture[i]] - doubt, lowest, score_limit);
+      score[i] = static_cast<std::int16_t>(grid.ignored[i] ? 0 : 16 * evidence);
+    }
 }
 
 void learn_histograms(const CellBins& cells, const std::vector<Lesson>& lessons, int forget_shift,
@@ -146,17 +156,33 @@ void learn_histograms(const CellBins& cells, const std::vector<Lesson>& lessons,
   }
 }
 
-// The heaviest density of the mixture at each bin's centre.
-void Likelihood::weigh_for(const Terrain& learned, std::span<const TerrainModel> training, int favour) {
-  positive_.fill(least_positive);
+// All models with their share of the mass, log2 Q8.
+template <typename Weigh>
+void Likelihood::each_model(const Terrain& learned, std::span<const TerrainModel> training, int favour,
+                            const Weigh& weigh) {
   std::uint64_t mass = 0;
   for (const TerrainModel& model : learned.models)
     mass += model.mass;
   for (const TerrainModel& model : learned.models)
     if (model.mass > 0)
-      weigh_model(model, log2_q8(model.mass) - log2_q8(mass) + favour);
+      weigh(model, log2_q8(model.mass) - log2_q8(mass) + favour);
   for (const TerrainModel& model : training)
-    weigh_model(model, training_share + favour);
+    weigh(model, training_share + favour);
+}
+
+// The heaviest density of the mixture at each bin's centre.
+void Likelihood::weigh_for(const Terrain& learned, std::span<const TerrainModel> training, int favour) {
+  positive_.fill(least_positive);
+  each_model(learned, training, favour,
+             [this](const TerrainModel& model, int share) { weigh_model(model, share); });
+}
+
+// The same where the ground may also lie in the other light: on top of weigh_for().
+void Likelihood::weigh_other_light(const Terrain& learned, std::span<const TerrainModel> training,
+                                   int favour) {
+  each_model(learned, training, favour, [this](const TerrainModel& model, int share) {
+    weigh_model(in_other_light(model), share + other_light_share);
+  });
 }
 
 void Likelihood::weigh_model(const TerrainModel& model, int log_share) {
@@ -195,13 +221,21 @@ void Likelihood::weigh_against(const Terrain& learned, Negatives negatives) {
     negative_[i] = log2_q8(blurred_[i] + floor) - log_total;
 }
 
+void Likelihood::compare(std::array<std::int8_t, color_bins>& table) const {
+  for (int i = 0; i < color_bins; ++i)
+    table[i] = static_cast<std::int8_t>(
+        std::clamp(((positive_[i] - negative_[i]) * color_weight) >> 16, -color_limit, color_limit));
+}
+
 void Likelihood::build(const Terrain& learned, std::span<const TerrainModel> training, int taught_q8,
                        const Settings& settings, LikelihoodTables& tables) {
   weigh_for(learned, training, favour(taught_q8));
   weigh_against(learned, settings.negatives);
-  for (int i = 0; i < color_bins; ++i)
-    tables.color[i] = static_cast<std::int8_t>(
-        std::clamp(((positive_[i] - negative_[i]) * color_weight) >> 16, -color_limit, color_limit));
+  compare(tables.color);
+  if (settings.light_ahead) {
+    weigh_other_light(learned, training, favour(taught_q8));
+    compare(tables.any_light);
+  }
 
   tables.texture.fill(0);
   if (!settings.texture || learned.terrain_texture.size() != texture_bins ||

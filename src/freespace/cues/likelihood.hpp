@@ -11,6 +11,7 @@
 #include "base/quantities.hpp"
 #include "coarse/grid.hpp"
 #include "freespace/cues/color_bins.hpp"
+#include "freespace/cues/light_ahead.hpp"
 #include "terrainseg/settings.hpp"
 #include "terrainseg/terrain.hpp"
 
@@ -27,6 +28,7 @@ enum class Lesson : std::uint8_t {
 /// Log-likelihood ratios, 32 = 1 nat, positive for the terrain.
 struct LikelihoodTables {
   std::array<std::int8_t, color_bins> color{};
+  std::array<std::int8_t, color_bins> any_light{}; ///< of colours whose ground may lie in another light
   std::array<std::int8_t, texture_bins> texture{};
 };
 
@@ -52,22 +54,30 @@ struct Vouched {
 /// Score of every cell in Q4 (16 * 32 = 1 nat), positive for the terrain: what its colour and its texture
 /// say, less its `penalty` (32 = 1 nat); no more than 1.5 nats either way, and 0 where ignored. Cells that
 /// are vouched for have three quarters of a nat at least, or what colour and texture say of the seeds in the
-/// mean where that is less.
+/// mean where that is less. In the columns `ahead` the ground may lie in another light, and where its colour
+/// speaks for it there the penalty counts half.
 void score_cells(const Grid& grid, const CellBins& cells, const LikelihoodTables& tables,
-                 const CellPenalties& penalty, const Vouched& vouched, CellScores& score);
+                 const CellPenalties& penalty, const Vouched& vouched, const Columns& ahead,
+                 CellScores& score);
 
 class Likelihood {
  public:
   /// Tables from what is learned and from the frame's own training models, which speak with a fixed share of
   /// the mass: what has just been learned is terrain, however heavy the memory is. `taught_q8` is the share
   /// of the picture that the last lesson taught as terrain: the more it is, the less ground is left in the
-  /// rest. Without negatives (Negatives::off) all colours stand against the terrain alike.
+  /// rest. Without negatives (Negatives::off) all colours stand against the terrain alike. The table for any
+  /// light is made with Settings::light_ahead only.
   void build(const Terrain& learned, std::span<const TerrainModel> training, int taught_q8,
              const Settings& settings, LikelihoodTables& tables);
 
  private:
   void weigh_for(const Terrain& learned, std::span<const TerrainModel> training, int favour);
   void weigh_model(const TerrainModel& model, int log_share);
+  void weigh_other_light(const Terrain& learned, std::span<const TerrainModel> training, int favour);
+  template <typename Weigh>
+  static void each_model(const Terrain& learned, std::span<const TerrainModel> training, int favour,
+                         const Weigh& weigh);
+  void compare(std::array<std::int8_t, color_bins>& table) const;
   void weigh_against(const Terrain& learned, Negatives negatives);
 
   std::array<std::int32_t, color_bins> positive_{}, negative_{}; ///< log2 of a probability, Q8
