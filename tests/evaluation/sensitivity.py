@@ -28,7 +28,8 @@ connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma least_t
 exposure: target_mean
 geodesic: free_distance most greatest_own_step
 ground_behind: free_below follow_below most margin least_sum
-likelihood: score_limit least_of_vouched rest_is_ground rest_of_taught color_weight color_limit texture_weight
+light_ahead: widest_part
+likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_is_ground rest_of_taught color_weight color_limit texture_weight
 local_reference: follow_below free_below most
 odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
@@ -41,7 +42,7 @@ window_guard: patience
 OF_STILLS = '''
 boundary: edge_limit edge_per_octave shadow_limit step_price edgeless_price
 connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma least_texture
-likelihood: score_limit least_of_vouched rest_of_taught color_weight texture_weight
+likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_of_taught color_weight texture_weight
 local_reference: follow_below free_below most
 odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
