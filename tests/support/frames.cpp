@@ -2,6 +2,7 @@
 #include "frames.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace terrainseg::test {
 
@@ -52,6 +53,15 @@ Painter drive(int width, int height, int frame) {
       return {shade(170, 3, 6), shade(100, 2, 7), shade(180, 2, 8)};
     return {shade(95 + light + (y - horizon) * 12 / height, 4, 9), shade(124, 2, 10), shade(134, 2, 11)};
   };
+}
+
+Painter remembered(const Painter& paint, int width, int height) {
+  std::vector<Components> pixels;
+  pixels.reserve(static_cast<std::size_t>(width) * height);
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      pixels.push_back(paint(x, y));
+  return [pixels = std::move(pixels), width](int x, int y) { return pixels[y * width + x]; };
 }
 
 } // namespace terrainseg::test

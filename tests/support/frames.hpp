@@ -46,4 +46,7 @@ constexpr int noise_at(int x, int y, int z, int bits) {
 /// a wandering light. The components serve as Y, U, V and as R, G, B alike.
 Painter drive(int width, int height, int frame);
 
+/// The same picture, painted once for many frames of that size.
+Painter remembered(const Painter& paint, int width, int height);
+
 } // namespace terrainseg::test

@@ -185,15 +185,15 @@ struct World {
   }
   /// `fine`: the mean of four rays a pixel.
   std::vector<std::uint8_t> picture(double z, bool fine = false) const {
-    std::vector<std::uint8_t> pixels;
-    pixels.reserve(static_cast<std::size_t>(width) * height);
+    std::vector<std::uint8_t> pixels(static_cast<std::size_t>(width) * height);
+    std::uint8_t* next = pixels.data();
     for (int v = 0; v < height; ++v)
       for (int u = 0; u < width; ++u) {
         const double grey = fine ? (at(u - .25, v - .25, z) + at(u + .25, v - .25, z) +
                                     at(u - .25, v + .25, z) + at(u + .25, v + .25, z)) /
                                        4
                                  : at(u, v, z);
-        pixels.push_back(static_cast<std::uint8_t>(std::clamp(grey + 0.5, 0.0, 255.0)));
+        *next++ = static_cast<std::uint8_t>(std::clamp(grey + 0.5, 0.0, 255.0));
       }
     return pixels;
   }

@@ -29,9 +29,9 @@ struct OwnedFrame {
       const int stride = row_bytes(layout, p, width) + padding, rows = plane_rows(layout, p, height);
       memory[p].resize(static_cast<std::size_t>(stride) * rows);
       // Runs of extremes between the noise: sums that would overflow show.
-      for (std::size_t i = 0; i < memory[p].size(); ++i) {
-        const std::uint32_t r = random();
-        memory[p][i] = (r & 0x300) == 0 ? 255 : static_cast<std::uint8_t>(r);
+      for (std::uint8_t& byte : memory[p]) {
+        const auto r = static_cast<std::uint32_t>(random());
+        byte = (r & 0x300) == 0 ? 255 : static_cast<std::uint8_t>(r);
       }
       frame.planes[p] = {memory[p].data(), stride};
       if (flipped)
@@ -60,9 +60,12 @@ cv::Mat component_of(const Frame& frame, int component) {
     return {frame.height, frame.width, CV_8U, cv::Scalar(128)};
   const ComponentLayout& l = layout_of(frame.format).components[component];
   cv::Mat out(subsampled(frame.height, l.y_shift), subsampled(frame.width, l.x_shift), CV_8U);
-  for (int y = 0; y < out.rows; ++y)
+  for (int y = 0; y < out.rows; ++y) {
+    const std::uint8_t* sample = frame.planes[l.plane].row(y) + l.offset;
+    auto* to = out.ptr<std::uint8_t>(y);
     for (int x = 0; x < out.cols; ++x)
-      out.at<std::uint8_t>(y, x) = read(frame.format, frame.planes[l.plane].row(y) + l.offset + x * l.step);
+      to[x] = read(frame.format, sample + x * l.step);
+  }
   return out;
 }
 
@@ -86,9 +89,12 @@ std::vector<cv::Mat> oracle(const Frame& frame, int component, int coarsest) {
   const cv::Mat own = component_of(frame, component);
   std::vector<cv::Mat> levels;
   cv::Mat repeated(frame.height, frame.width, CV_8U);
-  for (int y = 0; y < frame.height; ++y)
+  for (int y = 0; y < frame.height; ++y) {
+    const auto* from = own.ptr<std::uint8_t>(y >> l.y_shift);
+    auto* to = repeated.ptr<std::uint8_t>(y);
     for (int x = 0; x < frame.width; ++x)
-      repeated.at<std::uint8_t>(y, x) = own.at<std::uint8_t>(y >> l.y_shift, x >> l.x_shift);
+      to[x] = from[x >> l.x_shift];
+  }
   levels.push_back(repeated);
   for (int level = 1; level <= coarsest; ++level) {
     cv::Mat next;

@@ -36,16 +36,17 @@ struct Count {
   long ground = 0, other = 0, missed = 0, unsafe = 0;
 
   void add(const Estimate& e, const GrayView& labels) {
-    for (int y = 0; y < labels.height; ++y)
+    for (int y = 0; y < labels.height; ++y) {
+      const std::uint8_t *label = labels.plane.row(y), *mask = e.mask.plane.row(y);
       for (int x = 0; x < labels.width; ++x) {
-        const int label = labels.plane.row(y)[x];
-        if (label == scene::not_labelled)
+        if (label[x] == scene::not_labelled)
           continue;
-        const bool is = is_ground(label), said = e.mask.plane.row(y)[x] == mask_traversable;
+        const bool is = is_ground(label[x]), said = mask[x] == mask_traversable;
         ++(is ? ground : other);
         missed += is && !said;
         unsafe += !is && said;
       }
+    }
   }
   double error_percent() const {
     return 100.0 * static_cast<double>(missed + unsafe) / static_cast<double>(ground + other);
