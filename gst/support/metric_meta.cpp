@@ -20,7 +20,7 @@ using namespace fields;
 namespace {
 
 /// Names as quarks, once.
-struct MetricNames {
+struct Names {
 #define NAME(member, text) GQuark member = g_quark_from_static_string(text)
   NAME(version, "version");
   NAME(instance, "instance");
@@ -37,8 +37,8 @@ struct MetricNames {
   NAME(range_max, "range-max");
   NAME(flags, "flags");
 #undef NAME
-  static const MetricNames& get() {
-    static const MetricNames names;
+  static const Names& get() {
+    static const Names names;
     return names;
   }
 };
@@ -68,7 +68,7 @@ static_assert(int{GST_TERRAIN_METRIC_FLAG_HORIZON} == metric_flag_horizon);
 bool MetricWriter::attach(GstBuffer* buffer, const MetricEstimate& m, const char* instance) {
   if (!gst_meta_get_info(GST_TERRAIN_METRIC_META_NAME))
     return false;
-  const MetricNames& n = MetricNames::get();
+  const Names& n = Names::get();
   const std::pair<GQuark, std::span<const float>> columns[] = {{n.ranges, m.ranges},
                                                                {n.bearings, m.bearings},
                                                                {n.low, m.low},
