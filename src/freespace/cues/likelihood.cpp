@@ -120,8 +120,8 @@ void score_cells(const Grid& grid, const CellBins& cells, const LikelihoodTables
     for (int column = 0; column < grid.width; ++column) {
       const std::size_t i = grid.at(row, column);
       const bool any_light = column >= ahead.first && column < ahead.end;
-      const int color = (any_light ? tables.any_light : tables.color)[cells.color[i]],
-                doubt = any_light && color >= speaks_for_ground ? penalty[i] / 2 : penalty[i],
+      const std::int8_t color = (any_light ? tables.any_light : tables.color)[cells.color[i]];
+      const int doubt = any_light && color >= speaks_for_ground ? penalty[i] / 2 : penalty[i],
                 lowest = !vouched.cells.empty() && vouched.cells[i] ? least : -score_limit;
       const int evidence = std::clamp(color + tables.texture[cells.texture[i]] - doubt, lowest, score_limit);
       score[i] = static_cast<std::int16_t>(grid.ignored[i] ? 0 : 16 * evidence);
