@@ -77,6 +77,12 @@ if [[ ${#stills[@]} -gt 0 ]]; then
     --csv "$out/accuracy-stills.csv" --json "$out/stills.json" --markdown "$out/stills.md" --pictures "$out/pictures" "${stills[@]}"
   pages+=("$out/stills.md")
 fi
+# Clips and photographs without labels, with outlines drawn by hand.
+rm -rf "$out/hand"
+/usr/bin/python3 "$top/tests/evaluation/hand_labels.py" "$data" "$out/hand"
+"$build/src/tools/terrainseg-eval" --engine default --engine paper --engine rows --engine mean-mask \
+  --csv "$out/accuracy-hand.csv" --markdown "$out/hand.md" --pictures "$out/pictures" "$out"/hand/*/
+pages+=("$out/hand.md")
 sed -i "s,masks:$out/masks,default through a pipeline," "$out/accuracy.md" "$out/accuracy.csv"
 python3 "$top/tests/evaluation/fill_report.py" "$top/docs/accuracy.in.md" "$top/docs/accuracy.md" "${pages[@]}"
 mkdir -p "$top/docs/data"
