@@ -108,8 +108,11 @@ TEST(Likelihood, IsTheWeightedLogLikelihoodRatio) {
       }
       const double against = std::log2((blurred[i] + total / 10000) / total);
       const double nats = (std::max(log2p, -3968 / 256.0) - against) * M_LN2;
-      EXPECT_NEAR(tables.color[i], std::clamp(0.384 * 32 * nats, -26.0, 26.0), 1.6)
-          << i << " taught " << taught;
+      const double expected = 0.384 * 32 * nats;
+      if (expected < -28 && std::abs(d[1]) + std::abs(d[2]) > 136)
+        EXPECT_EQ(tables.color[i], -90) << i; // no light makes such a colour of the road's
+      else
+        EXPECT_NEAR(tables.color[i], std::clamp(expected, -26.0, 26.0), 1.6) << i << " taught " << taught;
     }
   }
 }
@@ -165,6 +168,31 @@ TEST(Likelihood, InAnyLightTheOtherOneSpeaksToo) {
   LikelihoodTables trained;
   Likelihood().build(blue, lit.models, 0, Settings(), trained);
   EXPECT_GT(trained.any_light[bin(80, 128, 128)], trained.color[bin(80, 128, 128)]);
+}
+
+TEST(Likelihood, AColorOfNoLightIsNoGroundHoweverSmooth) {
+  LikelihoodTables tables;
+  Likelihood().build(gray_road(), {}, 0, Settings(), tables);
+  const int orange = bin(140, 40, 200), shade = bin(30, 136, 120), white = bin(250, 128, 128);
+  for (const auto* table : {&tables.color, &tables.any_light}) {
+    EXPECT_EQ((*table)[orange], -90);
+    EXPECT_GE((*table)[shade], -26);
+    EXPECT_GE((*table)[white], -26);
+  }
+  // 72 + 72 from grey, 72 + 56.
+  EXPECT_EQ(tables.color[bin(112, 200, 200)], -90);
+  EXPECT_EQ(tables.color[bin(112, 200, 184)], -26);
+  // One model that is near is enough: learned or of this window.
+  Terrain carpet = gray_road();
+  carpet.models.push_back(carpet.models[0]);
+  carpet.models[1].mean = {60 << 8, 40 << 8, 200 << 8};
+  Likelihood().build(carpet, {}, 0, Settings(), tables);
+  EXPECT_GE(tables.color[orange], -26);
+  Likelihood().build(gray_road(), std::span(carpet.models).subspan(1), 0, Settings(), tables);
+  EXPECT_GE(tables.color[orange], -26);
+  carpet.models[1].mass = 0; // no model
+  Likelihood().build(carpet, {}, 0, Settings(), tables);
+  EXPECT_EQ(tables.color[orange], -90);
 }
 
 TEST(Likelihood, TextureIsForWhatTheWindowShows) {

@@ -25,7 +25,8 @@ enum class Lesson : std::uint8_t {
   against_little ///< Negatives::split: the last mask called it ground
 };
 
-/// Log-likelihood ratios, 32 = 1 nat, positive for the terrain.
+/// Log-likelihood ratios, 32 = 1 nat, positive for the terrain. A colour that is none of the terrain in any
+/// light has less than any texture makes up for.
 struct LikelihoodTables {
   std::array<std::int8_t, color_bins> color{};
   std::array<std::int8_t, color_bins> any_light{}; ///< of colours whose ground may lie in another light
@@ -78,6 +79,8 @@ class Likelihood {
   static void each_model(const Terrain& learned, std::span<const TerrainModel> training, int favour,
                          const Weigh& weigh);
   void compare(std::array<std::int8_t, color_bins>& table) const;
+  static void refuse_other_chroma(const Terrain& learned, std::span<const TerrainModel> training,
+                                  LikelihoodTables& tables);
   void weigh_against(const Terrain& learned, Negatives negatives);
 
   std::array<std::int32_t, color_bins> positive_{}, negative_{}; ///< log2 of a probability, Q8
