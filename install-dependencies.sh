@@ -18,7 +18,7 @@ run=(gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstr
      python3-numpy)
 # What examples/tune.sh takes on top of run: a window and letters in it.
 tune=(gstreamer1.0-x)
-# What tests/run.sh takes on top: GoogleTest, the second compiler with its sanitizers, style, oracles, a broker, a screen.
+# What tests/run.sh takes on top, all its parts: GoogleTest, the second compiler with its sanitizers, style, oracles, a broker, a screen.
 test=(libgtest-dev libgmock-dev libbenchmark-dev clang libclang-rt-14-dev llvm clang-format clang-tidy ffmpeg git
       python3-opencv python3-jsonschema python3-yaml binutils procps libgstreamer-plugins-bad1.0-dev libgstrtspserver-1.0-dev
       mosquitto mosquitto-clients python3-paho-mqtt xvfb xdotool "${tune[@]}")

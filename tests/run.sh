@@ -1,12 +1,19 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Installs what is missing, builds, runs all tests; the last line is "N passed, N failed".
-# usage: tests/run.sh [release] [sanitizers] [style]     without words: all three
+# Installs what is missing, builds, tests; the last line is "N passed, N failed".
+# usage: tests/run.sh [release] [sanitizers] [style]     without words: release and style
+#   release      GCC, all tests but the slow ones
+#   sanitizers   Clang with the address and undefined behaviour sanitizers: unit, element and golden tests once more, from a clean
+#                clone as long as the release. For what touches pixels or reads input; .ci/run always does it
+#   style        formatting, and who may include whom
 set -uo pipefail
 cd "$(dirname "$0")/.."
 top=$PWD
 parts=("$@")
-[ ${#parts[@]} -gt 0 ] || parts=(release sanitizers style)
+[ ${#parts[@]} -gt 0 ] || parts=(release style)
+for part in "${parts[@]}"; do
+  [[ $part =~ ^(release|sanitizers|style)$ ]] || { sed -n '4,8s/^# //p' "$0" >&2; exit 2; }
+done
 wants() { [[ " ${parts[*]} " == *" $1 "* ]]; }
 
 passed=0
