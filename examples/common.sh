@@ -156,8 +156,12 @@ link_once() {
     rm -r "$folder"
     fail "the sender failed"
   fi
-  for _ in $(seq 50); do # the last frames wait in jitter buffers and in terraincombine
-    [ "$(wc -l <"$folder/received")" -lt "$(wc -l <"$folder/sent")" ] || break
+  # The last frames wait in jitter buffers, and in a demuxer and a decoder until the end: so until all are there, or none came for 1.5 s.
+  local received=-1 before still=0
+  for _ in $(seq 100); do
+    before=$received received=$(wc -l <"$folder/received")
+    if [ "$received" = "$before" ]; then still=$((still + 1)); else still=0; fi
+    if [ "$received" -ge "$(wc -l <"$folder/sent")" ] || [ "$still" -ge 15 ]; then break; fi
     sleep 0.1
   done
   stop "$receiver"
