@@ -3,6 +3,7 @@
 import concurrent.futures
 import contextlib
 import fcntl
+import itertools
 import multiprocessing
 import os
 import pathlib
@@ -23,8 +24,12 @@ def installing(build):
         yield
 
 
-def outcome(case):
-    """Runs a function in its own empty folder: whether it held, and what is printed behind its number."""
+chosen = []  # the cases that are run; a process that runs one inherits them
+
+
+def outcome(number):
+    """Runs a case in its own empty folder: whether it held, and what is printed behind its number."""
+    case = chosen[number]
     name = case.__name__
     with tempfile.TemporaryDirectory(prefix='terrainseg-') as folder, contextlib.ExitStack() as stack:
         stack.callback(os.chdir, os.getcwd())
@@ -38,17 +43,17 @@ def outcome(case):
             return False, '\n# '.join([name, *traceback.format_exc().splitlines()])
 
 
-def main(cases, at_once=1):
+def main(cases, at_once=1, alone=()):
     """Runs every function; arguments choose cases by name. Several at once for cases that wait for programs, each in a
-    process of its own."""
-    chosen = [case for case in cases if not sys.argv[1:] or case.__name__ in sys.argv[1:]]
+    process of its own; those of `alone` after all others, one by one."""
+    wanted = [case for case in cases if not sys.argv[1:] or case.__name__ in sys.argv[1:]]
+    chosen[:] = sorted(wanted, key=lambda case: case in alone)
+    together = sum(case not in alone for case in chosen) if at_once > 1 else 0
     print(f'1..{len(chosen)}', flush=True)
     held = True
-    with contextlib.ExitStack() as stack:
-        run = map
-        if at_once > 1:
-            run = stack.enter_context(concurrent.futures.ProcessPoolExecutor(at_once, multiprocessing.get_context('fork'))).map
-        for number, (good, text) in enumerate(run(outcome, chosen), 1):
+    with concurrent.futures.ProcessPoolExecutor(at_once, multiprocessing.get_context('fork')) as pool:
+        outcomes = itertools.chain(pool.map(outcome, range(together)), map(outcome, range(together, len(chosen))))
+        for number, (good, text) in enumerate(outcomes, 1):
             print('ok' if good else 'not ok', number, text, flush=True)
             held = held and good
     sys.exit(not held)
