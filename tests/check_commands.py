@@ -11,7 +11,8 @@ exist. Words behind `sh` say what cannot be run alone:
   live        has no end of its own: must run for some seconds without failing
   background  starts before the next block and is stopped after it; it must not have failed until then
 What is changed before a block runs: a window becomes a sink without a screen, a scene without an end gets one, and
-each port of a page becomes one that is free. Pages run side by side, the blocks of a page one after the other.
+each port becomes one that is free. Blocks run side by side, but for those that one in the background serves:
+one after the other what waits for real time to pass, beside it what keeps the processors busy.
 """
 import concurrent.futures
 import os
@@ -29,8 +30,8 @@ from ports import free_port
 TOP = pathlib.Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r'^( *)```sh([^\n]*)\n(.*?)^ *```', re.M | re.S)
 PORT = re.compile(r'((?:\bport=|--port |\bmosquitto -p |srt://[\w.]*:))(\d+)\b')
+WAITS = re.compile(r'--self-test|\bis-live=true|\bmosquitto\b')
 LIMIT = 60
-AT_ONCE = 3
 
 
 def runnable(text):
@@ -65,36 +66,27 @@ def stop(process):
         pass
 
 
-class Page:
-    """Runs the blocks of a page, one after the other; `lines` tell how they ended."""
+class Group:
+    """A block and what runs in the background before it; `lines` tell how they ended."""
 
-    def __init__(self, path, scratch, environment):
-        self.path, self.scratch, self.environment = path.resolve(), scratch, environment
-        self.ran = self.failed = 0
+    def __init__(self, page, blocks):
+        self.page, self.blocks = page, blocks
+        self.failed = 0
         self.lines = []
+        self.waits = any({'live', 'background'} & set(words) or WAITS.search(text) for words, _, text in blocks)
 
     def fail(self, where, output):
         self.failed += 1
         self.lines += [f'FAILED {where}', *('  ' + line for line in output.splitlines()[-15:])]
 
-    def run(self):
-        name = self.path.relative_to(TOP) if self.path.is_relative_to(TOP) else self.path
-        background, ports = [], {}
-        for indent, words, text in BLOCK.findall(self.path.read_text()):
-            words = words.split()
-            unknown = set(words) - {'camera', 'install', 'background', 'live'}
-            where = f'{name}: {text.strip().splitlines()[0].strip()[:90]}'
-            if unknown:
-                self.fail(where, f'unknown words behind sh: {unknown}')
-            if 'camera' in words or 'install' in words or unknown:
-                continue
-            folder = self.scratch / f'{str(name).replace("/", "-")}-{self.ran}'
-            shutil.copytree(self.scratch / 'stock', folder)
+    def run(self, scratch, environment):
+        background = []
+        for number, (words, where, text) in enumerate(self.blocks):
+            folder = pathlib.Path(tempfile.mkdtemp(prefix=f'{self.page.stem}-', dir=scratch))
+            shutil.copytree(scratch / 'stock', folder, dirs_exist_ok=True)
             for there in ('examples', 'docs', 'tests'):
                 (folder / there).symlink_to(TOP / there)
-            text = with_free_ports(text, ports)
-            process = start(text if 'background' in words else runnable(text), folder, self.environment)
-            self.ran += 1
+            process = start(text if 'background' in words else runnable(text), folder, environment)
             if 'background' in words:
                 background.append((where, process))
                 time.sleep(1.5)
@@ -107,16 +99,35 @@ class Page:
                 output = process.stdout.read()
                 bad = 'live' not in words or 'ERROR' in output
                 output += f'\ndid not end within {LIMIT} s'
-            for other, server in background:
-                if server.poll() not in (None, 0):
-                    self.fail(other, server.stdout.read())
-                stop(server)
-            background = []
             if bad:
                 self.fail(where, output)
             else:
                 self.lines.append(f'ok {where}')
+        for where, server in background:
+            if server.poll() not in (None, 0):
+                self.fail(where, server.stdout.read())
+            stop(server)
         return self
+
+
+def groups(path):
+    """The blocks of a page that run, each with what serves it; what has an unknown word fails without being run."""
+    name = path.relative_to(TOP) if path.is_relative_to(TOP) else path
+    blocks, ports = [], {}
+    for _, words, text in BLOCK.findall(path.read_text()):
+        words = words.split()
+        where = f'{name}: {text.strip().splitlines()[0].strip()[:90]}'
+        if unknown := set(words) - {'camera', 'install', 'background', 'live'}:
+            group = Group(path, [])
+            group.fail(where, f'unknown words behind sh: {unknown}')
+            yield group
+        elif not {'camera', 'install'} & set(words):
+            blocks.append((words, where, with_free_ports(text, ports)))
+            if 'background' not in words:
+                yield Group(path, blocks)
+                blocks, ports = [], {}
+    if blocks:
+        yield Group(path, blocks)
 
 
 def main():
@@ -138,13 +149,14 @@ def main():
         subprocess.run(['gst-launch-1.0', '-q', *'terrainscenesrc num-buffers=5 ! video/x-raw,width=320,height=180 ! '
                         'videoconvert ! pngenc ! multifilesink location=frames/%04d.png'.split()],
                        cwd=stock, env=environment, check=True, timeout=LIMIT)
-        pages = [Page(path, scratch, environment) for path in paths]
-        with concurrent.futures.ThreadPoolExecutor(AT_ONCE) as pool:
-            for page in pool.map(Page.run, pages):
-                print('\n'.join(page.lines), flush=True)
-                ran += page.ran
-                failed += page.failed
-    print(f'{ran - failed} of {ran} commands of {len(pages)} pages work')
+        found = [group for path in paths for group in groups(path.resolve())]
+        with concurrent.futures.ThreadPoolExecutor(1) as waiting, concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as working:
+            for done in [(waiting if group.waits else working).submit(group.run, scratch, environment) for group in found]:
+                group = done.result()
+                print('\n'.join(group.lines), flush=True)
+                ran += len(group.blocks)
+                failed += group.failed
+    print(f'{ran - failed} of {ran} commands of {len(paths)} pages work')
     sys.exit(1 if failed or not ran else 0)
 
 
