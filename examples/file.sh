@@ -19,7 +19,21 @@ case "${1:-}" in
 esac
 [ $# -eq 2 ] || usage 2
 [ -r "$1" ] || fail "$1 cannot be read"
+[ ! "$1" -ef "$2" ] || fail "$2 is the video itself: name another file for the result"
+# Written beside it first: what was there before stays until the new one is whole.
+part=$2.part
+has_frames() {
+  /usr/bin/python3 -c 'import mmap, sys
+with open(sys.argv[1], "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+    at = data.rfind(b"stsz")  # the sizes of the samples: after eight bytes how many there are
+    sys.exit(at < 0 or not int.from_bytes(data[at + 12:at + 16], "big"))' "$1"
+}
 # The first videoconvert is for formats that videoflip does not turn; H.264 wants even sides, MP4 sides of 16 and more.
-pipeline "uridecodebin uri=$(uri_of "$1") ! videoconvert ! deinterlace fields=top \
+if ! (pipeline "uridecodebin uri=$(uri_of "$1") ! videoconvert ! deinterlace fields=top \
   ! videoflip video-direction=auto ! videoconvert ! terrainseg overlay=true $SETTINGS ! videoconvert ! videoscale \
-  ! video/x-raw,format=I420,width=[16,32766,2],height=[16,32766,2] ! x264enc pass=qual speed-preset=veryfast ! mp4mux ! filesink location=$(quoted "$2")"
+  ! video/x-raw,format=I420,width=[16,32766,2],height=[16,32766,2] ! x264enc pass=qual speed-preset=veryfast ! mp4mux \
+  ! filesink location=$(quoted "$part")") || ! has_frames "$part"; then
+  rm -f "$part"
+  fail "no video came out of $1"
+fi
+mv "$part" "$2"

@@ -135,6 +135,20 @@ def a_video_of_any_kind_is_read(folder):
 
 
 @case
+def what_was_there_stays_until_its_successor_is_whole(folder):
+    whole = pathlib.Path(scene('drive.mp4', frames=12)).read_bytes()
+    pathlib.Path('broken.mp4').write_bytes(whole[:len(whole) // 8])
+    pathlib.Path('before.mp4').write_bytes(whole)
+    contains(run(EXAMPLES / 'file.sh', 'drive.mp4', './drive.mp4', code=1).stderr, 'is the video itself')
+    equal(pathlib.Path('drive.mp4').read_bytes(), whole)
+    contains(run(EXAMPLES / 'file.sh', 'broken.mp4', 'before.mp4', code=1).stderr, 'no video came out of broken.mp4')
+    equal(pathlib.Path('before.mp4').read_bytes(), whole)
+    run(EXAMPLES / 'file.sh', 'drive.mp4', 'before.mp4')
+    assert pathlib.Path('before.mp4').read_bytes() != whole
+    equal(sorted(p.name for p in pathlib.Path('.').iterdir()), ['before.mp4', 'broken.mp4', 'drive.mp4'])
+
+
+@case
 def numbers_that_are_wrong_are_refused_and_not_replaced(folder):
     """gst-launch-1.0 warns of them and goes on with its defaults: another port, another vehicle."""
     for port in '0', '65536', '99999', 'seven':
