@@ -126,8 +126,19 @@ def fields_of(buffer):
 
 
 def set_text(element, name, value):
-    if not element.find_property(name):
+    spec = element.find_property(name)
+    if not spec:
         fail(f'terrainseg has no property {name}; gst-inspect-1.0 terrainseg lists them')
+    # util_set_object_arg() leaves what it cannot read as it was, and of what is out of range it warns.
+    least, most = getattr(spec, 'minimum', None), getattr(spec, 'maximum', None)
+    try:
+        number = least is not None and (int(value, 0) if isinstance(least, int) else float(value))
+        if least is not None and not least <= number <= most:
+            fail(f'{name} = {value}: must be {least}..{most}')
+        quoted = value.replace('\\', r'\\').replace('"', r'\"')
+        Gst.parse_launch(f'terrainseg {name}="{quoted}"')
+    except (ValueError, GLib.Error):
+        fail(f'{name} = {value!r} is no {spec.value_type.name}; gst-inspect-1.0 terrainseg tells what it takes')
     Gst.util_set_object_arg(element, name, value)
 
 
