@@ -307,7 +307,10 @@ def main():
     bus = rover.pipeline.get_bus()
     bus.add_signal_watch()
     bus.connect('message', on_message)
-    server = http.server.ThreadingHTTPServer((options.host, options.port), Handler)
+    try:
+        server = http.server.ThreadingHTTPServer((options.host, options.port), Handler)
+    except OSError as error:
+        sys.exit(f'webrtc_sender: {options.host}:{options.port} cannot be listened on: {error.strerror}; choose another --port or --host')
     server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()
     rover.pipeline.set_state(Gst.State.PLAYING)
