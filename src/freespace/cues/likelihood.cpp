@@ -237,23 +237,28 @@ void Likelihood::compare(std::array<std::int8_t, color_bins>& table) const {
 // Of the colours that speak against the terrain as much as any those that are no shade of it either.
 void Likelihood::refuse_other_chroma(const Terrain& learned, std::span<const TerrainModel> training,
                                      LikelihoodTables& tables) {
-  constexpr int chromas = chroma_bins * chroma_bins;
+  constexpr std::size_t chromas = std::size_t{chroma_bins} * chroma_bins;
   std::array<int, chromas> nearest{};
   nearest.fill(std::numeric_limits<int>::max());
-  const auto distance = [](int bin, int mean) {
-    return std::abs(((bin << chroma_bin_shift) + (1 << chroma_bin_shift >> 1)) * 256 - mean);
-  };
   each_model(learned, training, 0, [&](const TerrainModel& model, int /*share*/) {
-    for (int c = 0; c < chromas; ++c) {
-      int& least = nearest[static_cast<std::size_t>(c)];
-      least = std::min(least,
-                       distance(c / chroma_bins, model.mean[1]) + distance(c % chroma_bins, model.mean[2]));
-    }
+    std::array<std::array<int, chroma_bins>, 2> away{};
+    for (std::size_t c = 0; c < 2; ++c)
+      for (int bin = 0; bin < chroma_bins; ++bin)
+        away[c][static_cast<std::size_t>(bin)] =
+            std::abs(((bin << chroma_bin_shift) + (1 << chroma_bin_shift >> 1)) * 256 - model.mean[c + 1]);
+    for (std::size_t u = 0; u < chroma_bins; ++u)
+      for (std::size_t v = 0; v < chroma_bins; ++v)
+        nearest[u * chroma_bins + v] = std::min(nearest[u * chroma_bins + v], away[0][u] + away[1][v]);
   });
+  std::array<std::int8_t, chromas> least{};
+  std::transform(nearest.begin(), nearest.end(), least.begin(),
+                 [](int distance) { return distance > other_chroma << 8 ? no_ground : std::int8_t{0}; });
   for (auto* table : {&tables.color, &tables.any_light})
-    for (std::size_t i = 0; i < color_bins; ++i)
-      if ((*table)[i] == -color_limit && nearest[i % chromas] > other_chroma << 8)
-        (*table)[i] = no_ground;
+    for (std::size_t luma = 0; luma < color_bins; luma += chromas)
+      for (std::size_t c = 0; c < chromas; ++c) {
+        std::int8_t& worth = (*table)[luma + c];
+        worth = worth == -color_limit ? std::min(worth, least[c]) : worth;
+      }
 }
 
 void Likelihood::build(const Terrain& learned, std::span<const TerrainModel> training, int taught_q8,
