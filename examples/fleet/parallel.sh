@@ -9,7 +9,7 @@ shift 3
 [[ $shards =~ ^[1-9][0-9]*$ ]] || { echo "parallel.sh: SHARDS is a number from 1, not '$shards'" >&2; exit 2; }
 [ -r "$list" ] || { echo "parallel.sh: cannot read the list $list" >&2; exit 2; }
 for program in parallel terrainseg-process; do
-  command -v "$program" >/dev/null || { echo "parallel.sh: $program is not in the path (parallel: apt-get install parallel; terrainseg-process: install it, or meson devenv -C build)" >&2; exit 3; }
+  command -v "$program" >/dev/null || { echo "parallel.sh: $program is not in the path (parallel: apt-get install parallel; terrainseg-process: install it, or meson devenv -w . -C build)" >&2; exit 3; }
 done
 mkdir -p "$out/manifests"
 export list out shards
