@@ -114,6 +114,8 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   // looks odd does not where it moves as the ground does), what is reachable, where the horizon lies.
   refine_curves(task, settings.mask_level, curves_);
   below_things_ = curves_.safe;
+  if (!continued)
+    stone_field_.look_again();
   const bool stands = find_standing(task, estimate);
   find_spots(task, estimate.window, terrain.horizon);
   reachable_rows(below_things_, settings.mask_level, estimate.window, task.frame.height, out.boundary());

@@ -110,7 +110,7 @@ TEST(Likelihood, IsTheWeightedLogLikelihoodRatio) {
       const double nats = (std::max(log2p, -3968 / 256.0) - against) * M_LN2;
       const double expected = 0.384 * 32 * nats;
       if (expected < -28 && std::abs(d[1]) + std::abs(d[2]) > 136)
-        EXPECT_EQ(tables.color[i], -90) << i; // no light makes such a colour of the road's
+        EXPECT_EQ(tables.color[i], -128) << i; // no light makes such a colour of the road's
       else
         EXPECT_NEAR(tables.color[i], std::clamp(expected, -26.0, 26.0), 1.6) << i << " taught " << taught;
     }
@@ -175,12 +175,12 @@ TEST(Likelihood, AColorOfNoLightIsNoGroundHoweverSmooth) {
   Likelihood().build(gray_road(), {}, 0, Settings(), tables);
   const int orange = bin(140, 40, 200), shade = bin(30, 136, 120), white = bin(250, 128, 128);
   for (const auto* table : {&tables.color, &tables.any_light}) {
-    EXPECT_EQ((*table)[orange], -90);
+    EXPECT_EQ((*table)[orange], -128);
     EXPECT_GE((*table)[shade], -26);
     EXPECT_GE((*table)[white], -26);
   }
   // 72 + 72 from grey, 72 + 56.
-  EXPECT_EQ(tables.color[bin(112, 200, 200)], -90);
+  EXPECT_EQ(tables.color[bin(112, 200, 200)], -128);
   EXPECT_EQ(tables.color[bin(112, 200, 184)], -26);
   // One model that is near is enough: learned or of this window.
   Terrain carpet = gray_road();
@@ -192,7 +192,7 @@ TEST(Likelihood, AColorOfNoLightIsNoGroundHoweverSmooth) {
   EXPECT_GE(tables.color[orange], -26);
   carpet.models[1].mass = 0; // no model
   Likelihood().build(carpet, {}, 0, Settings(), tables);
-  EXPECT_EQ(tables.color[orange], -90);
+  EXPECT_EQ(tables.color[orange], -128);
 }
 
 TEST(Likelihood, TextureIsForWhatTheWindowShows) {

@@ -352,6 +352,16 @@ TEST(StoneField, LooksMoreSeldomWhereThereIsNone) {
   }
 }
 
+TEST(StoneField, ANewPlaceIsLookedAtAtOnce) {
+  Scene many(320, 240, 0, ground_with(field_of(32, 320, 240))),
+      even(320, 240, 0, ground_with(std::vector<Rectangle>{}));
+  for (int frame = 0; frame < 12; ++frame)
+    ASSERT_FALSE(even.find());
+  ASSERT_FALSE(even.find_in(many)) << "it waits";
+  even.field.look_again();
+  EXPECT_TRUE(even.find_in(many));
+}
+
 TEST(StoneField, MarkingsAreNoStones) {
   std::vector<Rectangle> painted = field_of(24, 320, 240);
   for (Rectangle& mark : painted)

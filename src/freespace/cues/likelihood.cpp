@@ -51,7 +51,7 @@ constexpr int color_limit = 26;
 /// a car or a box as smooth as the road. From 104 to 136 flat but for India (8.3, 8.0 % wrong); with 88 roads
 /// in the sun are 12.2 % wrong in place of 11.4, with 72 roads by day 10.8 in place of 8.7, for their verges.
 constexpr int other_chroma = 136;
-constexpr std::int8_t no_ground = -90; ///< of such a colour: no texture makes up for it
+constexpr std::int8_t no_ground = -128; ///< of such a colour: no texture, 127 at most, makes up for it
 /// 1.6 of the ratio.
 constexpr int texture_weight = 9086;
 constexpr std::uint64_t texture_floor = 1000;

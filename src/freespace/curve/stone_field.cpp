@@ -90,10 +90,14 @@ bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, c
   return in_field_;
 }
 
-void StoneField::forget() {
-  in_field_ = false;
+void StoneField::look_again() {
   frames_to_wait_ = 0;
   looks_in_vain_ = 0;
+}
+
+void StoneField::forget() {
+  in_field_ = false;
+  look_again();
 }
 
 bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,

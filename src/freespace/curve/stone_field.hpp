@@ -45,6 +45,8 @@ class StoneField {
   bool find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
             const StoneView& view);
 
+  /// The next frame does not continue the last one: it is looked at, however often there was none.
+  void look_again();
   /// The next frame shows another place.
   void forget();
 
