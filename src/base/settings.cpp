@@ -52,7 +52,7 @@ constexpr Choice temporal_modes[] = {{"auto", "Where a frame's picture is like t
                                      {"on", "Always"}};
 constexpr Choice motion_modes[] = {
     {"auto", "Where the camera moves and the ground is seen to move as a plane"},
-    {"off", "Every frame for itself"}};
+    {"off", "Nothing is seen from how the picture moves"}};
 constexpr std::span<const Choice> choices_of(Motion) {
   return motion_modes;
 }

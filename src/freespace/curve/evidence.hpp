@@ -42,7 +42,7 @@ class Evidence {
 
   /// Cells that differ from the ground beside them (Q4 of a standard deviation).
   void subtract_oddness(const FinerCells<std::uint8_t>& oddness);
-  /// Cells that move as something that stands (Q8, above 0 it stands).
+  /// Cells that move as something that stands (Q8, above least_standing it stands).
   void subtract_standing(const FinerCells<std::int16_t>& standing);
 
   /// For every cell of the grid how sure its label in `mask` (2^mask_level smaller than the frame) is: 255 *
