@@ -515,4 +515,4 @@ def the_ground_station_says_what_it_waits_for(folder):
 
 if __name__ == '__main__':
     # Three keep the processors busy for a quarter of their time. RTSP gives frames up that are not fetched at once.
-    main(CASES, at_once=3, alone=(rtsp_over_tcp, rtsp_over_udp_annotated))
+    main(CASES, at_once=3, alone=(rtsp_over_tcp, rtsp_over_udp_annotated, rtsp_says_why_there_is_no_picture))
