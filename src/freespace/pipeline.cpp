@@ -61,9 +61,12 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   const Rectangle window = cells_of_window(estimate.window, grid_.level, grid_.width, grid_.height);
   clock.lap(Stage::features);
 
-  // 4. The window's pre-filter, and whether something stands in the window.
-  const Gaussian window_moments = moments_of(colors, window_cells_);
-  prefilter(colors, window_cells_, window_moments, prefilter_rule(settings), kept_);
+  // 4. The window's pre-filter, without the rover's own shadow, and whether something stands in the window.
+  const bool shaded = settings.own_shadow && task.supervision.empty() &&
+                      leave_own_shadow(colors, window, window_cells_, lit_cells_);
+  const std::span<const Cell> taught = shaded ? lit_cells_ : window_cells_;
+  const Gaussian window_moments = moments_of(colors, taught);
+  prefilter(colors, taught, window_moments, prefilter_rule(settings), kept_);
   const bool foreign = window_is_foreign(task, window, terrain);
   estimate.flags =
       learning_flag(settings, kept_.cells.empty() || foreign || grid_.size() < samples_per_model);

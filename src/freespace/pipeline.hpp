@@ -19,6 +19,7 @@
 #include "freespace/cues/geodesic.hpp"
 #include "freespace/cues/likelihood.hpp"
 #include "freespace/cues/local_reference.hpp"
+#include "freespace/cues/own_shadow.hpp"
 #include "freespace/cues/temporal.hpp"
 #include "freespace/cues/texture.hpp"
 #include "freespace/curve/boundary.hpp"
@@ -80,7 +81,7 @@ class FreeSpacePipeline final : public Pipeline {
   ConnectedGround connected_;
 
   // The window and what it teaches.
-  std::vector<Cell> window_cells_;
+  std::vector<Cell> window_cells_, lit_cells_;
   Prefiltered kept_;
   WindowGuard guard_;
   ClusterScratch clusters_;

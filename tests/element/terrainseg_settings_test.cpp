@@ -65,6 +65,7 @@ const Column columns[] = {
     {"second-look", "true", "false"},
     {"connected-ground", "true", "false"},
     {"light-ahead", "true", "false"},
+    {"own-shadow", "true", "false"},
     {"free-space", "true", "false"},
     {"ground-behind", "true", "false"},
     {"odd-spots", "true", "false"},
@@ -357,7 +358,7 @@ TEST(Stages, MirrorTheBooleansBothWays) {
   auto element = make_element("terrainseg");
   const std::vector<std::string> names = {"texture",   "exposure",    "row-prior",        "local-reference",
                                           "geodesic",  "second-look", "connected-ground", "ground-behind",
-                                          "odd-spots", "refine",      "light-ahead"};
+                                          "odd-spots", "refine",      "light-ahead",      "own-shadow"};
   for (const std::string& name : names) {
     EXPECT_NE(text(element.get(), "stages").find(name), std::string::npos) << name;
     g_object_set(element.get(), name.c_str(), FALSE, nullptr);
@@ -399,7 +400,7 @@ TEST(Stages, ThatAreOffChangeTheMask) {
       by_booleans(
           "terrainseg texture=false exposure=false row-prior=false local-reference=false "
           "geodesic=false second-look=false connected-ground=false ground-behind=false odd-spots=false "
-          "refine=false light-ahead=false",
+          "refine=false light-ahead=false own-shadow=false",
           caps_text("I420", 320, 240));
   const auto mask_of = [](Rig& rig) {
     rig.step();

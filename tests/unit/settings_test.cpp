@@ -114,7 +114,7 @@ TEST(SettingTable, SaysWhichPipelineUsesWhat) {
   }
   for (const char* name : {"texture", "exposure", "row-prior", "local-reference", "geodesic", "second-look",
                            "connected-ground", "odd-spots", "ground-behind", "refine", "light-ahead",
-                           "negatives", "temporal", "motion", "caution", "doubtful"}) {
+                           "own-shadow", "negatives", "temporal", "motion", "caution", "doubtful"}) {
     EXPECT_TRUE(is_used(*find_setting(name), standard)) << name;
     EXPECT_FALSE(is_used(*find_setting(name), paper)) << name;
   }
