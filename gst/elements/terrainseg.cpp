@@ -74,8 +74,10 @@ struct ElementState {
   TerrainMemory memory;           // object lock; of other streams, with reset-on=per-stream
   std::optional<Terrain> recalled; // object lock; of this stream, which came back; waits for its first frame
 
-  ElementSettings settings;              // streaming; the snapshot
-  FittedWindow fitted;                   // streaming
+  ElementSettings settings; // streaming; the snapshot
+  FittedWindow fitted;      // streaming
+  std::optional<std::pair<int, int>>
+      line_warned;                       // streaming; row and height of a vanishing line below the frame
   std::uint64_t sequence = 0;            // streaming; of the snapshot
   std::uint64_t configured_sequence = 0; // streaming; of the settings that the segmenter has
   bool configured_learnable = true;      // streaming; whether they let it learn
@@ -462,6 +464,7 @@ gboolean start(GstBaseTransform* transform) {
     s.colours = {};
     s.fitted.sequence = 0;
     s.fitted.warned.reset();
+    s.line_warned.reset();
     s.summary = {};
     s.misfit_told = false;
     ObjectLock lock(transform);
@@ -858,6 +861,20 @@ void fit_window(gpointer object, ElementState& s) {
                      " Set window-rect for a window that follows the size of the frame."));
 }
 
+/// Says once for each row and frame size that a vanishing line below the frame is none.
+void check_line(gpointer object, ElementState& s) {
+  const std::pair line{s.settings.core.vanishing_row, GST_VIDEO_INFO_HEIGHT(&s.info)};
+  if (line.first < line.second || s.line_warned == line)
+    return;
+  s.line_warned = line;
+  GST_ELEMENT_WARNING(
+      GST_ELEMENT(object), LIBRARY, SETTINGS,
+      ("vanishing-row = %d lies below a frame of %d rows and is not used: it is the row of the "
+       "frame in which level ground would end.",
+       line.first, line.second),
+      ("property vanishing-row, value %d", line.first));
+}
+
 /// Gives the segmenter its settings when they changed. A frame that is not learnable is scored all the same.
 void configure(GstBaseTransform* transform, ElementState& s, GstBuffer* buffer) {
   const bool learnable = is_learnable(transform->segment, buffer);
@@ -971,7 +988,9 @@ void draw(const MappedFrame& mapped, ElementState& s, const Outcome& outcome) {
 bool label(GstBaseTransform* transform, ElementState& s, GstBuffer* buffer, const MappedFrame& mapped,
            Outcome& outcome) {
   const auto began = std::chrono::steady_clock::now();
-  const Frame frame = mapped.view();
+  const GstClockTime running_time = running_time_of(transform->segment, GST_BUFFER_PTS(buffer));
+  Frame frame = mapped.view();
+  frame.vanishing_row = s.metres.vanishing_row(running_time);
   const int width = mask_extent(frame.width, s.settings.core.mask_level);
   const int height = mask_extent(frame.height, s.settings.core.mask_level);
   outcome.mask = s.masks.acquire(width, height);
@@ -1001,8 +1020,7 @@ bool label(GstBaseTransform* transform, ElementState& s, GstBuffer* buffer, cons
     return fail(transform, status);
   outcome.estimate.boundary = {reinterpret_cast<const std::uint16_t*>(boundary.data()),
                                static_cast<std::size_t>(width)};
-  outcome.metric = s.metres.measure(
-      outcome.estimate, running_time_of(transform->segment, GST_BUFFER_PTS(buffer)), s.settings.range_max);
+  outcome.metric = s.metres.measure(outcome.estimate, running_time, s.settings.range_max);
   if (s.settings.overlay)
     draw(mapped, s, outcome);
 #ifdef TERRAINSEG_ANALYTICS
@@ -1094,6 +1112,7 @@ GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
       return GST_FLOW_ERROR;
     refresh_settings(transform, s);
     fit_window(transform, s);
+    check_line(transform, s);
     if (s.settings.reset_on == ResetOn::discont && !s.fresh && GST_BUFFER_IS_DISCONT(buffer))
       forget(transform, "a discontinuity");
     if (s.settings.reset_on == ResetOn::per_stream)

@@ -43,8 +43,10 @@ std::string MetricStage::fit(int width, int height) {
   // A picture that was scaled as a whole, its sides rounded to pixels.
   const std::int64_t a = std::int64_t{width} * camera_->height, b = std::int64_t{height} * camera_->width;
   fits_ = std::abs(a - b) <= std::max(camera_->width, camera_->height);
-  if (fits_)
+  if (fits_) {
+    frame_camera_ = metric::scaled(*camera_, width, height);
     return {};
+  }
   return "the camera was calibrated on pictures of " + std::to_string(camera_->width) + " x " +
          std::to_string(camera_->height) + " and these are " + std::to_string(width) + " x " +
          std::to_string(height) +
@@ -79,6 +81,18 @@ void MetricStage::flush() {
   monitor_.clear();
   const std::lock_guard lock(mutex_);
   poses_.clear();
+}
+
+std::optional<std::int32_t> MetricStage::vanishing_row(GstClockTime running_time) {
+  if (!is_calibrated() || !fits_)
+    return std::nullopt;
+  bool posed = false;
+  const auto mount = attitude(running_time, posed);
+  const auto row = mount ? metric::vanishing_row(*mount, frame_camera_) : std::nullopt;
+  if (!row)
+    return std::nullopt;
+  const double farthest = 4.0 * frame_camera_.height; // beyond it is as good as straight up or down
+  return static_cast<std::int32_t>(std::lround(std::clamp(*row, -farthest, farthest) * 256));
 }
 
 const MetricEstimate* MetricStage::refuse(Notice why) {

@@ -34,6 +34,9 @@ class MetricStage {
   /// After a flush: running times begin anew, and with them the poses. Metres wait for the next one.
   void flush();
 
+  /// Where the pose of the moment, or else the mount, has the vanishing line of level ground in frames of the
+  /// size of fit(), Q8 rows; nothing when that is not known.
+  std::optional<std::int32_t> vanishing_row(GstClockTime running_time);
   /// Metres of a frame's boundary, valid until the next call; nullptr when there are none. `running_time` or
   /// NONE; `range_max` in metres, 0 = where the expected error reaches 20 %.
   const MetricEstimate* measure(const Estimate& estimate, GstClockTime running_time, double range_max);
@@ -50,6 +53,7 @@ class MetricStage {
   std::optional<metric::Camera> camera_;
   std::optional<metric::Mount> mount_;
   bool fits_ = false;
+  metric::Camera frame_camera_; ///< for the frames that fit
   metric::FreeSpaceRanges ranges_;
   metric::HorizonMonitor monitor_;
   MetricEstimate result_;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "terrainseg/export.hpp"
@@ -136,6 +137,10 @@ struct Frame {
   std::array<Plane, 3> planes;
   std::int64_t pts = -1; ///< presentation time in nanoseconds, -1 = unknown; a gap of more than 2 s ends the
                          ///< averaging of scores
+  /// Where a pose or a mount has the vanishing line of level ground at the middle of the width: Q8 rows of
+  /// the frame, may lie outside. Ground ends there, unless motion sees for some seconds that it slopes;
+  /// Settings::vanishing_row stands above it.
+  std::optional<std::int32_t> vanishing_row = std::nullopt;
 };
 
 /// A frame to draw on.

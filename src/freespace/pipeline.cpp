@@ -2,6 +2,7 @@
 #include "freespace/pipeline.hpp"
 
 #include <algorithm>
+#include <optional>
 
 #include "base/lattice.hpp"
 #include "coarse/horizon.hpp"
@@ -21,6 +22,23 @@ constexpr std::uint32_t least_variance = 180 << 8;
 /// the usual picture. Of what stands on rendered plains 76 % is called ground without them, with 24 rows 58,
 /// with 32 51, 36 46, 48 45, 60 43; the drives' mean error grows by 0.01 with 36, by 0.02 with 48.
 constexpr int far_rows = 36;
+
+/// The ground's vanishing line as the settings have it, rows of the frame. One below the frame is none: there
+/// would be no ground.
+std::optional<int> known_line(const Settings& settings, int height) {
+  const bool known = settings.vanishing_row != -1 && settings.vanishing_row < height;
+  return known ? std::optional(settings.vanishing_row) : std::nullopt;
+}
+
+/// What is known of the line in this frame, Q8 rows of the frame.
+MotionKnowledge line_of(const FrameTask& task) {
+  if (const auto row = known_line(task.settings, task.frame.height))
+    return {MotionKnowledge::Line::exact, *row * 256};
+  constexpr std::int32_t farthest = 1 << 24;
+  if (task.frame.vanishing_row)
+    return {MotionKnowledge::Line::near, std::clamp(*task.frame.vanishing_row, -farthest, farthest)};
+  return {};
+}
 
 PrefilterRule prefilter_rule(const Settings& settings) {
   return {settings.window_sigma_q8, prefilter_floor, PrefilterRule::Scarce::all_below_one_quarter};
@@ -100,7 +118,7 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   clock.lap(Stage::scoring);
 
   // 8. The boundary of the ground, once more with what the frame itself looks like on both its sides.
-  find_boundary(settings, continued, terrain);
+  find_boundary(task, continued, terrain);
   if (settings.second_look && reestimation_.revise(grid_, cells_, boundary_, penalty_, average_, revised_))
     search_.find(grid_, revised_, prior_, settings.ground_behind, boundary_);
   for (std::uint16_t& row : boundary_)
@@ -233,14 +251,15 @@ void FreeSpacePipeline::weigh_cells(const Settings& settings, std::span<const Ce
 }
 
 // The slow horizon follows the boundary.
-void FreeSpacePipeline::find_boundary(const Settings& settings, bool continued, Terrain& terrain) {
+void FreeSpacePipeline::find_boundary(const FrameTask& task, bool continued, Terrain& terrain) {
+  const Settings& settings = task.settings;
   before_.clear();
   if (continued)
     before_.swap(boundary_);
   search_.look(grid_, steps_, exposure_.gain, before_);
   if (settings.connected_ground)
     search_.price_edgeless(grid_, connected_.edgeless(grid_));
-  const std::int32_t line = continued && settings.motion != Motion::off ? standing_.vanishing_row() : -1;
+  const std::int32_t line = plane_end(task, continued);
   const int line_q8 = line < 0 ? -1 : (line >> 8) / pyramid_.height(0);
   // The first frame knows no horizon: it is searched twice, the second time with its own.
   for (int pass = terrain.horizon == 0 ? 0 : 1; pass < 2; ++pass) {
@@ -252,9 +271,20 @@ void FreeSpacePipeline::find_boundary(const Settings& settings, bool continued, 
   }
 }
 
-// A plane ends at its vanishing line (Q16 rows of the frame, negative = not known), which motion knows after
-// some metres: the first row of the grid in which there may be ground, a 32nd of the height above the line
-// that the last frame told, for ground that rises a little.
+// A plane ends at its vanishing line, which somebody knows, a pose has near by, or motion knows after some
+// metres, as of the last frame. Q16 rows of the frame; -1 = not known, or outside.
+std::int32_t FreeSpacePipeline::plane_end(const FrameTask& task, bool continued) const {
+  const MotionKnowledge known = line_of(task);
+  const bool by_motion = task.settings.motion != Motion::off;
+  if (known.line == MotionKnowledge::Line::unknown)
+    return continued && by_motion ? standing_.vanishing_row() : -1;
+  const int row = known.vanishing_row +
+                  (known.line == MotionKnowledge::Line::near && by_motion ? standing_.line_offset() : 0);
+  return row < 0 ? -1 : std::min(row, pyramid_.height(0) << 8) << 8;
+}
+
+// The first row of the grid in which there may be ground: a 32nd of the height above the plane's end, for
+// ground that rises a little.
 int FreeSpacePipeline::first_row_of_plane(std::int32_t line) const {
   if (line < 0)
     return 0;
@@ -323,22 +353,23 @@ void FreeSpacePipeline::find_spots(const FrameTask& task, const Rectangle& windo
     stone_field_.lower(settings.mask_level, below_things_);
 }
 
-// What moves as something that stands on the ground.
+// What moves as something that stands on the ground, and how the camera stands and moves over it.
 bool FreeSpacePipeline::find_standing(const FrameTask& task, Estimate& estimate) {
   const Settings& settings = task.settings;
-  if (settings.motion == Motion::off)
-    return false;
-  // As with spots: what motion sees must not depend on the mask's size.
-  const int column_level =
-      std::min(settings.mask_level, StandingThings::coarsest_columns(pyramid_, grid_.level));
-  const bool any = standing_.find(pyramid_, curves_at(task, column_level),
-                                  {grid_.level, column_level, task.frame.pts, settings.ignore_regions});
-  estimate.vanishing_row = standing_.vanishing_row();
-  estimate.speed_over_height = standing_.speed_over_height();
-  if (!any)
-    return false;
-  standing_.lower(settings.mask_level, below_things_);
-  return true;
+  bool any = false;
+  if (settings.motion != Motion::off) {
+    // As with spots: what motion sees must not depend on the mask's size.
+    const int column_level =
+        std::min(settings.mask_level, StandingThings::coarsest_columns(pyramid_, grid_.level));
+    any = standing_.find(pyramid_, curves_at(task, column_level),
+                         {grid_.level, column_level, task.frame.pts, settings.ignore_regions, line_of(task)});
+    estimate.speed_over_height = standing_.speed_over_height();
+  }
+  const std::int32_t line = plane_end(task, true);
+  estimate.vanishing_row = line < task.frame.height << 16 ? line : -1;
+  if (any)
+    standing_.lower(settings.mask_level, below_things_);
+  return any;
 }
 
 // Only now: the label of a cell is what the mask has there.

@@ -56,7 +56,8 @@ class FreeSpacePipeline final : public Pipeline {
   void rely_on_memory();
   void weigh_cells(const Settings& settings, std::span<const Cell> trusted, const Columns& ahead,
                    const Terrain& terrain);
-  void find_boundary(const Settings& settings, bool continued, Terrain& terrain);
+  void find_boundary(const FrameTask& task, bool continued, Terrain& terrain);
+  std::int32_t plane_end(const FrameTask& task, bool continued) const;
   int first_row_of_plane(std::int32_t line) const;
   void refine_curves(const FrameTask& task, int mask_level, FreeSpaceCurves& curves);
   const FreeSpaceCurves& curves_at(const FrameTask& task, int level);

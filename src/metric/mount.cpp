@@ -136,4 +136,18 @@ double GroundProjection::bearing(const ImagePoint& ray) const {
   return point ? std::atan2(point->y, point->x) : std::atan2(along(1, ray), along(0, ray));
 }
 
+std::optional<double> vanishing_row(const Mount& mount, const Camera& camera) {
+  const GroundProjection ground(mount);
+  const auto& up = ground.row(2);
+  if (!(up[2] > least_descent))
+    return std::nullopt;
+  const ImagePoint level{0, up[0] / up[2]}; // along(2, level) = 0
+  const ImagePoint pixel = distort(camera, level);
+  const auto back = undistort(camera, pixel.x, pixel.y);
+  constexpr double same = 1e-3; // beyond the lens's range the polynomial comes back elsewhere
+  if (!back || !(std::abs(back->y - level.y) <= same * (1 + std::abs(level.y))))
+    return std::nullopt;
+  return pixel.y;
+}
+
 } // namespace terrainseg::metric

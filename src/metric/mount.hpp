@@ -67,4 +67,8 @@ class GroundProjection {
   double height_, x_, y_;
 };
 
+/// Row of the picture in which level rays are seen at the principal point's column: the vanishing line of
+/// level ground, may lie outside the picture. Nothing where the lens shows no such ray.
+std::optional<double> vanishing_row(const Mount& mount, const Camera& camera);
+
 } // namespace terrainseg::metric

@@ -24,6 +24,10 @@ constexpr int settling = 30;                  ///< estimates of the vanishing li
 /// And their information until then: of frames a second apart in a town 30 hold 530, of a drive at 15 Hz
 /// 140,000, of a small picture in a low sun 12,000.
 constexpr std::int64_t least_information = 2500;
+/// Estimates until a pose may be contradicted, and the part of the height by which they must: of level ground
+/// they are up to an 80th of it off. Where the pose's line lies too high they tell a third of what is
+/// missing: less is cut off there than could be, and nothing that is ground.
+constexpr int contradicting = 24, slight_slope = 72;
 constexpr int retry_after = 8; ///< frames between two searches in vain
 
 /// Forward motion in a frame that a search begins with, Q24 of the camera's height.
@@ -110,7 +114,7 @@ void MotionObstacles::resize(int width, int height) {
   parallax_.reserve(width, height);
   small_points_.reserve(pixels / 16 / (small_rule.block * small_rule.block) + pixels / 64);
   line_weight_ = line_sum_ = line_information_ = 0;
-  line_frames_ = 0;
+  line_frames_ = line_offset_ = 0;
   forget();
 }
 
@@ -287,9 +291,9 @@ void MotionObstacles::judge(std::array<Zone, 2>& zones) {
 
 /// The vanishing line from what a plane with another line would do to the picture.
 void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
-  if (line_known_)
+  if (told_.line == MotionKnowledge::Line::exact)
     return;
-  const bool settled = line_frames_ >= 90;
+  const bool told = told_.line == MotionKnowledge::Line::near, settled = told || line_frames_ >= 90;
   if (settled && frame_ % 4 != 0)
     return;
   for (int z = 0; z < 2; ++z) {
@@ -326,13 +330,28 @@ void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
   if (line_weight_ <= 0)
     return;
   ++line_frames_;
+  if (line_frames_ % (told ? contradicting : 6) != 0)
+    return;
   const std::int64_t mean = line_sum_ / line_weight_;
-  if (line_frames_ % 6 == 0) {
-    const int most = settled ? 256 : 4 * 256;
-    const int change = static_cast<int>(std::clamp<std::int64_t>(mean * 3 / 2, -most, most));
-    move_line(change);
+  line_weight_ = line_sum_ = 0;
+  if (told && std::abs(mean) * slight_slope < view_.height * 256)
+    return;
+  const int most = told ? view_.height * 256 : settled ? 256 : 4 * 256;
+  const int change = static_cast<int>(std::clamp<std::int64_t>(mean * 3 / 2, -most, most));
+  move_line(change);
+  if (told)
+    line_offset_ += change;
+}
+
+/// Before a frame: the line moves with what is told of it.
+void MotionObstacles::follow_line(const MotionKnowledge& knowledge) {
+  if (knowledge.line == MotionKnowledge::Line::unknown)
+    return;
+  if (told_.line != knowledge.line) // estimates so far were of another line
     line_weight_ = line_sum_ = 0;
-  }
+  if (knowledge.line == MotionKnowledge::Line::exact)
+    line_offset_ = 0;
+  move_line(knowledge.vanishing_row + line_offset_ - view_.vanishing_row);
 }
 
 void MotionObstacles::move_line(int rows) {
@@ -397,9 +416,8 @@ const MotionView& MotionObstacles::observe(const GrayView& luma, const GrayView&
   }
   frames_passed_ = 0;
   result_ = {};
-  line_known_ = knowledge.line_known;
-  if (line_known_)
-    move_line(knowledge.vanishing_row - view_.vanishing_row);
+  follow_line(knowledge);
+  told_ = knowledge;
   ++frame_;
   look(luma, ground);
   const bool repeated = has_before_ && now_ == before_;
@@ -431,7 +449,9 @@ const MotionView& MotionObstacles::observe(const GrayView& luma, const GrayView&
   result_.rows = view_.height / 4;
   result_.standing = standing_;
   result_.vanishing_row = view_.vanishing_row;
-  result_.line_settled = line_known_ || (line_frames_ >= settling && line_information_ >= least_information);
+  result_.line_offset = line_offset_;
+  result_.line_settled = told_.line != MotionKnowledge::Line::unknown ||
+                         (line_frames_ >= settling && line_information_ >= least_information);
   if (result_.steady && interval_ > 0)
     result_.speed_over_height = translation_of(step_).z * 1'000'000'000 / interval_ >> 8;
   return result_;

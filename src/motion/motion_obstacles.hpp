@@ -19,11 +19,15 @@ namespace terrainseg {
 /// The pyramid level that motion is seen on: the first whose longer side is under 800 pixels.
 int motion_level(int frame_width, int frame_height);
 
-/// What is known of the camera from elsewhere.
+/// What is known of the ground's vanishing line from elsewhere.
 struct MotionKnowledge {
-  /// Row of the ground's vanishing line in Q8 pixels of motion's level, from a calibration or a pose.
-  bool line_known = false;
-  int vanishing_row = 0;
+  enum class Line : std::uint8_t {
+    unknown, ///< motion finds it
+    near,    ///< as a pose has level ground's: so it is, until motion sees that the ground slopes
+    exact    ///< motion takes it as it is
+  };
+  Line line = Line::unknown;
+  int vanishing_row = 0; ///< Q8 pixels of motion's level; may lie outside
 };
 
 /// What motion says after a frame.
@@ -35,6 +39,7 @@ struct MotionView {
   bool trusted = false;               ///< whether this frame's evidence was added: the plane fits
   bool line_settled = false;          ///< whether the vanishing row is known or was found
   int vanishing_row = 0;              ///< Q8, pixels of motion's level
+  int line_offset = 0;                ///< Q8, rows by which it lies below one that was told to be near
   std::int64_t speed_over_height = 0; ///< Q16, 1/s, forward positive; 0 while unknown
 };
 
@@ -71,6 +76,7 @@ class MotionObstacles {
   void judge(std::array<Zone, 2>& zones);
   void find_line(const std::array<Zone, 2>& zones);
   void move_line(int rows);
+  void follow_line(const MotionKnowledge& knowledge);
   void keep_frame();
   int middle_shift(const PlaneMotion& motion, int q8_of_rows) const;
   int target_shift() const { return 16 * 256 * view_.width / 480; } ///< Q8
@@ -83,7 +89,8 @@ class MotionObstacles {
   void lose();
 
   GroundCamera view_;
-  bool line_known_ = false;
+  MotionKnowledge told_; ///< with this frame
+  int line_offset_ = 0;  ///< rows (Q8) by which the ground's own line lies below one that is near it
   std::vector<std::uint8_t> now_, before_, small_now_, small_before_, reduced_, ground_;
   std::vector<int> ground_columns_; ///< of the picture of ground, per cell
   std::vector<std::uint16_t> work_;

@@ -278,6 +278,31 @@ TEST_F(Metric, APoseFromEitherSideStandsAboveTheMount) {
   EXPECT_TRUE(rig.warnings().empty());
 }
 
+// Level ground ends where level rays are seen: f tan (pitch) above the middle.
+double level_row(double pitch) {
+  return center_y - focal * std::tan(pitch);
+}
+double vanishing_row_of(GstBuffer* buffer) {
+  const GstStructure* fields = gst_buffer_get_terrain_seg_structure(buffer);
+  return fields ? gst_terrain_seg_meta_get_vanishing_row(fields) : -2;
+}
+
+TEST_F(Metric, TheVanishingRowIsThePosesElseTheMounts) {
+  for (const char* more : {"", "motion=off"}) {
+    Rig rig(with("height=0.5,pitch=10deg", more), caps);
+    EXPECT_NEAR(vanishing_row_of(rig.step().get()), level_row(10 * degree), 0.005) << more;
+    EXPECT_TRUE(gst_harness_push_event(rig.harness(), pose(0, 5, 33)));
+    EXPECT_NEAR(vanishing_row_of(rig.step().get()), level_row(5 * degree), 0.005) << more;
+    EXPECT_TRUE(gst_harness_push_event(rig.harness(), pose(0, 60, 67)));
+    EXPECT_EQ(vanishing_row_of(rig.step().get()), -1) << "above the picture " << more;
+    for (int i = 0; i < 4; ++i)
+      rig.step();
+    EXPECT_EQ(vanishing_row_of(rig.step().get()), -1) << "stale, and this picture is too small for motion";
+  }
+  Rig set(with("height=0.5,pitch=10deg", "vanishing-row=50"), caps);
+  EXPECT_EQ(vanishing_row_of(set.step().get()), 50) << "set by hand stands above both";
+}
+
 TEST_F(Metric, AStalePoseTakesTheMetresAway) {
   Rig rig(with(), caps);
   EXPECT_TRUE(has_metres(rig.step().get())) << "the mount's";

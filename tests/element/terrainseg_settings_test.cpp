@@ -73,6 +73,7 @@ const Column columns[] = {
     {"negatives", "rest", "off"},
     {"temporal", "auto", "off"},
     {"motion", "auto", "off"},
+    {"vanishing-row", "-1", "-1"},
     {"caution", "0", "0"},
     {"doubtful", "-24", "-96"},
     {"mask-level", "0", "0"},
@@ -624,6 +625,40 @@ TEST_F(SettingsFileTest, ThatIsWrongChangesNothing) {
   EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
   EXPECT_EQ(text(element.get(), "caution"), "0");
   gst_element_set_state(element.get(), GST_STATE_NULL);
+}
+
+// ---- the vanishing line ---------------------------------------------------------------------------------
+
+double vanishing_row_of(Rig& rig) {
+  const auto out = rig.step();
+  return gst_terrain_seg_meta_get_vanishing_row(gst_buffer_get_terrain_seg_structure(out.get()));
+}
+
+TEST(VanishingRow, IsToldAndChangesWhilePlaying) {
+  Rig rig("terrainseg vanishing-row=50", caps_text("I420", 320, 240));
+  EXPECT_EQ(vanishing_row_of(rig), 50);
+  g_object_set(rig.element(), "vanishing-row", 70, nullptr);
+  EXPECT_EQ(vanishing_row_of(rig), 70);
+  g_object_set(rig.element(), "vanishing-row", -20, nullptr);
+  EXPECT_EQ(vanishing_row_of(rig), -1) << "above the picture";
+  EXPECT_TRUE(rig.warnings().empty());
+}
+
+TEST(VanishingRow, BelowTheFrameIsWarnedOfOnceAndNotUsed) {
+  Rig rig("terrainseg vanishing-row=240", caps_text("I420", 320, 240)),
+      without("terrainseg", caps_text("I420", 320, 240));
+  for (int i = 0; i < 3; ++i) {
+    const auto out = rig.step(), plain = without.step();
+    EXPECT_EQ(bytes_of(EstimateReader(out.get()).estimate().mask),
+              bytes_of(EstimateReader(plain.get()).estimate().mask));
+  }
+  const auto warnings = rig.warnings();
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_TRUE(warnings[0].contains("vanishing-row = 240")) << warnings[0].user;
+  EXPECT_TRUE(warnings[0].contains("240 rows"));
+  g_object_set(rig.element(), "vanishing-row", 500, nullptr);
+  rig.step();
+  EXPECT_EQ(rig.warnings().size(), 1u) << "another row";
 }
 
 // ---- rounding, types -------------------------------------------------------------------------------------

@@ -111,7 +111,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       again.forget();
       break;
     case 8:
-      knowledge.line_known = in.chance(2);
+      knowledge.line = static_cast<MotionKnowledge::Line>(in.number(1) % 3);
       knowledge.vanishing_row = static_cast<std::int16_t>(in.number(2)) * 16;
       break;
     case 9:

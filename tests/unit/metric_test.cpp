@@ -78,6 +78,34 @@ TEST(Metric, YawAndPlaceOfTheCamera) {
   EXPECT_NEAR(point->y, -0.1 + 0.5 / std::tan(10 * degree), 1e-9);
 }
 
+TEST(Metric, TheVanishingRowIsThatOfLevelRays) {
+  for (const double pitch : {-20.0, 0.0, 10.0, 35.0})
+    for (const double roll : {0.0, 15.0}) {
+      Mount mount = low_mount();
+      mount.pitch = pitch * degree;
+      mount.roll = roll * degree;
+      const double row = pinhole().cy - pinhole().fy * std::tan(mount.pitch) / std::cos(mount.roll);
+      EXPECT_NEAR(*vanishing_row(mount, pinhole()), row, 1e-6) << pitch << ' ' << roll;
+      for (const Distortion lens : {Distortion::brown_conrady, Distortion::equidistant}) {
+        Camera camera = lens == Distortion::equidistant ? pinhole() : barrel();
+        camera.distortion = lens;
+        const auto bent = vanishing_row(mount, camera);
+        ASSERT_TRUE(bent);
+        const auto ray = undistort(camera, camera.cx, *bent);
+        ASSERT_TRUE(ray);
+        EXPECT_NEAR(GroundProjection(mount).along(2, *ray), 0, 1e-3);
+      }
+    }
+  Mount upwards = low_mount(); // no level ray before a camera that lies on its side
+  upwards.roll = 90 * degree;
+  EXPECT_FALSE(vanishing_row(upwards, pinhole()));
+  Camera folded = pinhole();
+  folded.coefficients = {-5, 0, 0, 0};
+  Mount down = low_mount();
+  down.pitch = 60 * degree;
+  EXPECT_FALSE(vanishing_row(down, folded)) << "the lens shows no such ray";
+}
+
 TEST(Metric, LensesAreThoseOfOpenCv) {
   const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 500, 1e-15);
   Camera rational = barrel(), fisheye = pinhole();

@@ -7,6 +7,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <optional>
+#include <utility>
 
 #include "terrainseg/segmenter.hpp"
 
@@ -170,6 +173,46 @@ TEST(StandingThings, APatchThatMovesAsTheGroundIsNoHole) {
   EXPECT_GT(moss, 10000);
   EXPECT_GT(lost_without * 2, moss) << "the patch is odd";
   EXPECT_LT(lost_with * 20, moss);
+}
+
+// The line that is found lies at 150. What somebody knows is told from the first frame, and ground ends
+// there.
+TEST(StandingThings, ALineThatIsKnownEndsTheGround) {
+  const auto told = [](int set, std::optional<std::int32_t> posed, Motion motion) {
+    Settings settings;
+    settings.vanishing_row = set;
+    settings.motion = motion;
+    Segmenter segmenter(settings);
+    Frame frame = picture(0).frame(0);
+    frame.vanishing_row = posed;
+    EXPECT_TRUE(segmenter.process(frame).ok());
+    const Estimate& e = segmenter.estimate();
+    int first = height;
+    for (int v = height - 1; v >= 0; --v)
+      for (int u = 0; u < width; ++u)
+        if (e.mask.plane.row(v)[u] == mask_traversable)
+          first = v;
+    return std::pair{e.vanishing_row, first};
+  };
+  for (const Motion motion : {Motion::automatic, Motion::off}) {
+    EXPECT_EQ(told(-1, {}, motion).first, -1);
+    for (const int row : {0, 150, 230, 359}) {
+      EXPECT_EQ(told(row, {}, motion).first, row << 16);
+      EXPECT_EQ(told(-1, row << 8, motion).first, row << 16);
+      EXPECT_GE(told(row, {}, motion).second, row - height / 32 - 8) << "a 32nd above it, and a cell";
+      EXPECT_GE(told(-1, row << 8, motion).second, row - height / 32 - 8);
+    }
+    EXPECT_EQ(told(230, 150 << 8, motion).first, 230 << 16) << "what is set stands above a pose";
+    EXPECT_EQ(told(-100, {}, motion).first, -1) << "above the picture";
+    EXPECT_EQ(told(-1, -(100 << 8), motion).first, -1);
+    // Below the picture a setting is none, for there would be no ground; a pose may look at the sky.
+    EXPECT_EQ(told(height, {}, motion), told(-1, {}, motion));
+    const auto [line, first] = told(-1, (height + 40) << 8, motion);
+    EXPECT_EQ(line, -1);
+    EXPECT_GE(first, height - height / 32 - 8);
+    for (const std::int32_t wild : {INT32_MIN, INT32_MAX})
+      EXPECT_EQ(told(-1, wild, motion).first, -1);
+  }
 }
 
 TEST(StandingThings, SayNothingOfWhatIsIgnored) {

@@ -109,12 +109,14 @@ bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves,
   if (ground_.empty())
     return false;
   const MotionView& view = motion_.observe({pyramid.plane(level_, 0), width, height},
-                                           {{ground_.data(), columns_}, columns_, rows_}, of.pts);
+                                           {{ground_.data(), columns_}, columns_, rows_}, of.pts,
+                                           {of.line.line, of.line.vanishing_row >> level_});
   if (view.columns == 0)
     return false;
   const std::int64_t row = std::int64_t{view.vanishing_row} * (std::int64_t{256} << level_);
   if (view.line_settled && row >= 0 && row < std::int64_t{pyramid.height(0)} << 16)
     vanishing_row_ = static_cast<std::int32_t>(row);
+  line_offset_ = view.line_offset * (1 << level_);
   speed_ = static_cast<std::int32_t>(std::clamp<std::int64_t>(view.speed_over_height, INT32_MIN, INT32_MAX));
   evidence_ = view.standing;
   stands_.resize(ground_.size());

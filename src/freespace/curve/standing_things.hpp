@@ -22,6 +22,7 @@ struct CurvesOfFrame {
   int mask_level = 0; ///< the curves have a column per 2^this of the frame
   std::int64_t pts = -1;
   std::span<const Rectangle> ignored; ///< frame pixels
+  MotionKnowledge line;               ///< Q8 rows of the frame
 };
 
 class StandingThings {
@@ -43,6 +44,8 @@ class StandingThings {
   /// Of the last find() since forget(): row of the ground's vanishing line, Q16 rows of the frame, -1 =
   /// unknown.
   std::int32_t vanishing_row() const { return vanishing_row_; }
+  /// How far the ground's own line lies below the one that was told to be near it, Q8 rows of the frame.
+  int line_offset() const { return line_offset_; }
   /// Forward speed over the camera's height, Q16 1/s; 0 = still or unknown.
   std::int32_t speed_over_height() const { return speed_; }
 
@@ -63,6 +66,7 @@ class StandingThings {
   std::vector<std::uint16_t> safe_, behind_first_, behind_end_; ///< per column, rows of cells
   std::span<const std::int16_t> evidence_;                      ///< per cell, in memory of motion's
   std::int32_t vanishing_row_ = -1, speed_ = 0;
+  int line_offset_ = 0;
 };
 
 } // namespace terrainseg

@@ -20,7 +20,8 @@ namespace terrainseg::eval {
 const char* const engine_help =
     "  default | paper[,SETTING=VALUE...]   the filter in a preset; settings are the properties of "
     "terrainseg;\n"
-    "                                       input=BGR gives it B G R in place of I420\n"
+    "                                       input=BGR gives it B G R in place of I420,\n"
+    "                                       pose=true what a pose tells, in rendered places\n"
     "  reference                            the unmodified algorithm: full resolution, full covariances, "
     "doubles\n"
     "  rows[:R] | ramp | mean-mask          baselines that know the place only: everything below the row R x "
@@ -32,8 +33,9 @@ const char* const engine_help =
 
 namespace {
 
-/// Of an engine's words the one that is no setting: frames are shown as B G R.
+/// Of an engine's words those that are no settings: frames are shown as B G R, with what a pose tells.
 constexpr const char* input_bgr = "input=BGR";
+constexpr const char* with_pose = "pose=true";
 
 std::vector<std::string> split(const std::string& text, char mark) {
   std::vector<std::string> parts;
@@ -47,12 +49,14 @@ std::vector<std::string> split(const std::string& text, char mark) {
 
 class Filter : public Engine {
  public:
-  Filter(const Settings& settings, double fps, PixelFormat input)
-      : settings_(settings), segmenter_(settings), fps_(fps), input_(input) {}
+  Filter(const Settings& settings, double fps, PixelFormat input, bool posed)
+      : settings_(settings), segmenter_(settings), fps_(fps), input_(input), posed_(posed) {}
 
   using Engine::look;
   Answer look(const Picture& picture, std::size_t, const cv::Mat1b& training) override {
     Frame frame = picture.frame();
+    if (!posed_)
+      frame.vanishing_row.reset();
     cv::Mat3b bgr;
     if (input_ == PixelFormat::BGR) {
       bgr = picture.bgr();
@@ -91,6 +95,7 @@ class Filter : public Engine {
   Segmenter segmenter_;
   double fps_;
   PixelFormat input_;
+  bool posed_;
   std::int64_t shown_ = 0;
 };
 
@@ -207,7 +212,7 @@ Settings filter_settings(const std::string& text, int window_bottom) {
   settings.window_bottom = window_bottom;
   std::vector<const Setting*> changed;
   for (std::size_t i = 1; i < parts.size(); ++i) {
-    if (parts[i] == input_bgr)
+    if (parts[i] == input_bgr || parts[i] == with_pose)
       continue;
     const std::size_t mark = std::min(parts[i].find('='), parts[i].size());
     const std::string setting = parts[i].substr(0, mark),
@@ -226,10 +231,10 @@ Settings filter_settings(const std::string& text, int window_bottom) {
   return settings;
 }
 
-std::unique_ptr<Engine> make_filter(const Settings& settings, double fps, PixelFormat input) {
+std::unique_ptr<Engine> make_filter(const Settings& settings, double fps, PixelFormat input, bool posed) {
   if (const auto error = validate(settings))
     throw std::runtime_error(error->message());
-  return std::make_unique<Filter>(settings, fps, input);
+  return std::make_unique<Filter>(settings, fps, input, posed);
 }
 
 std::unique_ptr<Engine> make_reference(int window_bottom) {
@@ -241,9 +246,11 @@ std::unique_ptr<Engine> make_engine(const std::string& text, const Sequence& seq
   const std::vector<std::string> parts = split(text, ',');
   const std::string& name = parts[0];
   if (name == "default" || name == "paper") {
-    const bool bgr = std::find(parts.begin(), parts.end(), input_bgr) != parts.end();
+    const auto has = [&](const char* word) {
+      return std::find(parts.begin(), parts.end(), word) != parts.end();
+    };
     return make_filter(filter_settings(text, sequence.window_bottom), sequence.fps,
-                       bgr ? PixelFormat::BGR : PixelFormat::I420);
+                       has(input_bgr) ? PixelFormat::BGR : PixelFormat::I420, has(with_pose));
   }
   if (parts.size() > 1)
     throw std::runtime_error(text + ": only default and paper take settings");

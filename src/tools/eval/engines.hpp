@@ -50,8 +50,9 @@ std::unique_ptr<Engine> make_engine(const std::string& text, const Sequence& seq
 
 /// The filter with settings of one's own, given I420 as decoders leave it, or BGR, what `videoconvert` makes
 /// of that. Throws std::runtime_error when the settings contradict themselves.
+/// With `posed` it is told where rendered pictures have the ground's vanishing line, as a pose tells it.
 std::unique_ptr<Engine> make_filter(const Settings& settings, double fps,
-                                    PixelFormat input = PixelFormat::I420);
+                                    PixelFormat input = PixelFormat::I420, bool posed = false);
 /// The unmodified algorithm.
 std::unique_ptr<Engine> make_reference(int window_bottom);
 

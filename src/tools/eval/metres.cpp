@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iostream>
 #include <limits>
+#include <map>
 #include <numbers>
 #include <stdexcept>
 
@@ -68,7 +69,7 @@ std::int64_t time_of(std::size_t frame) {
 class Attitudes {
  public:
   Attitudes(const scene::Renderer& renderer, const MetricDrive& drive) : mount_(standing_mount(drive)) {
-    for (std::size_t i = drive.warm_up; i <= drive.warm_up + drive.frames; ++i) {
+    for (std::size_t i = 0; i <= drive.warm_up + drive.frames; ++i) {
       const metric::Pose pose = pose_of(renderer.view_of(i), time_of(i));
       every_.add(pose);
       if (i % 2 == 0)
@@ -94,6 +95,30 @@ class Attitudes {
   metric::PoseTrack every_, every_second_;
 };
 
+/// The filter once for each attitude, for it is told where that has the ground's vanishing line.
+class Filters {
+ public:
+  explicit Filters(const metric::Camera& camera) : camera_(camera) {}
+  void process(Frame frame, const Attitudes& attitudes, std::size_t number) {
+    for (const MetricCase& it : metric_cases) {
+      if (it.true_boundary)
+        continue;
+      const auto mount = attitudes.at(number, it.attitude);
+      const auto row = mount ? metric::vanishing_row(*mount, camera_) : std::nullopt;
+      frame.vanishing_row =
+          row ? std::optional(static_cast<std::int32_t>(std::lround(*row * 256))) : std::nullopt;
+      const auto [filter, made] = filters_.try_emplace(it.attitude, Settings());
+      if (const Status status = filter->second.process(frame); !status.ok())
+        throw std::runtime_error(status.message());
+    }
+  }
+  const Estimate& of(MetricCase::Attitude attitude) const { return filters_.at(attitude).estimate(); }
+
+ private:
+  metric::Camera camera_;
+  std::map<MetricCase::Attitude, Segmenter> filters_;
+};
+
 /// Rows and ranges of a picture's columns by its labels; NaN where they leave it open.
 struct Truth {
   std::vector<std::uint16_t> rows;
@@ -114,16 +139,17 @@ Truth truth_of(const GrayView& labels, const scene::View& view) {
 }
 
 /// Every mask column is a picture's column.
-void add_frame(MetricErrors& errors, metric::FreeSpaceRanges& ranges, const Truth& truth, const Estimate& e,
-               const Attitudes& attitudes, std::size_t frame) {
+void add_frame(MetricErrors& errors, metric::FreeSpaceRanges& ranges, const Truth& truth,
+               const Filters& filters, const Attitudes& attitudes, std::size_t frame) {
   for (std::size_t i = 0; i < metric_cases.size(); ++i) {
     const MetricCase& it = metric_cases[i];
     const auto mount = attitudes.at(frame, it.attitude);
     if (!mount)
       continue;
-    const bool unknown = !it.true_boundary && (e.flags & flag_unknown);
+    const Estimate* filter = it.true_boundary ? nullptr : &filters.of(it.attitude);
     const metric::RangeColumns& read =
-        ranges.measure(it.true_boundary ? truth.rows : e.boundary, unknown, *mount, no_limit);
+        filter ? ranges.measure(filter->boundary, (filter->flags & flag_unknown) != 0, *mount, no_limit)
+               : ranges.measure(truth.rows, false, *mount, no_limit);
     for (std::size_t column = 0; column < truth.ranges.size(); ++column)
       errors[i].add(truth.ranges[column], read.ranges[column]);
   }
@@ -232,21 +258,19 @@ TrueEnd true_end(const GrayView& labels, int column) {
 MetricErrors measure(const MetricDrive& drive) {
   scene::Renderer renderer(drive.scene, drive.width, drive.height);
   scene::Picture picture(PixelFormat::I420, drive.width, drive.height);
-  Segmenter segmenter{Settings()};
   const Attitudes attitudes(renderer, drive);
+  Filters filters(camera_of(renderer.view_of(0), drive.width, drive.height));
   metric::FreeSpaceRanges ranges;
   MetricErrors errors;
   for (std::size_t i = 0; i < drive.warm_up + drive.frames; ++i) {
     renderer.render(i, picture);
-    if (const Status status = segmenter.process(picture.frame()); !status.ok())
-      throw std::runtime_error(status.message());
+    filters.process(picture.frame(), attitudes, i);
     if (i < drive.warm_up || (i - drive.warm_up) % drive.step != 0)
       continue;
-    const Estimate& e = segmenter.estimate();
     const scene::View view = renderer.view_of(i);
-    ranges.adapt(camera_of(view, drive.width, drive.height), drive.width, drive.height, e.mask_region,
-                 drive.width);
-    add_frame(errors, ranges, truth_of(picture.labels(), view), e, attitudes, i);
+    ranges.adapt(camera_of(view, drive.width, drive.height), drive.width, drive.height,
+                 {0, 0, drive.width, drive.height}, drive.width);
+    add_frame(errors, ranges, truth_of(picture.labels(), view), filters, attitudes, i);
   }
   return errors;
 }

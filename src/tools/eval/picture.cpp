@@ -210,6 +210,7 @@ Frame Picture::frame() const {
   frame.width = size().width;
   frame.height = size().height;
   frame.colorimetry = colorimetry_;
+  frame.vanishing_row = vanishing_row_;
   for (std::size_t i = 0; i < planes_.size(); ++i)
     frame.planes[i] = {planes_[i].data, static_cast<std::ptrdiff_t>(planes_[i].step)};
   return frame;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 
 #include <opencv2/core.hpp>
@@ -32,10 +33,14 @@ class Picture {
   cv::Size size() const { return planes_[0].size(); }
   bool empty() const { return planes_[0].empty(); }
   const Colorimetry& colorimetry() const { return colorimetry_; }
+  /// Where the camera that rendered it had the ground's vanishing line, Q8 rows; frame() carries it. Changed
+  /// pictures have none.
+  void set_vanishing_row(std::int32_t row) { vanishing_row_ = row; }
 
  private:
   std::array<cv::Mat1b, 3> planes_; ///< Y, U, V
   Colorimetry colorimetry_;
+  std::optional<std::int32_t> vanishing_row_;
 };
 
 } // namespace terrainseg::eval

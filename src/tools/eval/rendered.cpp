@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <optional>
 #include <regex>
 #include <stdexcept>
@@ -54,9 +55,12 @@ template <class Number> std::optional<Number> number_in(const std::string& text)
 
 Sample render(const scene::Settings& settings, const cv::Size& size, std::size_t frame) {
   Sample sample{Picture(size, {}), cv::Mat1b(size)};
-  scene::Renderer(settings, size.width, size.height)
-      .render(frame, sample.picture.mutable_frame(),
-              {sample.labels.data, static_cast<std::ptrdiff_t>(sample.labels.step)});
+  scene::Renderer renderer(settings, size.width, size.height);
+  renderer.render(frame, sample.picture.mutable_frame(),
+                  {sample.labels.data, static_cast<std::ptrdiff_t>(sample.labels.step)});
+  const scene::View view = renderer.view_of(frame);
+  const double row = view.center_y - view.focal * std::tan(view.pitch) / std::cos(view.roll);
+  sample.picture.set_vanishing_row(static_cast<std::int32_t>(std::lround(row * 256)));
   return sample;
 }
 
