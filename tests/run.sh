@@ -5,7 +5,7 @@
 #   release      GCC, all tests but the slow ones
 #   sanitizers   Clang with the address and undefined behaviour sanitizers: unit, element and golden tests once more, from a clean
 #                clone as long as the release. For what touches pixels or reads input; .ci/run always does it
-#   style        formatting, and who may include whom
+#   style        formatting, who may include whom, and commits that pages name
 set -uo pipefail
 cd "$(dirname "$0")/.."
 top=$PWD
@@ -113,7 +113,7 @@ fi
 
 if wants style; then
   step "style and the arrows of the house"
-  for check in tests/check_style.sh tests/check_house.py "tests/check_house.py --self-check"; do
+  for check in tests/check_style.sh tests/check_house.py "tests/check_house.py --self-check" tests/check_hashes.py "tests/check_hashes.py --self-check"; do
     # shellcheck disable=SC2086
     if "$top/"$check; then count 1 0; else count 0 1; fi
   done
