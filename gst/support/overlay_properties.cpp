@@ -11,9 +11,8 @@ namespace {
 
 const Property<OverlaySettings> table[] = {
     {"overlay-style", "Overlay style",
-     "What is drawn: a tint, the contour, the mask itself, or the tint with the learned colours or with a "
-     "map "
-     "in metres",
+     "What is drawn: a tint, the contour, the mask itself, or the tint with the learned colours or, where "
+     "metres are known, with a map (terrainreference knows none)",
      property_controllable, TERRAINSEG_CHOICE(OverlaySettings, style, overlay_style_get_type)},
     {"overlay-alpha", "Overlay alpha",
      "Strength of the drawing (not of overlay-style=mask), as a fraction: 0 = invisible, 1 = opaque",
@@ -39,7 +38,8 @@ GType overlay_style_get_type() {
         {static_cast<int>(OverlayStyle::mask), "The mask as a grey picture instead of the frame", "mask"},
         {static_cast<int>(OverlayStyle::models), "Tint, and the learned colours as bars of their mass",
          "models"},
-        {static_cast<int>(OverlayStyle::map), "Tint, and the free space in metres from above", "map"},
+        {static_cast<int>(OverlayStyle::map), "Tint, and the free space from above where metres are known",
+         "map"},
         {0, nullptr, nullptr}};
     const GType made = g_enum_register_static("GstTerrainSegOverlayStyle", values);
     gst_type_mark_as_plugin_api(made, static_cast<GstPluginAPIFlags>(0));

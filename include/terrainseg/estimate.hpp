@@ -19,10 +19,11 @@ inline constexpr std::uint8_t mask_traversable = 255;
 
 /// Bits of Estimate::flags.
 enum Flag : std::uint32_t {
-  flag_learned = 1,       ///< this frame's window was learned
-  flag_frozen = 2,        ///< nothing was learned because learning or near-clear is off
-  flag_starved = 4,       ///< nothing was learned: too few usable window pixels, or something stands in it
-  flag_unknown = 8,       ///< nothing is known: the mask is 128 everywhere
+  flag_learned = 1, ///< this frame's window was learned
+  flag_frozen = 2,  ///< nothing was learned because learning or near-clear is off
+  flag_starved = 4, ///< nothing was learned: too few usable window pixels, something stands in the window,
+                    ///< or the frame is blank: of one colour, but for some noise
+  flag_unknown = 8, ///< nothing is known: the mask is 128 everywhere
   flag_horizon_held = 16, ///< this frame shows no horizon: the row is the last one, less sure with each frame
   flag_blocked = 32,      ///< free space ahead of the window is below blocked_below, or nothing is known
 };

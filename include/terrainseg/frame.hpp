@@ -135,8 +135,11 @@ struct Frame {
   int height = 0; ///< pixels, 1..32767
   Colorimetry colorimetry;
   std::array<Plane, 3> planes;
-  std::int64_t pts = -1; ///< presentation time in nanoseconds, -1 = unknown; a gap of more than 2 s ends the
-                         ///< averaging of scores
+  /// Presentation time in nanoseconds, -1 = unknown. More than 2 s from the last frame's, forwards or back,
+  /// ends the averaging of scores with temporal = auto; more than 2 s forwards, or any step back, ends what
+  /// motion knows, which also takes speed from it and looks at no frame within 45 ms of the last one that it
+  /// looked at.
+  std::int64_t pts = -1;
   /// Where a pose or a mount has the vanishing line of level ground at the middle of the width: Q8 rows of
   /// the frame, may lie outside. Ground ends there, unless motion sees for some seconds that it slopes;
   /// Settings::vanishing_row stands above it.

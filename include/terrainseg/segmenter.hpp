@@ -21,10 +21,10 @@ class [[nodiscard]] Status {
  public:
   enum class Code : std::uint8_t {
     ok,
-    bad_frame,            ///< no planes, a size outside 1..32767, or a stride shorter than a row
+    bad_frame, ///< no known format, no planes, a size outside 1..32767, or a stride shorter than a row
     window_outside_frame, ///< the window that was set does not fit this frame
     bad_target,           ///< a mask target of the wrong size
-    foreign_terrain,      ///< a Terrain of another colour space or shape
+    foreign_terrain,      ///< a Terrain of another colour space or shape, or that the other pipeline learned
   };
   Status() = default;
   Status(Code code, std::string message) : code_(code), message_(std::move(message)) {}
@@ -67,7 +67,7 @@ struct Counters {
   std::uint64_t learned = 0;
   std::uint64_t skipped_frozen = 0;  ///< learning = false
   std::uint64_t skipped_near = 0;    ///< near_clear = false
-  std::uint64_t skipped_starved = 0; ///< too few usable window pixels, or something stands in the window
+  std::uint64_t skipped_starved = 0; ///< flag_starved: too few usable window pixels, or a reason as good
 };
 
 /// The colour space that a Segmenter of these settings learns in from frames of `frames`: the default

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Everything that can be set, as one plain value. Each field is the property of the same name of the
-// GStreamer element `terrainseg`; settings.def says what each means and may be.
+// Everything that can be set, as one plain value. A row of settings.def is a field here and a property of the
+// GStreamer element `terrainseg`, and says what it means and may be. Their names and units may differ:
+// window_sigma_q8, in 1/256, is `window-sigma`, a decimal fraction. What stands below the rows has no row:
+// `window-rect` and `ignore-regions` are written otherwise there, power_of_two_window comes with `preset`.
 #pragma once
 
 #include <cstdint>

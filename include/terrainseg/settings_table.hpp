@@ -48,7 +48,8 @@ struct Setting {
   void (*set)(Settings&, std::int64_t);
 };
 
-/// All settings that are one value: all but `ignore-regions` and `window-rect`.
+/// All rows of settings.def: not `ignore-regions` and `window-rect`, nor power_of_two_window, which a preset
+/// sets and nothing else.
 TERRAINSEG_API std::span<const Setting> setting_table();
 /// nullptr when there is none of that name.
 TERRAINSEG_API const Setting* find_setting(std::string_view name);

@@ -46,7 +46,7 @@ class Pipeline {
 };
 
 /// What this frame's window may do: flag_learned, or why it is not learned. `starved`: it has too few usable
-/// cells, or something stands in it.
+/// cells, something stands in it, or the frame is blank.
 constexpr std::uint32_t learning_flag(const Settings& settings, bool starved) {
   if (!settings.learning || !settings.near_clear)
     return flag_frozen;

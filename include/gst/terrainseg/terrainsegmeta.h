@@ -46,8 +46,9 @@ typedef enum {
   GST_TERRAIN_SEG_FLAG_LEARNED = 1, /* this frame's window was learned */
   GST_TERRAIN_SEG_FLAG_FROZEN =
       2, /* not learned: learning or near-clear is off, or a GAP, CORRUPTED or backwards frame */
-  GST_TERRAIN_SEG_FLAG_STARVED = 4, /* not learned: too few usable window pixels, or something stands in it */
-  GST_TERRAIN_SEG_FLAG_UNKNOWN = 8, /* nothing is known, the mask is 128 everywhere */
+  GST_TERRAIN_SEG_FLAG_STARVED =
+      4, /* not learned: too few usable window pixels, something stands in the window, or a blank frame */
+  GST_TERRAIN_SEG_FLAG_UNKNOWN = 8,       /* nothing is known, the mask is 128 everywhere */
   GST_TERRAIN_SEG_FLAG_HORIZON_HELD = 16, /* the horizon row is an earlier frame's */
   GST_TERRAIN_SEG_FLAG_BLOCKED = 32       /* too little free space ahead of the window, or unknown */
 } GstTerrainSegFlags;
