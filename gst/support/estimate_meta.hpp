@@ -31,8 +31,8 @@ GstBuffer* new_mask_buffer(int width, int height);
 GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height);
 /// Writes rows as the metadata has them: uint16 little-endian, 2 * rows.size() bytes.
 void write_boundary(std::span<const std::uint16_t> rows, guint8* bytes);
-/// A new buffer with these rows, or one of a pool: what attach() wants as a boundary. nullptr when there is
-/// no memory.
+/// A new buffer with these rows (tests, fuzzers and benchmarks make such), or one of a pool: what attach()
+/// wants as a boundary. nullptr when there is no memory.
 GstBuffer* new_boundary_buffer(std::span<const std::uint16_t> rows);
 OwnedBuffer boundary_buffer(SmallPool& pool, std::span<const std::uint16_t> rows);
 

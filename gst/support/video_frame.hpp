@@ -24,6 +24,7 @@ namespace terrainseg {
 
 /// Nothing for a format that TERRAINSEG_VIDEO_CAPS does not name.
 std::optional<PixelFormat> pixel_format_of(GstVideoFormat format);
+/// The other way round: tests go through all formats by it.
 GstVideoFormat gst_format_of(PixelFormat format);
 
 /// `sink` and `src` of an element that takes and gives those formats, in either memory.

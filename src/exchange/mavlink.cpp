@@ -10,15 +10,15 @@
 namespace terrainseg {
 namespace {
 
-constexpr std::uint8_t magic_2 = 0xFD, magic_1 = 0xFE;
-constexpr std::size_t header_2 = 10, header_1 = 6, checksum_size = 2, signature_size = 13;
+constexpr std::uint8_t magic = 0xFD; // of MAVLink 2
+constexpr std::size_t header_size = 10;
 
 /// A message's number and the byte of its definition that goes into the checksum.
 struct MessageKind {
   std::uint32_t id;
   std::uint8_t crc_extra;
 };
-constexpr MessageKind heartbeat{0, 50}, attitude{30, 39}, obstacle{330, 23};
+constexpr MessageKind heartbeat{0, 50}, obstacle{330, 23};
 
 /// CRC-16/MCRF4XX, from 0xFFFF on.
 std::uint16_t checksum(std::span<const std::uint8_t> bytes, std::uint16_t crc = 0xFFFF) {
@@ -43,24 +43,20 @@ void put_float(std::vector<std::uint8_t>& out, float value) {
   put(out, std::bit_cast<std::uint32_t>(value));
 }
 
-std::uint32_t get_u32(const std::uint8_t* p) {
-  return p[0] | p[1] << 8 | p[2] << 16 | static_cast<std::uint32_t>(p[3]) << 24;
-}
-
 /// One frame around what `write` appends.
 template <class Write>
 void append_frame(std::vector<std::uint8_t>& out, MessageKind kind, const MavlinkSender& sender,
                   std::uint8_t& sequence, Write write) {
   const std::size_t start = out.size();
-  for (std::uint8_t byte : {magic_2, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, sequence++,
+  for (std::uint8_t byte : {magic, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, sequence++,
                             sender.system_id, sender.component_id})
     out.push_back(byte);
   put(out, kind.id, 3);
   write(out);
   // Zeros at the end are not sent; one byte of payload is.
-  while (out.size() > start + header_2 + 1 && out.back() == 0)
+  while (out.size() > start + header_size + 1 && out.back() == 0)
     out.pop_back();
-  out[start + 1] = static_cast<std::uint8_t>(out.size() - start - header_2);
+  out[start + 1] = static_cast<std::uint8_t>(out.size() - start - header_size);
   put(out, checksum_of(std::span(out).subspan(start + 1), kind.crc_extra));
 }
 
@@ -137,29 +133,6 @@ Reading between_columns(std::span<const float> ranges, std::span<const float> be
   return reading;
 }
 
-/// A frame's payload and identity, read out of a datagram.
-struct Received {
-  std::uint32_t id = 0;
-  std::span<const std::uint8_t> payload;
-  std::size_t size = 0; ///< of the whole frame; 0 = none starts here
-};
-
-Received received(std::span<const std::uint8_t> bytes) {
-  const bool second = !bytes.empty() && bytes[0] == magic_2;
-  if (bytes.empty() || (!second && bytes[0] != magic_1))
-    return {};
-  const std::size_t header = second ? header_2 : header_1;
-  if (bytes.size() < header + checksum_size)
-    return {};
-  const std::size_t length = bytes[1];
-  const bool is_signed = second && (bytes[2] & 1);
-  const std::size_t size = header + length + checksum_size + (is_signed ? signature_size : 0);
-  if (bytes.size() < size)
-    return {};
-  const std::uint32_t id = second ? bytes[7] | bytes[8] << 8 | bytes[9] << 16 : bytes[5];
-  return {id, bytes.subspan(header, length), size};
-}
-
 } // namespace
 
 std::optional<MavlinkView> mavlink_view(std::span<const float> bearings) {
@@ -234,26 +207,6 @@ void append_heartbeat(std::vector<std::uint8_t>& out, const MavlinkSender& sende
     for (std::uint8_t byte : {18, 8, 0, 4, 3})
       payload.push_back(byte); // onboard controller, no autopilot, no mode, active, MAVLink 2
   });
-}
-
-std::optional<MavlinkAttitude> find_attitude(std::span<const std::uint8_t> datagram) {
-  // From every byte on: the lengths of other messages, or of no messages, are not to be trusted, checksums
-  // are.
-  for (; !datagram.empty(); datagram = datagram.subspan(1)) {
-    const Received frame = received(datagram);
-    if (frame.size == 0 || frame.id != attitude.id)
-      continue;
-    const std::size_t covered =
-        static_cast<std::size_t>(frame.payload.data() - datagram.data()) + frame.payload.size();
-    const std::uint8_t* const sum = datagram.data() + covered;
-    if (checksum_of(datagram.subspan(1, covered - 1), attitude.crc_extra) != (sum[0] | sum[1] << 8))
-      continue;
-    std::array<std::uint8_t, 28> payload{};
-    std::copy_n(frame.payload.begin(), std::min(frame.payload.size(), payload.size()), payload.begin());
-    const auto real = [&](std::size_t at) { return std::bit_cast<float>(get_u32(payload.data() + at)); };
-    return MavlinkAttitude{get_u32(payload.data()), real(4), real(8), real(12)};
-  }
-  return std::nullopt;
 }
 
 } // namespace terrainseg

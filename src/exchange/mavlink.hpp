@@ -65,13 +65,4 @@ void append_obstacle_distance(std::vector<std::uint8_t>& out, const ObstacleDist
 /// status 4).
 void append_heartbeat(std::vector<std::uint8_t>& out, const MavlinkSender& sender, std::uint8_t& sequence);
 
-/// The vehicle's attitude as MAVLink has it: radians, front-right-down, pitch positive = nose up.
-struct MavlinkAttitude {
-  std::uint32_t time_ms = 0; ///< since boot
-  float roll = 0, pitch = 0, yaw = 0;
-};
-
-/// The first whole ATTITUDE frame in a datagram with a right checksum; other messages are passed over.
-std::optional<MavlinkAttitude> find_attitude(std::span<const std::uint8_t> datagram);
-
 } // namespace terrainseg

@@ -44,7 +44,6 @@ KlvVerdict KlvUnit::decode(std::span<const std::uint8_t> bytes) {
   boundary_.clear();
   runs_.clear();
   time_us_ = 0;
-  sender_width_ = sender_height_ = 0;
   grid_width_ = grid_height_ = 0;
   targets_ = {};
   seen_targets_ = seen_masks_ = 0;
@@ -180,10 +179,8 @@ KlvVerdict KlvUnit::read_terrain_set(View set) {
     case terrain_region:
       good = read_rectangle(item, estimate_.mask_region);
       break;
-    case terrain_sent_mask:
+    case terrain_sent_mask: // the size before the sender halved it: for others
       good = sized(4);
-      sender_width_ = static_cast<int>(number >> 16 & 0xffff);
-      sender_height_ = static_cast<int>(number & 0xffff);
       break;
     case terrain_horizon: {
       const auto row = static_cast<std::int32_t>(static_cast<std::uint32_t>(number >> 8));

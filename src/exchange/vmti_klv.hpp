@@ -78,10 +78,8 @@ class KlvUnit {
   /// view into this unit.
   const Estimate& estimate() const { return estimate_; }
   std::uint64_t time_us() const { return time_us_; }
-  /// Size of the mask before the sender halved it.
-  int sender_mask_width() const { return sender_width_; }
-  int sender_mask_height() const { return sender_height_; }
 
+  // What tests hold the work of a unit to.
   /// Bytes that draw_mask() writes: at most three times the mask's pixels.
   std::uint64_t pixels_to_draw() const;
   std::size_t runs() const { return runs_.size(); } ///< at most a quarter of the unit's bytes
@@ -111,7 +109,6 @@ class KlvUnit {
   std::vector<std::uint16_t> boundary_;
   std::vector<Run> runs_;
   std::uint64_t time_us_ = 0;
-  int sender_width_ = 0, sender_height_ = 0;
   std::uint64_t grid_width_ = 0, grid_height_ = 0;
   std::span<const std::uint8_t> targets_;           ///< into the bytes that decode() reads; not used after it
   std::uint32_t seen_targets_ = 0, seen_masks_ = 0; ///< a bit per target

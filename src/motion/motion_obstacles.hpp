@@ -53,7 +53,7 @@ class MotionObstacles {
                             const MotionKnowledge& knowledge = {});
   void forget(); ///< after a seek or a cut
 
-  /// Bytes of all pictures that are kept.
+  /// Bytes of all pictures that are kept: tests hold their bound by it.
   std::size_t kept_bytes() const;
 
  private:

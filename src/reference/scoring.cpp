@@ -77,38 +77,23 @@ ScoreBlock best_score_block() {
   return score_block_portable;
 }
 
-/// Calls use(y, first column, count, squared distances) for every stretch of pixels.
-template <typename Use>
-void for_each_block(const cv::Mat& bgr, const std::vector<Gaussian>& models, Use use) {
-  CV_Assert(bgr.type() == CV_8UC3);
-  const std::vector<Kernel> kernels(models.begin(), models.end());
-  const ScoreBlock score_block = best_score_block();
-  double least[block];
-  for (int y = 0; y < bgr.rows; ++y)
-    for (int x = 0; x < bgr.cols; x += block) {
-      const int count = std::min(block, bgr.cols - x);
-      score_block(bgr.ptr<std::uint8_t>(y, x), count, kernels, least);
-      use(y, x, count, least);
-    }
-}
-
 } // namespace
 
 void label_pixels(const cv::Mat& bgr, const std::vector<Gaussian>& models, double threshold, cv::Mat& mask) {
+  CV_Assert(bgr.type() == CV_8UC3);
   mask.create(bgr.size(), CV_8UC1);
+  const std::vector<Kernel> kernels(models.begin(), models.end());
+  const ScoreBlock score_block = best_score_block();
   const double limit = threshold * threshold;
-  for_each_block(bgr, models, [&](int y, int x, int count, const double* squared) {
-    auto* out = mask.ptr<std::uint8_t>(y, x);
-    for (int i = 0; i < count; ++i)
-      out[i] = squared[i] <= limit ? 255 : 0;
-  });
-}
-
-void score_pixels(const cv::Mat& bgr, const std::vector<Gaussian>& models, cv::Mat& squared_distance) {
-  squared_distance.create(bgr.size(), CV_32FC1);
-  for_each_block(bgr, models, [&](int y, int x, int count, const double* squared) {
-    std::copy_n(squared, count, squared_distance.ptr<float>(y, x));
-  });
+  double squared[block];
+  for (int y = 0; y < bgr.rows; ++y)
+    for (int x = 0; x < bgr.cols; x += block) {
+      const int count = std::min(block, bgr.cols - x);
+      score_block(bgr.ptr<std::uint8_t>(y, x), count, kernels, squared);
+      auto* out = mask.ptr<std::uint8_t>(y, x);
+      for (int i = 0; i < count; ++i)
+        out[i] = squared[i] <= limit ? 255 : 0;
+    }
 }
 
 void CleanUp::smooth(cv::Mat& mask, int dilations, int erosions) {

@@ -16,9 +16,6 @@ namespace terrainseg::reference {
 /// covariances.
 void label_pixels(const cv::Mat& bgr, const std::vector<Gaussian>& models, double threshold, cv::Mat& mask);
 
-/// The distances themselves, CV_32FC1; infinite without models.
-void score_pixels(const cv::Mat& bgr, const std::vector<Gaussian>& models, cv::Mat& squared_distance);
-
 /// What is done to the labels; keeps its buffers from frame to frame.
 class CleanUp {
  public:

@@ -228,7 +228,7 @@ TEST(Range, TooLittleDepthIsNoFloor) {
   EXPECT_FALSE(fit_floor(one_row, {300, 80, 200, 20}, 0.1));
 }
 
-TEST(Scoring, EveryPixelHasItsLeastDistance) {
+TEST(Scoring, EveryPixelIsLabelledByItsLeastDistance) {
   std::mt19937 random(3);
   cv::Mat frame(9, 37, CV_8UC3);
   for (int i = 0; i < frame.rows * frame.cols * 3; ++i)
@@ -238,9 +238,10 @@ TEST(Scoring, EveryPixelHasItsLeastDistance) {
   models[0].covariance << 900, 200, 100, 200, 700, 50, 100, 50, 800;
   models[1].mean = {200, 180, 160};
   models[1].covariance << 400, -100, 0, -100, 900, 300, 0, 300, 1600;
-  cv::Mat squared, mask;
-  score_pixels(frame, models, squared);
-  label_pixels(frame, models, 2, mask);
+  constexpr double thresholds[] = {0.5, 1, 2, 3, 4, 5, 6, 8};
+  cv::Mat masks[std::size(thresholds)];
+  for (std::size_t i = 0; i < std::size(thresholds); ++i)
+    label_pixels(frame, models, thresholds[i], masks[i]);
   for (int y = 0; y < frame.rows; ++y)
     for (int x = 0; x < frame.cols; ++x) {
       const auto p = frame.at<cv::Vec3b>(y, x);
@@ -249,8 +250,8 @@ TEST(Scoring, EveryPixelHasItsLeastDistance) {
         const Eigen::Vector3d off = Eigen::Vector3d(p[0], p[1], p[2]) - m.mean;
         least = std::min(least, off.dot(m.covariance.inverse() * off));
       }
-      ASSERT_NEAR(squared.at<float>(y, x), least, 1e-4 * (1 + least));
-      ASSERT_EQ(mask.at<std::uint8_t>(y, x), least <= 4 ? 255 : 0);
+      for (std::size_t i = 0; i < std::size(thresholds); ++i)
+        ASSERT_EQ(masks[i].at<std::uint8_t>(y, x), least <= thresholds[i] * thresholds[i] ? 255 : 0);
     }
 }
 
