@@ -85,6 +85,40 @@ TEST(EvalFigures, CountedByHand) {
   EXPECT_NEAR(f.latency->median, 1.5, 1e-9);
 }
 
+TEST(EvalFigures, CellsAreCountedByWhatTheMapSays) {
+  // Cells of 8 pixels: their first ones lie in rows and columns 0, 8, 16, 24; ground from row 12 on in the
+  // mask.
+  cv::Mat1b map(4, 4, std::uint8_t{200});
+  map.row(0) = 0;
+  map(2, 0) = 1;
+  map(3, 3) = 255;
+  map(3, 2) = 236;
+  map(1, 1) = 191;
+  const Sureness s = count_cells(map, below(12), simple_labels());
+  EXPECT_EQ(s.all(), 16);
+  EXPECT_EQ(s.cells, (std::array<long long, 8>{4, 1, 0, 0, 1, 8, 0, 2}));
+  EXPECT_EQ(s.right, s.cells) << "no cell begins in the obstacle";
+  // One row later the third row of cells is called no ground; the doubtful count the same.
+  cv::Mat1b low = below(24);
+  EXPECT_EQ(count_cells(map, low, simple_labels()).right, (std::array<long long, 8>{4, 0, 0, 0, 1, 5, 0, 2}));
+  low.rowRange(16, 24) = 128;
+  EXPECT_EQ(count_cells(map, low, simple_labels()).right, (std::array<long long, 8>{4, 0, 0, 0, 1, 5, 0, 2}));
+  // Without a label it does not count.
+  cv::Mat1b labels = simple_labels();
+  labels(24, 24) = label_none;
+  EXPECT_EQ(count_cells(map, below(12), labels).cells[7], 1);
+  EXPECT_THROW(count_cells(cv::Mat1b(4, 5, std::uint8_t{0}), below(12), labels), std::runtime_error);
+
+  Scorer scorer("s", "e", "as it is"), later = scorer;
+  Answer answer{below(12), 0.5, true, 100, 1.5, map};
+  scorer.add(answer, simple_labels(), 0);
+  later.add(answer, simple_labels(), 1);
+  answer.confidence_map = {};
+  later.add(answer, simple_labels(), 2);
+  scorer.join(std::move(later));
+  EXPECT_EQ(scorer.finish().sureness.cells[5], 16);
+}
+
 TEST(EvalFigures, DoubtfulIsNotTraversable) {
   cv::Mat1b doubtful = below(12);
   doubtful(cv::Rect(10, 12, 5, 9)) = 128;
@@ -183,6 +217,28 @@ TEST(EvalReport, ThingsStandSideBySide) {
   a.things = {8, 2};
   write_things_matrix(table, {a});
   EXPECT_EQ(table.str(), "\n| things missed, % | s |\n| --- | --- |\n| e | 25.0 of 8 |\n");
+}
+
+TEST(EvalReport, SurenessIsTheMeanOfTheSequences) {
+  Figures a = score({below(12)}, simple_labels()), b = a, without = a;
+  std::ostringstream none, table;
+  write_sureness(none, {without});
+  EXPECT_EQ(none.str(), "");
+  a.sureness.cells = {10, 0, 0, 0, 0, 0, 0, 30};
+  a.sureness.right = {5, 0, 0, 0, 0, 0, 0, 27};
+  b.sequence = "t";
+  b.sureness.cells = {0, 0, 0, 0, 0, 0, 0, 10};
+  b.sureness.right = {0, 0, 0, 0, 0, 0, 0, 10};
+  write_sureness(table, {a, without, b});
+  EXPECT_EQ(
+      table.str(),
+      "\n| e | 0 | 1-63 | 64-127 | 128-159 | 160-191 | 192-215 | 216-235 | 236-255 |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+      "| labels expected to be right, % | 50 | 50-62 | 63-75 | 75-81 | 81-87 | 88-92 | 92-96 | 96-100 |\n"
+      "| labels that are right, % | 50 | - | - | - | - | - | - | 95 |\n"
+      "| of all cells, % | 12 | 0 | 0 | 0 | 0 | 0 | 0 | 88 |\n"
+      "| s, right, % (of its cells, %) | 50 (25) | - | - | - | - | - | - | 90 (75) |\n"
+      "| t, right, % (of its cells, %) | - | - | - | - | - | - | - | 100 (100) |\n");
 }
 
 /// A set of `count` frames that all have one error.

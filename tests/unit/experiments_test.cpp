@@ -175,6 +175,8 @@ TEST(Options, ArriveWhereTheyBelong) {
   EXPECT_EQ(o.csv, "x.csv");
   EXPECT_EQ(parse_eval_options({"a"}).engines, std::vector<std::string>{"default"});
   EXPECT_EQ(parse_eval_options({"a", "--caution-sweep"}).engines.size(), 10u);
+  EXPECT_TRUE(parse_eval_options({"a", "--confidence"}).confidence);
+  EXPECT_FALSE(parse_eval_options({"a"}).confidence);
   EXPECT_GT(parse_eval_options({"a", "--perturb", "all"}).inputs.size(), 5u);
   EXPECT_NE(eval_help().find("--caution-sweep"), std::string::npos);
   EXPECT_NE(eval_help().find("h264"), std::string::npos);

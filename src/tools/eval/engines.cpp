@@ -83,6 +83,10 @@ class Filter : public Engine {
     if (e.horizon_row >= 0 && !(e.flags & flag_horizon_held)) // what the frame itself shows
       answer.horizon = static_cast<double>(e.horizon_row) / picture.size().height;
     answer.confidence = e.confidence;
+    if (const GrayView& map = e.confidence_map; !map.empty())
+      answer.confidence_map = cv::Mat1b(map.height, map.width, const_cast<std::uint8_t*>(map.plane.data),
+                                        static_cast<std::size_t>(map.plane.stride))
+                                  .clone();
     return answer;
   }
   void forget() override {

@@ -21,6 +21,7 @@ struct Answer {
   bool knows_horizon = false;    ///< the engine has a horizon stage
   std::optional<int> confidence; ///< 0..255
   double milliseconds = 0;       ///< processor time of the engine in the calling thread; 0 = not measured
+  cv::Mat1b confidence_map{};    ///< 0..255 for each cell of the grid; empty where the engine tells none
 };
 
 class Engine {

@@ -175,6 +175,7 @@ void evaluate(const EvalOptions& o) {
   section("inputs", !o.inputs.empty(), [&] { write_matrix(out, perturbed, true); });
   section("caution", !cautions.empty(), [&] { write_matrix(out, cautions, false); });
   section("max-f", !cautions.empty(), [&] { write_max_f(out, all); });
+  section("confidence", o.confidence, [&] { write_sureness(out, plain); });
   section("details", true, [&] { write_markdown(out, plain); });
 }
 

@@ -6,6 +6,8 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "terrainseg/frame.hpp"
+
 namespace terrainseg::eval {
 namespace {
 
@@ -72,6 +74,39 @@ Counts& Counts::operator+=(const Counts& o) {
   unsafe += o.unsafe;
   near_obstacles += o.near_obstacles;
   return *this;
+}
+
+Sureness& Sureness::operator+=(const Sureness& o) {
+  for (std::size_t i = 0; i < steps; ++i) {
+    cells[i] += o.cells[i];
+    right[i] += o.right[i];
+  }
+  return *this;
+}
+
+long long Sureness::all() const {
+  return std::accumulate(cells.begin(), cells.end(), 0ll);
+}
+
+Sureness count_cells(const cv::Mat1b& confidence_map, const cv::Mat1b& mask, const cv::Mat1b& labels) {
+  int level = 0;
+  while (confidence_map.cols < subsampled(labels.cols, level))
+    ++level;
+  if (mask.size() != labels.size() || confidence_map.cols != subsampled(labels.cols, level) ||
+      confidence_map.rows != subsampled(labels.rows, level))
+    throw std::runtime_error("a confidence map, its mask and its labels do not belong together");
+  Sureness s;
+  for (int i = 0; i < confidence_map.rows; ++i)
+    for (int j = 0; j < confidence_map.cols; ++j) {
+      const int x = std::min(j << level, labels.cols - 1), y = std::min(i << level, labels.rows - 1);
+      if (labels(y, x) == label_none)
+        continue;
+      const auto next = std::upper_bound(Sureness::from.begin(), Sureness::from.end(), confidence_map(i, j));
+      const auto step = static_cast<std::size_t>(next - Sureness::from.begin()) - 1;
+      ++s.cells[step];
+      s.right[step] += is_ground(labels(y, x)) == (mask(y, x) >= traversable_from);
+    }
+  return s;
 }
 
 double Counts::error() const {
@@ -165,6 +200,8 @@ void Scorer::add(const Answer& answer, const cv::Mat1b& labels, std::size_t inde
   }
 
   const cv::Mat1b now = mask >= traversable_from;
+  if (!answer.confidence_map.empty())
+    figures_.sureness += count_cells(answer.confidence_map, mask, labels);
   if (with_things)
     figures_.things += count_things(labels, now);
   if (!previous_.empty() && previous_.size() == now.size())
@@ -185,6 +222,7 @@ void Scorer::join(Scorer&& later) {
   figures_.terrain += f.terrain;
   figures_.without_doubt_zone += f.without_doubt_zone;
   figures_.things += f.things;
+  figures_.sureness += f.sureness;
   append(figures_.frames, f.frames);
   append(horizons_, later.horizons_);
   append(latencies_, later.latencies_);

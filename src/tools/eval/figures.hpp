@@ -2,6 +2,7 @@
 // How right a sequence of masks is.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -33,6 +34,19 @@ struct Counts {
 /// size, or std::runtime_error is thrown.
 Counts count_pixels(const cv::Mat1b& mask, const cv::Mat1b& labels);
 
+/// Cells of the grid by what the confidence map says of them, and how many of them have the right label.
+struct Sureness {
+  static constexpr std::size_t steps = 8;
+  static constexpr std::array<int, steps + 1> from{0, 1, 64, 128, 160, 192, 216, 236, 256};
+  std::array<long long, steps> cells{}, right{};
+  Sureness& operator+=(const Sureness& other);
+  long long all() const;
+};
+
+/// A cell's label is that of its first pixel in `mask`, and right where `labels` has the same; cells without
+/// a label do not count.
+Sureness count_cells(const cv::Mat1b& confidence_map, const cv::Mat1b& mask, const cv::Mat1b& labels);
+
 struct FrameFigures {
   double error = 0, terrain = 0; ///< percent; terrain leaves label 2 out
   double other = 0;  ///< percent of the labelled pixels that are label 2 and not called traversable
@@ -49,6 +63,7 @@ struct Figures {
   Counts terrain;            ///< positive = label 1; label 2 ignored
   Counts without_doubt_zone; ///< as ground, but doubtful counts as traversable
   Things things;
+  Sureness sureness;                  ///< no cells where the engine tells none
   bool stills = false;                ///< each frame is a place of its own
   std::optional<double> best_ramp;    ///< mean error of the best straight boundary; of stills only
   std::optional<Spread> horizon;      ///< |row - truth|, percent of the height

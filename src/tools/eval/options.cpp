@@ -51,7 +51,7 @@ Selection selection_of(int limit, int every) {
 struct EvalEntries {
   Words sequences, engines, inputs;
   Word json, csv, markdown, pictures;
-  gboolean ablation = FALSE, with_baselines = FALSE, sweep = FALSE;
+  gboolean ablation = FALSE, with_baselines = FALSE, sweep = FALSE, confidence = FALSE;
   int limit = 0, every = 1;
 
   OptionContext context() {
@@ -65,6 +65,8 @@ struct EvalEntries {
          "Measures on changed input too, more than once if wished; all = every one", "NAME"},
         {"caution-sweep", 0, 0, G_OPTION_ARG_NONE, &sweep,
          "Adds the default at nine values of caution: precision, recall and MaxF", nullptr},
+        {"confidence", 0, 0, G_OPTION_ARG_NONE, &confidence,
+         "Adds how right labels are by what the confidence map says of them", nullptr},
         {"limit", 0, 0, G_OPTION_ARG_INT, &limit, "The first N frames of each sequence", "N"},
         {"every", 0, 0, G_OPTION_ARG_INT, &every, "Every Nth frame only", "N"},
         {"json", 0, 0, G_OPTION_ARG_FILENAME, &json.text, "Figures of every run, and of every frame", "FILE"},
@@ -132,6 +134,7 @@ EvalOptions parse_eval_options(const std::vector<std::string>& words) {
   o.markdown = e.markdown.value();
   o.pictures = e.pictures.value();
   o.selection = selection_of(e.limit, e.every);
+  o.confidence = e.confidence;
   return o;
 }
 

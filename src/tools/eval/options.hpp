@@ -17,6 +17,7 @@ struct EvalOptions {
   std::vector<std::string> sequences, engines, inputs; ///< engines: each once; inputs: perturbations
   std::string json, csv, markdown, pictures;           ///< where to; empty = nowhere
   Selection selection;
+  bool confidence = false; ///< how right labels are by the confidence map
 };
 
 /// What `terrainseg-eval paper` and `terrainseg-eval figures` are asked for.

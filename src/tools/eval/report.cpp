@@ -2,6 +2,7 @@
 #include "tools/eval/report.hpp"
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <stdexcept>
 
@@ -301,6 +302,60 @@ void write_stills(std::ostream& out, const std::vector<Figures>& all) {
           {number(small.error / count, 2), number(small.terrain / count, 2), number(small.other / count, 2),
            number(small.ramp / count, 2), unsafe_text(small.ground), things_text(small.things),
            number(small.ground.error(), 2), number(small.driven.error(), 2)});
+  }
+}
+
+void write_sureness(std::ostream& out, const std::vector<Figures>& all) {
+  constexpr std::size_t steps = Sureness::steps;
+  const auto share = [](long long part, long long whole) {
+    return 100 * static_cast<double>(part) / static_cast<double>(whole);
+  };
+  const auto range = [](std::string low, const std::string& high) {
+    return low == high ? low : low.append("-").append(high);
+  };
+  const auto expected = [](int value) { return number(50 + 50 * value / 255.0, 0); };
+  for (const std::string& engine : distinct(all, &Figures::engine)) {
+    std::vector<std::string> head{engine}, promised{"labels expected to be right, %"};
+    for (std::size_t i = 0; i < steps; ++i) {
+      const int low = Sureness::from[i], high = Sureness::from[i + 1] - 1;
+      head.push_back(range(std::to_string(low), std::to_string(high)));
+      promised.push_back(range(expected(low), expected(high)));
+    }
+    std::array<double, steps> right{}, cells{};
+    std::array<int, steps> with{};
+    std::vector<std::vector<std::string>> rows;
+    for (const Figures& f : all) {
+      const Sureness& s = f.sureness;
+      if (f.engine != engine || s.all() == 0)
+        continue;
+      rows.push_back({f.sequence + ", right, % (of its cells, %)"});
+      for (std::size_t i = 0; i < steps; ++i) {
+        const double part = share(s.cells[i], s.all());
+        cells[i] += part;
+        if (s.cells[i] > 0) {
+          right[i] += share(s.right[i], s.cells[i]);
+          ++with[i];
+        }
+        std::string cell = "-";
+        if (s.cells[i] > 0)
+          cell = number(share(s.right[i], s.cells[i]), 0).append(" (").append(number(part, 0)).append(")");
+        rows.back().push_back(std::move(cell));
+      }
+    }
+    if (rows.empty())
+      continue;
+    std::vector<std::string> truth{"labels that are right, %"}, all_cells{"of all cells, %"};
+    for (std::size_t i = 0; i < steps; ++i) {
+      truth.push_back(with[i] > 0 ? number(right[i] / with[i], 0) : "-");
+      all_cells.push_back(number(cells[i] / static_cast<double>(rows.size()), 0));
+    }
+    Table table(head);
+    table.add(promised);
+    table.add(truth);
+    table.add(all_cells);
+    for (const auto& row : rows)
+      table.add(row);
+    out << '\n' << table.text();
   }
 }
 

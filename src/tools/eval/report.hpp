@@ -25,6 +25,10 @@ void write_markdown(std::ostream& out, const std::vector<Figures>& all);
 /// A matrix of "error / unsafe": engines (or inputs) down, sequences across.
 void write_matrix(std::ostream& out, const std::vector<Figures>& all, bool by_input);
 
+/// How right labels are by what the confidence map says of them: the mean of the sequences, and each; one
+/// table per engine that has such a map. A step that a sequence has no cells in is left out of its mean.
+void write_sureness(std::ostream& out, const std::vector<Figures>& all);
+
 /// A matrix of the things missed: engines down, sequences across. Nothing when there are no things.
 void write_things_matrix(std::ostream& out, const std::vector<Figures>& all);
 
