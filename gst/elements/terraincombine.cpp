@@ -204,8 +204,7 @@ using namespace terrainseg;
 struct GstTerrainCombine {
   GstElement parent;
   GstPad *sink, *meta, *src;
-  CombineState* state; // in `memory`
-  InstanceMemory<CombineState> memory;
+  InstanceState<CombineState> state;
 };
 struct GstTerrainCombineClass {
   GstElementClass parent_class;
@@ -1246,11 +1245,6 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
 }
 
-void finalize(GObject* object) {
-  std::destroy_at(self_of(object)->state);
-  G_OBJECT_CLASS(gst_terrain_combine_parent_class)->finalize(object);
-}
-
 } // namespace
 
 static void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
@@ -1258,7 +1252,7 @@ static void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->set_property = set_property;
   object_class->get_property = get_property;
-  object_class->finalize = finalize;
+  object_class->finalize = finalize_state<GstTerrainCombine, gst_terrain_combine_parent_class>;
   g_object_class_install_property(
       object_class, property_latency,
       g_param_spec_uint(
@@ -1288,7 +1282,7 @@ static void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
 }
 
 static void gst_terrain_combine_init(GstTerrainCombine* self) {
-  self->state = self->memory.make();
+  self->state.make();
   self->sink = gst_pad_new_from_static_template(&sink_template, "sink");
   gst_pad_set_chain_function(self->sink, video_chain);
   gst_pad_set_event_full_function(self->sink, video_event);

@@ -189,8 +189,7 @@ using namespace terrainseg;
 struct GstTerrainExtract {
   GstElement parent;
   GstPad *sink, *src;
-  ExtractState* state; // in `memory`
-  InstanceMemory<ExtractState> memory;
+  InstanceState<ExtractState> state;
 };
 struct GstTerrainExtractClass {
   GstElementClass parent_class;
@@ -762,11 +761,6 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
 }
 
-void finalize(GObject* object) {
-  std::destroy_at(self_of(object)->state);
-  G_OBJECT_CLASS(gst_terrain_extract_parent_class)->finalize(object);
-}
-
 } // namespace
 
 static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
@@ -775,7 +769,7 @@ static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->set_property = set_property;
   object_class->get_property = get_property;
-  object_class->finalize = finalize;
+  object_class->finalize = finalize_state<GstTerrainExtract, gst_terrain_extract_parent_class>;
   g_object_class_install_property(
       object_class, property_json_mask,
       g_param_spec_boolean(
@@ -796,7 +790,7 @@ static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
 }
 
 static void gst_terrain_extract_init(GstTerrainExtract* self) {
-  self->state = self->memory.make();
+  self->state.make();
   self->sink = gst_pad_new_from_static_template(&sink_template, "sink");
   gst_pad_set_chain_function(self->sink, chain);
   gst_pad_set_event_full_function(self->sink, sink_event_full);

@@ -54,8 +54,7 @@ using namespace terrainseg;
  */
 struct GstTerrainOverlay {
   GstBaseTransform parent;
-  OverlayState* state; // in `memory`
-  InstanceMemory<OverlayState> memory;
+  InstanceState<OverlayState> state;
 };
 struct GstTerrainOverlayClass {
   GstBaseTransformClass parent_class;
@@ -171,15 +170,10 @@ GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
                  [&] { return draw(transform, *self_of(transform)->state, buffer); });
 }
 
-void finalize(GObject* object) {
-  std::destroy_at(self_of(object)->state);
-  G_OBJECT_CLASS(gst_terrain_overlay_parent_class)->finalize(object);
-}
-
 } // namespace
 
 static void gst_terrain_overlay_init(GstTerrainOverlay* self) {
-  self->state = self->memory.make();
+  self->state.make();
   auto* transform = GST_BASE_TRANSFORM(self);
   gst_base_transform_set_in_place(transform, TRUE);
   gst_base_transform_set_gap_aware(transform, TRUE);
@@ -194,7 +188,7 @@ static void gst_terrain_overlay_class_init(GstTerrainOverlayClass* klass) {
 
   object_class->set_property = set_property;
   object_class->get_property = get_property;
-  object_class->finalize = finalize;
+  object_class->finalize = finalize_state<GstTerrainOverlay, gst_terrain_overlay_parent_class>;
   install_overlay_properties(object_class, first_property);
   NameProperty::install_source(object_class, property_source);
 

@@ -104,8 +104,7 @@ using namespace terrainseg;
  */
 struct GstTerrainReference {
   GstBaseTransform parent;
-  ReferenceState* state; // in `memory`
-  InstanceMemory<ReferenceState> memory;
+  InstanceState<ReferenceState> state;
 };
 struct GstTerrainReferenceClass {
   GstBaseTransformClass parent_class;
@@ -465,15 +464,10 @@ GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
   });
 }
 
-void finalize(GObject* object) {
-  std::destroy_at(reinterpret_cast<GstTerrainReference*>(object)->state);
-  G_OBJECT_CLASS(gst_terrain_reference_parent_class)->finalize(object);
-}
-
 } // namespace
 
 static void gst_terrain_reference_init(GstTerrainReference* self) {
-  self->state = self->memory.make();
+  self->state.make();
   auto* transform = GST_BASE_TRANSFORM(self);
   gst_base_transform_set_in_place(transform, TRUE);
   gst_base_transform_set_qos_enabled(transform, FALSE); // a dropped frame would not be learned from
@@ -485,7 +479,7 @@ static void gst_terrain_reference_class_init(GstTerrainReferenceClass* klass) {
   auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
   object_class->set_property = set_property;
   object_class->get_property = get_property;
-  object_class->finalize = finalize;
+  object_class->finalize = finalize_state<GstTerrainReference, gst_terrain_reference_parent_class>;
   install_properties<ElementSettings>(object_class, 1, table);
   install_overlay_properties(object_class, first_overlay_id);
   mark_enums_as_plugin_api(object_class);

@@ -67,8 +67,7 @@ using namespace terrainseg;
  */
 struct GstTerrainSceneSrc {
   GstPushSrc parent;
-  SceneSourceState* state; // in `memory`
-  InstanceMemory<SceneSourceState> memory;
+  InstanceState<SceneSourceState> state;
 };
 struct GstTerrainSceneSrcClass {
   GstPushSrcClass parent_class;
@@ -462,15 +461,10 @@ GstFlowReturn fill(GstPushSrc* push, GstBuffer* buffer) {
   return GST_FLOW_OK;
 }
 
-void finalize(GObject* object) {
-  std::destroy_at(&state_of(object));
-  G_OBJECT_CLASS(gst_terrain_scene_src_parent_class)->finalize(object);
-}
-
 } // namespace
 
 static void gst_terrain_scene_src_init(GstTerrainSceneSrc* self) {
-  self->state = self->memory.make();
+  self->state.make();
   gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
   gst_base_src_set_live(GST_BASE_SRC(self), FALSE);
 }
@@ -484,7 +478,7 @@ static void gst_terrain_scene_src_class_init(GstTerrainSceneSrcClass* klass) {
 
   object_class->set_property = set_property;
   object_class->get_property = get_property;
-  object_class->finalize = finalize;
+  object_class->finalize = finalize_state<GstTerrainSceneSrc, gst_terrain_scene_src_parent_class>;
   install_properties<scene::Settings>(object_class, 1, table);
   g_object_class_install_property(
       object_class, id_is_live,

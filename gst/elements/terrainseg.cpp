@@ -179,8 +179,7 @@ using namespace terrainseg;
  */
 struct GstTerrainSeg {
   GstBaseTransform parent;
-  ElementState* state; // in `memory`
-  InstanceMemory<ElementState> memory;
+  InstanceState<ElementState> state;
 };
 struct GstTerrainSegClass {
   GstBaseTransformClass parent_class;
@@ -1143,15 +1142,10 @@ GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
   });
 }
 
-void finalize(GObject* object) {
-  std::destroy_at(self_of(object)->state);
-  G_OBJECT_CLASS(gst_terrain_seg_parent_class)->finalize(object);
-}
-
 } // namespace
 
 static void gst_terrain_seg_init(GstTerrainSeg* self) {
-  self->state = self->memory.make();
+  self->state.make();
   auto* transform = GST_BASE_TRANSFORM(self);
   gst_base_transform_set_in_place(transform, TRUE);
   gst_base_transform_set_passthrough(transform, FALSE); // in passthrough no metadata may be attached
@@ -1169,7 +1163,7 @@ static void gst_terrain_seg_class_init(GstTerrainSegClass* klass) {
 
   object_class->set_property = set_property;
   object_class->get_property = get_property;
-  object_class->finalize = finalize;
+  object_class->finalize = finalize_state<GstTerrainSeg, gst_terrain_seg_parent_class>;
   SettingsBook::install(object_class);
   g_object_class_install_property(
       object_class, stats_id(),

@@ -84,8 +84,7 @@ using namespace terrainseg;
  */
 struct GstTerrainStamp {
   GstBaseTransform parent;
-  StampState* state; // in `memory`
-  InstanceMemory<StampState> memory;
+  InstanceState<StampState> state;
 };
 struct GstTerrainStampClass {
   GstBaseTransformClass parent_class;
@@ -295,15 +294,10 @@ GstFlowReturn nothing_left(GstBaseTransform*, GstBuffer*, GstBuffer*) {
   return GST_FLOW_OK;
 }
 
-void finalize(GObject* object) {
-  std::destroy_at(self_of(object)->state);
-  G_OBJECT_CLASS(gst_terrain_stamp_parent_class)->finalize(object);
-}
-
 } // namespace
 
 static void gst_terrain_stamp_init(GstTerrainStamp* self) {
-  self->state = self->memory.make();
+  self->state.make();
   gst_base_transform_set_gap_aware(GST_BASE_TRANSFORM(self), TRUE);
 }
 
@@ -316,7 +310,7 @@ static void gst_terrain_stamp_class_init(GstTerrainStampClass* klass) {
 
   object_class->set_property = set_property;
   object_class->get_property = get_property;
-  object_class->finalize = finalize;
+  object_class->finalize = finalize_state<GstTerrainStamp, gst_terrain_stamp_parent_class>;
   install_properties<StampSettings>(object_class, property_mode, stamp_table);
   mark_enums_as_plugin_api(object_class);
   gst_element_class_add_static_pad_template(element_class, &sink_template);

@@ -128,8 +128,7 @@ using namespace terrainseg;
  */
 struct GstTerrainMcapSink {
   GstBaseSink parent;
-  SinkState* state; // in `memory`
-  InstanceMemory<SinkState> memory;
+  InstanceState<SinkState> state;
 };
 struct GstTerrainMcapSinkClass {
   GstBaseSinkClass parent_class;
@@ -390,11 +389,6 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
 }
 
-void finalize(GObject* object) {
-  std::destroy_at(self_of(object)->state);
-  G_OBJECT_CLASS(gst_terrain_mcap_sink_parent_class)->finalize(object);
-}
-
 } // namespace
 
 static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
@@ -402,7 +396,7 @@ static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->set_property = set_property;
   object_class->get_property = get_property;
-  object_class->finalize = finalize;
+  object_class->finalize = finalize_state<GstTerrainMcapSink, gst_terrain_mcap_sink_parent_class>;
   NameProperty::install_source(object_class, property_source);
   g_object_class_install_property(
       object_class, property_metadata,
@@ -427,7 +421,7 @@ static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
 }
 
 static void gst_terrain_mcap_sink_init(GstTerrainMcapSink* self) {
-  self->state = self->memory.make();
+  self->state.make();
   gst_base_sink_set_sync(GST_BASE_SINK(self), FALSE); // a file takes frames as they come
   gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
 }
