@@ -18,12 +18,6 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-#if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
-#define TERRAINSEG_GATHERS 1
-#else
-#define TERRAINSEG_GATHERS 0
-#endif
-
 HWY_INLINE int within(int value, int least, int most) {
   return value < least ? least : (value > most ? most : value);
 }
@@ -294,8 +288,6 @@ void octaves_looked_up(const std::uint32_t* __restrict values, const std::int16_
     out[i] = values[i] ? table[octave * 256 + static_cast<int>(shifted & 255)] : std::int16_t{0};
   }
 }
-
-#undef TERRAINSEG_GATHERS
 
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels

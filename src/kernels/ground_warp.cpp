@@ -115,7 +115,7 @@ void warp_row(const WarpSource& source, const std::int32_t* nodes, int segments,
       continue;
     }
     const std::int32_t du = (nodes[2] - nodes[0]) / 16, dv = (nodes[3] - nodes[1]) / 16;
-#if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
+#if TERRAINSEG_GATHERS
     const auto inside = [&](int n) {
       const int u = nodes[2 * n] >> 16, v = nodes[2 * n + 1] >> 16;
       return u >= 0 && v >= 0 && u < source.width - 2 && v < source.height - 2;

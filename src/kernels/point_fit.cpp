@@ -16,12 +16,6 @@ namespace terrainseg::kernels {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-#if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
-#define TERRAINSEG_GATHERS 1
-#else
-#define TERRAINSEG_GATHERS 0
-#endif
-
 // --- where points lie, and what is seen there ---
 
 std::int32_t difference_of(const PointPicture& picture, const PointMap& map, std::int64_t a, std::int64_t b,
@@ -301,8 +295,6 @@ void sums_of(const FitLists& lists, int unknowns, std::int64_t* left, std::int64
   }
 }
 #endif
-
-#undef TERRAINSEG_GATHERS
 
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels

@@ -14,12 +14,6 @@ namespace terrainseg::kernels {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-#if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
-#define TERRAINSEG_GATHERS 1
-#else
-#define TERRAINSEG_GATHERS 0
-#endif
-
 void sum_of_blocks(const std::uint8_t* __restrict cells, const std::uint8_t* __restrict ground, int blocks,
                    std::uint32_t* __restrict sums, std::uint32_t* __restrict squares) {
   int b = 0;
@@ -237,8 +231,6 @@ void excess_of_row(const std::uint8_t* __restrict values, const std::uint8_t* __
     sums[i] += static_cast<std::int16_t>((excess ^ flip) - flip);
   }
 }
-
-#undef TERRAINSEG_GATHERS
 
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels

@@ -13,3 +13,7 @@
 
 // HWY_WANT_AVX3_DL is not asked for: on a processor that has it no kernel got faster (ratios to memcpy 3.46
 // against 3.52 for the reduction, 10.58 against 10.60 for scoring).
+
+/// Whether the target that is compiled right now looks values up in memory by a vector of indices, so that it
+/// pays. For #if, behind Highway.
+#define TERRAINSEG_GATHERS (HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL)
