@@ -306,9 +306,23 @@ float bearing(const Vec3& ray) {
   return ray.z >= 0 ? a : (a >= 0 ? 2 - a : -2 - a);
 }
 
-/// Calls `pixel(ray, footprint, at, light, label)` for what no thing covers; at = index of the pixel.
-template <class Pixel>
-void each_open_pixel(const Stage& stage, const Ground& ground, Canvas& canvas, Pixel&& pixel) {
+/// What both kinds of place draw from.
+class Surroundings {
+ public:
+  Surroundings(const Stage& stage, const Canvas& mirror, const Canvas& canvas)
+      : s_(stage), mirror_(mirror), canvas_(canvas), ground_(stage) {}
+  const Ground& ground() const { return ground_; }
+
+ protected:
+  const Stage& s_;
+  const Canvas& mirror_;
+  const Canvas& canvas_;
+  Ground ground_;
+};
+
+/// What no thing covers is Where's: pixel(ray, footprint, at, light, label); at = index of the pixel.
+template <class Where> void draw_open_pixels(const Stage& stage, const Canvas& mirror, Canvas& canvas) {
+  const Where where(stage, mirror, canvas);
   const Camera& c = stage.moment.camera;
   for (int y = 0; y < canvas.height; ++y)
     for (int x0 = 0; x0 < canvas.width; x0 += run_length) {
@@ -316,7 +330,7 @@ void each_open_pixel(const Stage& stage, const Ground& ground, Canvas& canvas, P
       const float* open = canvas.open.data() + canvas.at(x0, y);
       if (std::all_of(open, open + count, [](float share) { return share < Canvas::hidden; }))
         continue;
-      Footprint foot = ground.measure(x0, y);
+      Footprint foot = where.ground().measure(x0, y);
       for (int i = 0; i < count; ++i) {
         if (open[i] < Canvas::hidden)
           continue;
@@ -324,26 +338,17 @@ void each_open_pixel(const Stage& stage, const Ground& ground, Canvas& canvas, P
         Color light;
         std::uint8_t label = not_traversable;
         foot.position = static_cast<float>(i);
-        pixel(c.ray(static_cast<float>(x0 + i), static_cast<float>(y)), foot, at, light, label);
+        where.pixel(c.ray(static_cast<float>(x0 + i), static_cast<float>(y)), foot, at, light, label);
         canvas.under(at, light, 1, label);
       }
     }
 }
 
-class Outdoors {
+class Outdoors : public Surroundings {
  public:
-  Outdoors(const Stage& stage, const Canvas& mirror, Canvas& canvas)
-      : s_(stage), mirror_(mirror), canvas_(canvas), ground_(stage) {
-    horizontal_light_ = stage.light.on({0, 1, 0});
-  }
+  Outdoors(const Stage& stage, const Canvas& mirror, const Canvas& canvas)
+      : Surroundings(stage, mirror, canvas), horizontal_light_(stage.light.on({0, 1, 0})) {}
 
-  void draw() {
-    each_open_pixel(s_, ground_, canvas_,
-                    [this](const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
-                           std::uint8_t& label) { pixel(ray, foot, at, light, label); });
-  }
-
- private:
   void pixel(const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
              std::uint8_t& label) const {
     const Camera& c = s_.moment.camera;
@@ -372,6 +377,7 @@ class Outdoors {
     far_away(ray, elevation, light, label);
   }
 
+ private:
   Color mirrored(const Vec3& ray, float elevation, std::size_t at) const {
     Color behind;
     std::uint8_t label = 0;
@@ -452,26 +458,15 @@ class Outdoors {
     return mix(color, s_.light.haze, d / (1 + d));
   }
 
-  const Stage& s_;
-  const Canvas& mirror_;
-  Canvas& canvas_;
-  Ground ground_;
   Color horizontal_light_;
 };
 
 /// Straight and endless: floor, two walls with doors, or with windows to the sun, a ceiling with lamps.
-class Indoors {
+class Indoors : public Surroundings {
  public:
-  Indoors(const Stage& stage, const Canvas& mirror, Canvas& canvas)
-      : s_(stage), mirror_(mirror), canvas_(canvas), ground_(stage), sunny_(stage.light.window_light.g > 0) {}
+  Indoors(const Stage& stage, const Canvas& mirror, const Canvas& canvas)
+      : Surroundings(stage, mirror, canvas), sunny_(stage.light.window_light.g > 0) {}
 
-  void draw() {
-    each_open_pixel(s_, ground_, canvas_,
-                    [this](const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
-                           std::uint8_t& label) { pixel(ray, foot, at, light, label); });
-  }
-
- private:
   void pixel(const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
              std::uint8_t& label) const {
     const Camera& c = s_.moment.camera;
@@ -495,6 +490,7 @@ class Indoors {
     label = on_floor >= 0.5F ? driven_terrain : not_traversable;
   }
 
+ private:
   // Lamps hang every 4 m; the light pools under them.
   float pool(float z) const {
     const float phase = std::abs(fraction(z * 0.25F) - 0.5F) * 2; // 0 under a lamp
@@ -634,10 +630,6 @@ class Indoors {
     return mix(panel, s_.light.sun_light * 3.2F + s_.light.ambient, lamp);
   }
 
-  const Stage& s_;
-  const Canvas& mirror_;
-  Canvas& canvas_;
-  Ground ground_;
   bool sunny_;
 };
 
@@ -645,9 +637,9 @@ class Indoors {
 
 void draw_backdrop(const Stage& stage, const Canvas& mirror, Canvas& canvas) {
   if (stage.settings.kind == Kind::corridor)
-    Indoors(stage, mirror, canvas).draw();
+    draw_open_pixels<Indoors>(stage, mirror, canvas);
   else
-    Outdoors(stage, mirror, canvas).draw();
+    draw_open_pixels<Outdoors>(stage, mirror, canvas);
 }
 
 } // namespace terrainseg::scene
