@@ -2,6 +2,7 @@
 // The rooms of terrainseg-process that need no pipeline.
 #include <gtest/gtest.h>
 #include <locale.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <wchar.h>
 
@@ -18,6 +19,7 @@
 #include "tools/process/manifest.hpp"
 #include "tools/process/outputs.hpp"
 #include "tools/process/shard.hpp"
+#include "tools/process/worker.hpp"
 
 namespace terrainseg::process {
 namespace {
@@ -486,10 +488,71 @@ TEST(ShardsOfAList, ShareEveryInputOnceWhateverElseIsInTheList) {
 // ---- causes
 
 TEST(Causes, WhatMayPassLater) {
-  for (const Cause cause : {Cause::none, Cause::damaged, Cause::unsupported, Cause::stalled})
+  for (const Cause cause : {Cause::none, Cause::damaged, Cause::unsupported, Cause::stalled, Cause::crashed})
     EXPECT_FALSE(may_pass_later(cause)) << name_of(cause);
   for (const Cause cause : {Cause::missing, Cause::disk, Cause::resources, Cause::interrupted})
     EXPECT_TRUE(may_pass_later(cause)) << name_of(cause);
+}
+
+// ---- workers
+
+TEST(Workers, TakeWhatTheyAreGivenWhateverItsBytes) {
+  Input input;
+  input.kind = Input::Kind::images;
+  input.label = "a\xff\n%04d.png";
+  input.stem = "\xc3(";
+  input.path = "/x/\x80";
+  input.images = {"/x/1.png", "/x/\xfe.png"};
+  const Input same = unpacked_input(packed(input));
+  EXPECT_EQ(same.kind, input.kind);
+  EXPECT_EQ(same.label, input.label);
+  EXPECT_EQ(same.stem, input.stem);
+  EXPECT_EQ(same.path, input.path);
+  EXPECT_EQ(same.images, input.images);
+  EXPECT_EQ(same.problem, "");
+  EXPECT_EQ(same.cause, Cause::none);
+}
+
+TEST(Workers, AnswerWithTheWholeRecord) {
+  Outcome outcome;
+  outcome.kind = Outcome::Kind::partial;
+  Record& record = outcome.record;
+  record.input = "\xff.mp4";
+  record.place = "/x/\xff.mp4";
+  record.identity = {~std::uint64_t{0}, "abc"};
+  record.settings = "preset=default";
+  record.problem = "cut off";
+  record.cause = Cause::damaged;
+  record.frames = 7;
+  record.width = 64;
+  record.height = 48;
+  record.seconds = 0.5;
+  record.traversable_sum = 1234;
+  record.blocked = 2;
+  record.horizon_frames = 3;
+  record.filter_milliseconds = 1.25;
+  record.still_rows = 4;
+  record.warnings = {"one", "two"};
+  record.outputs[1] = Record::Written{"\xff.masks.mkv", 99};
+  const Outcome same = unpacked_outcome(packed(outcome));
+  EXPECT_EQ(same.kind, outcome.kind);
+  EXPECT_EQ(same.record.to_json(), record.to_json());
+  EXPECT_EQ(same.record.input, record.input);
+  EXPECT_EQ(same.record.place, record.place);
+  EXPECT_EQ(same.record.cause, record.cause);
+  EXPECT_EQ(same.record.traversable_sum, record.traversable_sum);
+  ASSERT_TRUE(same.record.outputs[1]);
+  EXPECT_EQ(same.record.outputs[1]->file, "\xff.masks.mkv");
+  EXPECT_FALSE(same.record.outputs[0]);
+}
+
+TEST(Workers, WhatCrashedIsTheInputsFaultAndWhatWasEndedIsNot) {
+  EXPECT_EQ(loss_of(SIGSEGV, true).cause, Cause::crashed);
+  EXPECT_EQ(loss_of(SIGABRT, true).cause, Cause::crashed);
+  EXPECT_EQ(loss_of(1 << 8, true).cause, Cause::crashed) << "a library that calls exit()";
+  EXPECT_NE(loss_of(1 << 8, true).text.find("exit code 1"), std::string::npos);
+  EXPECT_EQ(loss_of(SIGKILL, true).cause, Cause::resources);
+  EXPECT_NE(loss_of(SIGSEGV | 0x80, false).text.find("signal 11"), std::string::npos) << "with a core dump";
 }
 
 // ---- outputs

@@ -796,6 +796,12 @@ def a_manifest_replaces_no_other_file(folder):
     ok('-q', '--check', 'm')
 
 
+def workers_of(process):
+    """The processes that decode for it."""
+    return [child for task in os.listdir(f'/proc/{process.pid}/task')
+            for child in map(int, pathlib.Path(f'/proc/{process.pid}/task/{task}/children').read_text().split())]
+
+
 @case
 def threads_are_bounded(folder):
     video('clip.mp4', frames=300, size='320x240')
@@ -805,7 +811,8 @@ def threads_are_bounded(folder):
         most = 0
         while process.poll() is None:
             with contextlib.suppress(OSError):
-                most = max(most, len(os.listdir(f'/proc/{process.pid}/task')))
+                for worker in workers_of(process):
+                    most = max(most, len(os.listdir(f'/proc/{worker}/task')))
             time.sleep(0.01)
         equal(process.returncode, 0, 'exit code')
         return most
@@ -856,9 +863,7 @@ def a_slow_disk_leaves_no_frame_of_a_gif_out(folder):
 @case
 def what_gives_no_frame_is_given_up(folder):
     begin = time.monotonic()
-    with socket.socket(type=socket.SOCK_DGRAM) as nobody_sends:
-        nobody_sends.bind(('127.0.0.1', 0))
-        port = nobody_sends.getsockname()[1]
+    port = free_port()
     result = ok('-q', '-o', 'out', '--stall-timeout', 2, f'udp://127.0.0.1:{port}', code=75)
     contains(result.stderr, 'no frame came for 2 s (--stall-timeout)')
     assert 1.5 < time.monotonic() - begin < 15, 'the time'
@@ -925,6 +930,44 @@ def a_failing_disk_at_any_moment_is_told_and_may_be_tried_again(folder):
         check_whole_or_part(out, f'{out}, run again')
 
 
+@case
+def a_crashing_decoder_takes_one_input_with_it(folder):
+    if 'TERRAINSEG_FAULTS' not in os.environ:
+        raise Skip('a sanitizer and a preloaded library do not go together')
+    for name in 'first', 'bad', 'last':
+        video(f'{name}.mp4', frames=4)
+    images(folder / 'bad', frames=3)
+    names = ('first.mp4', 'bad.mp4', 'last.mp4')
+
+    def crashing(fault, *arguments, code):
+        environment = dict(os.environ, LD_PRELOAD=os.environ['TERRAINSEG_FAULTS'], FAULT=fault)
+        return ok('-o', 'out', '--manifest', 'm', '--outputs', 'annotated,masks,json,csv,mcap', *arguments, code=code, env=environment)
+
+    good = outputs_of('first', 'last')
+    for jobs, again in (1, ()), (2, ()), (1, ('--resume',)):  # the crash comes again, and takes nothing with it
+        result = crashing('crash:/bad.', *again, '--jobs', jobs, *names, code=1)
+        contains(result.stderr, 'bad.mp4: the decoder crashed (signal 11, Segmentation fault); nothing of it is kept')
+        contains(result.stderr, 'ffmpeg -i')
+        contains(result.stdout, '3 inputs: 0 whole, 2 complete already, 1 failed' if again else '3 inputs: 2 whole, 1 failed')
+        equal([name for name in left('out') if not name.endswith('.bag')], good, 'outputs')
+        lines = manifest('m')[1]
+        equal({name: lines[name]['status'] for name in names},
+              {'first.mp4': 'skipped' if again else 'complete', 'bad.mp4': 'failed', 'last.mp4': 'skipped' if again else 'complete'}, 'manifest')
+        equal((lines['bad.mp4']['cause'], lines['bad.mp4']['try_again']), ('crashed', False), 'cause')
+        assert lines['bad.mp4']['fingerprint'], 'whose it is'
+        assert not pathlib.Path('out/bad.bag').exists(), 'the folder of a recording'
+    contains(crashing('crash:/bad.', 'bad', code=1).stderr, 'the decoder crashed')  # images
+    # What an earlier input has broken in its process is no fault of this one.
+    crashing('crash-once:/bad.', *names, code=0)
+    equal([name for name in left('out') if not name.endswith('.bag')], outputs_of('first', 'bad', 'last'), 'outputs')
+    # Ended from outside: for want of memory, which may pass.
+    shutil.rmtree('out')
+    result = crashing('kill:/bad.', *names, code=75)
+    contains(result.stderr, 'bad.mp4: the process that decoded it was ended from outside (signal 9, Killed)')
+    equal(manifest('m')[1]['bad.mp4']['cause'], 'resources', 'cause')
+    equal([name for name in left('out') if not name.endswith('.bag')], good, 'outputs')
+
+
 SAVE = """import gi, sys
 gi.require_version('Gst', '1.0')
 from gi.repository import Gst
@@ -966,6 +1009,12 @@ def a_model_that_is_saved_is_whole_after_any_fault(folder):
             assert not others or code < 0, f'{name}: what failed leaves nothing behind'
 
 
+def free_port():
+    with socket.socket(type=socket.SOCK_DGRAM) as nobody:
+        nobody.bind(('127.0.0.1', 0))
+        return nobody.getsockname()[1]
+
+
 def start_long_run(out, size='160x120'):
     video('long.mp4', frames=2000, size=size)
     process = subprocess.Popen([PROCESS, '-o', out, 'long.mp4'], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
@@ -997,6 +1046,28 @@ def interrupted_leaves_nothing_unfinished(folder):
         equal(process.returncode, 130 if number == signal.SIGINT else 75, 'exit code')
         contains(text.decode(), 'interrupted')
         equal(left('out'), [], 'after the signal')
+
+
+@case
+def ctrl_c_reaches_all_processes_and_counts_once(folder):
+    """A terminal gives it to the program and to what decodes for it; a live stream ends its files properly at the first."""
+    video('clip.mp4', frames=40)
+    stream = subprocess.Popen(['ffmpeg', '-v', 'quiet', '-re', '-stream_loop', '-1', '-i', 'clip.mp4', '-c', 'copy', '-f', 'mpegts',
+                               'udp://127.0.0.1:%d?pkt_size=1316' % (port := free_port())])
+    try:
+        process = subprocess.Popen([PROCESS, '-q', '-o', 'out', f'udp://127.0.0.1:{port}'], stderr=subprocess.PIPE, start_new_session=True)
+        deadline = time.monotonic() + 60
+        part = pathlib.Path('out').glob
+        while not any(path.stat().st_size for path in part('*.masks.mkv.part')):
+            assert process.poll() is None and time.monotonic() < deadline, 'it never began'
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGINT)
+        _, text = process.communicate(timeout=30)
+        equal(process.returncode, 0, text)
+        equal(len(left('out')), 5, left('out'))
+    finally:
+        stream.kill()
+        stream.wait()
 
 
 @case

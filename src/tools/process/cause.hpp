@@ -11,6 +11,7 @@ enum class Cause : std::uint8_t {
   damaged,     ///< what is in it cannot be decoded, or not all of it
   unsupported, ///< no video in it, or no decoder for it
   stalled,     ///< the decoder gave nothing for the time of --stall-timeout
+  crashed,     ///< what decodes it crashed
   missing,     ///< not there, or not readable
   disk,        ///< an output could not be written
   resources,   ///< no memory, threads or descriptors; a bug of the pipeline
@@ -19,7 +20,7 @@ enum class Cause : std::uint8_t {
 
 /// Its name in records and manifests.
 inline const char* name_of(Cause cause) {
-  constexpr const char* names[] = {"none",    "damaged", "unsupported", "stalled",
+  constexpr const char* names[] = {"none",    "damaged", "unsupported", "stalled",    "crashed",
                                    "missing", "disk",    "resources",   "interrupted"};
   return names[static_cast<int>(cause)];
 }

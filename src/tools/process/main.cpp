@@ -10,6 +10,7 @@
 #include <exception>
 #include <memory>
 #include <mutex>
+#include <string_view>
 #include <system_error>
 #include <thread>
 #include <vector>
@@ -24,6 +25,7 @@
 #include "tools/process/options.hpp"
 #include "tools/process/outputs.hpp"
 #include "tools/process/pipeline.hpp"
+#include "tools/process/worker.hpp"
 
 using namespace terrainseg::process;
 using terrainseg::counted;
@@ -120,9 +122,11 @@ class Tally {
 /// All inputs of a run, shared by the workers and the display.
 class Batch {
  public:
-  Batch(const Options& options, std::vector<Input> inputs, Manifest& manifest)
-      : options_(options), manifest_(manifest), inputs_(std::move(inputs)), display_(options.quiet),
-        begin_(Clock::now()) {
+  /// `arguments` are those of the program.
+  Batch(const Options& options, std::vector<Input> inputs, Manifest& manifest,
+        std::vector<std::string> arguments)
+      : options_(options), manifest_(manifest), inputs_(std::move(inputs)), arguments_(std::move(arguments)),
+        display_(options.quiet), begin_(Clock::now()) {
     for (std::size_t i = 0; i < inputs_.size(); ++i)
       works_.push_back(std::make_unique<Work>());
   }
@@ -145,6 +149,7 @@ class Batch {
   const Options& options_;
   Manifest& manifest_;
   const std::vector<Input> inputs_;
+  const std::vector<std::string> arguments_;
   std::vector<std::unique_ptr<Work>> works_;
   std::mutex mutex_; ///< guards phases, next_, tally_, done_, the display and what is printed
   std::condition_variable changed_;
@@ -203,8 +208,9 @@ void Batch::report(const Input& input, const Outcome& outcome) {
   }
 }
 
-/// One worker: takes inputs in order until none is left or the user has had enough.
+/// One job: takes inputs in order until none is left or the user has had enough.
 void Batch::work() {
+  Worker worker(arguments_);
   std::unique_lock lock(mutex_);
   while (next_ < inputs_.size() && interruptions == 0) {
     const std::size_t index = next_++;
@@ -217,7 +223,7 @@ void Batch::work() {
     Outcome outcome;
     if (!skip) {
       try {
-        outcome = process(input, naming, options_, work.progress, interruptions);
+        outcome = worker.process(input, naming, options_, work.progress, interruptions);
       } catch (const std::exception& error) {
         outcome.record.problem = error.what();
         outcome.record.cause = Cause::resources;
@@ -328,7 +334,9 @@ Exit check(const Options& options, const std::vector<Input>& inputs) {
 
 int process(int argc, char** argv) {
   std::setlocale(LC_CTYPE, ""); // file names on the command line; numbers stay as they are
-  point_to_own_plugin();
+  const std::vector<std::string> arguments(argv, argv + argc); // reading them takes them away
+  if (argc < 2 || std::string_view(argv[1]) != worker_option)  // a worker has it from its run
+    point_to_own_plugin();
   const auto parsed = parse_options(argc, argv);
   if (const EarlyExit* early = std::get_if<EarlyExit>(&parsed)) {
     if (!early->message.empty())
@@ -336,6 +344,10 @@ int process(int argc, char** argv) {
     return static_cast<int>(early->code);
   }
   const Options& options = std::get<Options>(parsed);
+  if (options.worker_socket) {
+    std::signal(SIGPIPE, SIG_IGN);
+    serve(*options.worker_socket, options);
+  }
   if (!options.check.empty())
     return static_cast<int>(
         check(options, share_of(options.shard, find_inputs(options.inputs, options.names).inputs)));
@@ -379,7 +391,7 @@ int process(int argc, char** argv) {
       complain(*problem);
       return static_cast<int>(Exit::try_again);
     }
-  Exit result = Batch(options, std::move(inputs), manifest).run();
+  Exit result = Batch(options, std::move(inputs), manifest, arguments).run();
   if (auto problem = manifest.close()) {
     complain(*problem);
     result = Exit::try_again;

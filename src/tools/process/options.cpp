@@ -145,6 +145,7 @@ std::variant<Options, EarlyExit> parse_options(int argc, char** argv) {
   char** settings = nullptr;
   char** inputs = nullptr;
   gint64 frames = 0;
+  int worker_socket = -1;
   gboolean json_mask = FALSE, resume = FALSE, quiet = FALSE, version = FALSE;
   const GOptionEntry entries[] = {
       {"output-dir", 'o', 0, G_OPTION_ARG_FILENAME, &output_dir,
@@ -193,6 +194,7 @@ std::variant<Options, EarlyExit> parse_options(int argc, char** argv) {
        "Of the decoder and of each encoder of an input (default: the processors allowed, over --jobs)", "N"},
       {"quiet", 'q', 0, G_OPTION_ARG_NONE, &quiet, "No progress and no summary, only problems", nullptr},
       {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", nullptr},
+      {"worker", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_INT, &worker_socket, nullptr, nullptr},
       {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &inputs, nullptr, "INPUT..."},
       {}};
 
@@ -221,11 +223,13 @@ std::variant<Options, EarlyExit> parse_options(int argc, char** argv) {
 
   for (char** input = inputs; input && *input; ++input)
     options.inputs.emplace_back(*input);
-  if (inputs_from) {
+  if (worker_socket >= 0)
+    options.worker_socket = worker_socket;
+  else if (inputs_from) // may be standard input, which can be read but once
     if (auto problem = read_list(inputs_from, options.inputs))
       return usage(*problem);
+  if (inputs_from)
     options.names = Names::path;
-  }
   if (check)
     options.check = check;
   if (options.inputs.empty() && !inputs_from && !check)

@@ -66,6 +66,7 @@ struct Options {
   int stall_seconds = 60; ///< without a frame: the input is given up
   bool resume = false;
   bool quiet = false;
+  std::optional<int> worker_socket; ///< of a program that works for another of its kind (worker.hpp)
 
   /// The value that a property of terrainseg is set to, the last one counting; empty when it is not set.
   std::string setting(std::string_view name) const {
