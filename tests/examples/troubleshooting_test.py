@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from ffmpeg import mark_turned  # noqa: E402
+from ffmpeg import ffmpeg, mark_turned  # noqa: E402
 from tap import Skip, contains, equal, main  # noqa: E402
 
 EXAMPLES = pathlib.Path(os.environ['TERRAINSEG_EXAMPLES'])
@@ -234,6 +234,38 @@ def no_window(folder):
     for instead in 'video/x-raw,format=I420 ! x264enc ! mp4mux ! filesink location=seen.mp4', 'fakesink':
         launch(f'{SCENE} ! terrainseg overlay=true ! videoconvert ! {instead}')
     assert os.path.getsize('seen.mp4') > 1000
+
+
+def processed(*arguments):
+    if not os.environ['TERRAINSEG_PROCESS']:
+        raise Skip('this build has no terrainseg-process')
+    return subprocess.run([os.environ['TERRAINSEG_PROCESS'], '-q', '-o', 'out', '--outputs', 'json', *arguments], capture_output=True,
+                          text=True, stdin=subprocess.DEVNULL, timeout=60)
+
+
+def made_anew(unread, words):
+    """terrainseg-process fails on it with these words, and does what ffmpeg makes of it."""
+    result = processed(unread)
+    equal(result.returncode, 1, result.stderr)
+    contains(result.stderr, words)
+    subprocess.run(['ffmpeg', '-nostdin', '-v', 'error', '-y', '-i', unread, '-c:v', 'ffv1', 'anew.mkv'], check=True)
+    equal(processed('anew.mkv').returncode, 0, 'made anew')
+
+
+@row('`terrainseg-process`: `the decoder crashed')
+def decoder_crashes(folder):
+    ffmpeg('-f', 'lavfi', '-i', 'testsrc=size=640x480:rate=10', '-t', 2, '-pix_fmt', 'nv12', '-c:v', 'rawvideo', 'raw.nut')
+    if not processed('raw.nut').returncode:
+        raise Skip('this GStreamer reads it')
+    made_anew('raw.nut', 'raw.nut: the decoder crashed (signal ')
+
+
+@row('`terrainseg-process`: `GStreamer knows no codec')
+def unknown_codec(folder):
+    ffmpeg('-f', 'lavfi', '-i', 'testsrc=size=64x48', '-frames:v', 5, '-c:v', 'utvideo', '-pix_fmt', 'yuv420p', 'unread.avi')
+    if not processed('unread.avi').returncode:
+        raise Skip('this GStreamer reads it')
+    made_anew('unread.avi', "unread.avi: GStreamer knows no codec '")
 
 
 @row('the result differs between two machines')

@@ -657,6 +657,48 @@ def what_is_no_video_is_named_with_its_cause(folder):
     ok('-q', '-o', 'out', 'text.mp4', 'sound.m4a', 'hollow', code=1)
 
 
+def without_plugins(folder, *names):
+    """An environment in which these files of GStreamer are not installed."""
+    system = pathlib.Path(subprocess.run(['pkg-config', '--variable=pluginsdir', 'gstreamer-1.0'], capture_output=True,
+                                         text=True, check=True).stdout.strip())
+    os.mkdir('plugins')
+    for plugin in system.glob('*.so'):
+        if plugin.name not in names:
+            os.symlink(plugin, f'plugins/{plugin.name}')
+    return dict(os.environ, GST_PLUGIN_SYSTEM_PATH=str(folder / 'plugins'), GST_REGISTRY=str(folder / 'registry'))
+
+
+@case
+def a_codec_that_nobody_decodes_is_named_and_nothing_is_to_be_installed(folder):
+    video('clip.avi', frames=3, extra=('-c:v', 'mjpeg', '-pix_fmt', 'yuvj420p'))
+    data = pathlib.Path('clip.avi').read_bytes()
+    assert data.count(b'MJPG') == 2, 'once in each header'
+    pathlib.Path('odd.avi').write_bytes(data.replace(b'MJPG', b'QQ8Z'))
+    video('clip.mp4', frames=3)
+    pathlib.Path('odd.mp4').write_bytes(pathlib.Path('clip.mp4').read_bytes().replace(b'avc1', b'QQ8Z'))
+    for name in 'odd.avi', 'odd.mp4':
+        error = ok('-q', '-o', 'out', name, code=1).stderr
+        contains(error, f"{name}: GStreamer knows no codec 'QQ8Z'")
+        contains(error, 'ffmpeg -i INPUT')
+        assert 'install gst' not in error, error
+    # Where a package that has it is missing, that one is to be installed, and no other.
+    video('mpeg4.mp4', frames=3, extra=('-c:v', 'mpeg4'))
+    error = ok('-q', '-o', 'out', '--outputs', 'json', 'mpeg4.mp4', code=1, env=without_plugins(folder, 'libgstlibav.so')).stderr
+    contains(error, 'decoder is missing; install gstreamer1.0-libav\n')
+
+
+@case
+def an_element_that_gave_up_says_why(folder):
+    """Its error message alone is 'Internal data stream error.'"""
+    video('screen.flv', frames=3, extra=('-c:v', 'flashsv2', '-pix_fmt', 'bgr24'))
+    result = ok('-q', '-o', 'out', 'screen.flv', code=1)
+    contains(result.stderr, 'screen.flv: flvdemux gave up: unsupported video codec tag 6; make it anew')
+    contains(result.stderr, 'ffmpeg -i INPUT')
+    equal(len(result.stderr.splitlines()), 1, f'the log is not for the screen: {result.stderr}')
+    for wish in ({'GST_DEBUG': 'flvdemux:2'}, ()), ({}, ('--gst-debug=flvdemux:2',)):  # unless somebody asks for it
+        contains(ok('-q', '-o', 'out', *wish[1], 'screen.flv', code=1, env=dict(os.environ, **wish[0])).stderr, 'gst_flv_demux')
+
+
 @case
 def exit_codes_tell_never_from_later(folder):
     video('cut.mp4', frames=60, size='160x120', extra=('-movflags', '+faststart'))
@@ -1140,13 +1182,7 @@ def a_full_disk_is_reported_and_leaves_nothing(folder):
 @case
 def a_missing_plugin_is_named_with_its_package(folder):
     video('clip.mp4', frames=3)
-    system = pathlib.Path(subprocess.run(['pkg-config', '--variable=pluginsdir', 'gstreamer-1.0'], capture_output=True,
-                                         text=True, check=True).stdout.strip())
-    os.mkdir('plugins')
-    for plugin in system.glob('*.so'):
-        if plugin.name not in ('libgstlibav.so', 'libgstisomp4.so'):
-            os.symlink(plugin, f'plugins/{plugin.name}')
-    environment = dict(os.environ, GST_PLUGIN_SYSTEM_PATH=str(folder / 'plugins'), GST_REGISTRY=str(folder / 'registry'))
+    environment = without_plugins(folder, 'libgstlibav.so', 'libgstisomp4.so')
     result = ok('-o', 'out', 'clip.mp4', code=3, env=environment)
     contains(result.stderr, "'avenc_ffv1' is missing: install gstreamer1.0-libav")
     contains(result.stderr, "'mp4mux' is missing: install gstreamer1.0-plugins-good")

@@ -25,6 +25,7 @@
 #include "tools/process/options.hpp"
 #include "tools/process/outputs.hpp"
 #include "tools/process/pipeline.hpp"
+#include "tools/process/reasons.hpp"
 #include "tools/process/worker.hpp"
 
 using namespace terrainseg::process;
@@ -346,6 +347,7 @@ int process(int argc, char** argv) {
   const Options& options = std::get<Options>(parsed);
   if (options.worker_socket) {
     std::signal(SIGPIPE, SIG_IGN);
+    listen_to_the_log(arguments);
     serve(*options.worker_socket, options);
   }
   if (!options.check.empty())

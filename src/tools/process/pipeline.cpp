@@ -15,6 +15,7 @@
 #include "tools/process/csv_rows.hpp"
 #include "tools/process/elements.hpp"
 #include "tools/process/handles.hpp"
+#include "tools/process/reasons.hpp"
 #include "tools/process/source.hpp"
 #include "tools/process/still_bottom.hpp"
 
@@ -31,25 +32,6 @@ constexpr GstClockTime poll_interval = 20 * GST_MSECOND;
 
 /// Of one input; a stream that changes its size may give one with each.
 constexpr std::size_t most_warnings = 16;
-
-/// The text of an error message for a person: what GStreamer says to users and the detail it keeps for
-/// developers, without the places in its sources.
-std::string text_of(GstMessage* message) {
-  GError* error = nullptr;
-  gchar* debug = nullptr;
-  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
-    gst_message_parse_warning(message, &error, &debug);
-  else
-    gst_message_parse_error(message, &error, &debug);
-  std::string text = error->message;
-  const std::string detail = take(debug);
-  g_error_free(error);
-  if (const std::size_t line = detail.find('\n'); line != std::string::npos && line + 1 < detail.size())
-    text += " (" + detail.substr(line + 1) + ")";
-  while (!text.empty() && (text.back() == '\n' || text.back() == ' '))
-    text.pop_back();
-  return text;
-}
 
 /// Whether an element that reads gave up without a word why (souphttpsrc, when refused). Where what comes
 /// after it fails that is told first.
@@ -229,9 +211,10 @@ class Run {
   bool stopped_ = false;     ///< by the user
   std::string source_error_; ///< the input's fault
   Cause source_cause_ = Cause::none;
-  std::string source_warning_; ///< the first that the decoder gave
-  std::string missing_decoder_;
-  std::string filter_error_; ///< behind the decoder: settings, encoders, disk
+  bool gave_up_ = false;        ///< an element of it, without a word why
+  std::string source_warning_;  ///< the first that the decoder gave
+  std::string missing_decoder_; ///< why there is none, and what to do
+  std::string filter_error_;    ///< behind the decoder: settings, encoders, disk
   Cause filter_cause_ = Cause::none;
 };
 
@@ -568,7 +551,8 @@ void Run::handle(GstMessage* message) {
     if (!error.empty())
       break;
     const std::string file = is_of_a_resource(message) ? unwritten_file(message->src) : "";
-    error = file + text_of(message);
+    gave_up_ = decoding && says_nothing(message);
+    error = file + (gave_up_ ? giving_up(message) : text_of(message));
     if (!decoding) {
       filter_cause_ = file.empty() ? Cause::unsupported : Cause::disk;
       break;
@@ -586,7 +570,7 @@ void Run::handle(GstMessage* message) {
     break;
   case GST_MESSAGE_ELEMENT:
     if (gst_is_missing_plugin_message(message) && missing_decoder_.empty())
-      missing_decoder_ = take(gst_missing_plugin_message_get_description(message));
+      missing_decoder_ = no_decoder(message);
     break;
   default:
     break;
@@ -677,8 +661,11 @@ void Run::play(const std::atomic<int>& interrupted) {
       return;
     }
     const bool failed = !source_error_.empty() || !source_.problem().empty();
-    if (failed && labelled_ == 0 && (!source_.has_video() || now - last_move > grace))
+    if (failed && labelled_ == 0 && (!source_.has_video() || now - last_move > grace)) {
+      if (source_error_.empty()) // it may be on its way
+        handle_messages(bus.get(), 5 * poll_interval);
       return;
+    }
     if (!asked_to_end && labelled_ > 0 && (interrupted || (failed && now - last_move > grace))) {
       asked_to_end = true;
       source_.end();
@@ -717,12 +704,10 @@ std::optional<Fault> Run::cut_off() const {
 /// Why not a single frame came.
 Fault Run::emptiness() const {
   if (!missing_decoder_.empty())
-    return {Cause::unsupported,
-            "no decoder for it: " + missing_decoder_ +
-                " is missing; install gstreamer1.0-libav and gstreamer1.0-plugins-bad, or see "
-                "gst-inspect-1.0"};
-  if (!source_.problem().empty())
-    return {source_.cause(), source_.problem()};
+    return {Cause::unsupported, missing_decoder_};
+  if (const std::string problem = source_.problem();
+      !problem.empty() && (problem != no_video || source_error_.empty()))
+    return {source_.cause(), problem};
   if (!source_.has_video() && !source_.other_streams().empty())
     return {Cause::unsupported, "there is no video in it, only " + source_.other_streams()};
   if (auto cut = cut_off()) {
@@ -731,9 +716,11 @@ Fault Run::emptiness() const {
   }
   if (!source_error_.empty()) {
     const std::string image = source_.image_after(0);
-    return {source_cause_, (image.empty() ? "" : image + ": ") + source_error_};
+    return {source_cause_,
+            (image.empty() ? "" : image + ": ") + source_error_ +
+                (gave_up_ && source_cause_ == Cause::damaged ? std::string("; ") + make_it_anew : "")};
   }
-  return {Cause::unsupported, "there is no video in it"};
+  return {Cause::unsupported, no_video};
 }
 
 /// What is wrong with an input of which frames came.

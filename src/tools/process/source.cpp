@@ -253,8 +253,7 @@ void Source::on_no_more_pads(GstElement*, gpointer self) {
   Source* source = static_cast<Source*>(self);
   const std::string others = source->other_streams();
   if (!source->linked_)
-    source->set_problem("there is no video in it" + (others.empty() ? "" : ", only " + others),
-                        Cause::unsupported);
+    source->set_problem(no_video + (others.empty() ? "" : ", only " + others), Cause::unsupported);
 }
 
 /// Sound and subtitles are neither decoded nor asked decoders for.

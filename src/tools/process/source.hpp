@@ -17,6 +17,9 @@
 
 namespace terrainseg::process {
 
+/// The problem of a source of which nothing more is known: an error says more.
+inline constexpr const char* no_video = "there is no video in it";
+
 class Source {
  public:
   Source(const Input& input, const Options& options);

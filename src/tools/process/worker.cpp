@@ -20,6 +20,7 @@
 
 #include "exchange/write_all.hpp"
 #include "tools/process/conflicts.hpp"
+#include "tools/process/reasons.hpp"
 
 extern char** environ;
 
@@ -187,6 +188,7 @@ void Line::work_on() {
     std::unique_lock lock(mutex_);
     given_.wait(lock, [this] { return input_.has_value(); });
     const Input input = *std::exchange(input_, std::nullopt);
+    forget_the_log();
     progress_ = std::make_unique<Progress>();
     Progress& progress = *progress_;
     lock.unlock();
@@ -280,9 +282,9 @@ Loss loss_of(int status, bool file) {
               "the process that decoded it was ended from outside (" + named +
                   "): by somebody, or for want of memory; a smaller --jobs takes less of it"};
   return {Cause::crashed,
-          "the decoder crashed (" + named + "); nothing of it is kept. " +
-              (file ? "Another program may read it: ffmpeg -i INPUT -c:v ffv1 OUTPUT.mkv, then process that"
-                    : "Look whether another program reads it (ffmpeg), and process what that makes of it")};
+          "the decoder crashed (" + named + "); nothing of it is kept; " +
+              (file ? make_it_anew
+                    : "look whether another program reads it (ffmpeg), and process what that makes of it")};
 }
 
 void serve(int socket, const Options& options) {
