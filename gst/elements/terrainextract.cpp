@@ -19,6 +19,7 @@
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
 #include "support/mask_picture.hpp"
+#include "support/metadata_watch.hpp"
 #include "support/metric_meta.hpp"
 #include "support/name_property.hpp"
 #include "support/object.hpp"
@@ -26,6 +27,7 @@
 #include "support/precision_time.hpp"
 #include "support/properties.hpp"
 #include "support/wall_clock.hpp"
+#include "support/warning.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainextract_debug);
 #define GST_CAT_DEFAULT terrainextract_debug
@@ -128,8 +130,7 @@ struct ExtractState {
   GstBufferPool* pool = nullptr;    // streaming; pictures that are not the mask's own memory
   GstEvent* held_segment = nullptr; // streaming; waits for the caps
   bool warned = false;              // streaming
-  std::uint64_t bare_frames = 0;    // streaming; those before the first with metadata
-  bool bare_is_over = false;        // streaming; metadata came, or its absence was told
+  MetadataWatch metadata;           // streaming
   MaskScaler scaler;                // streaming
   KlvEncoder klv;                   // streaming
   UasPlatform place;                // streaming; what klv-position says
@@ -160,8 +161,7 @@ struct ExtractState {
     place = {};
     place_text.clear();
     mavlink = {};
-    bare_frames = 0;
-    bare_is_over = false;
+    metadata = {};
   }
 };
 
@@ -541,40 +541,19 @@ GstFlowReturn push_gap(GstTerrainExtract* self, GstBuffer* frame) {
   return GST_PAD_IS_FLUSHING(self->src) ? GST_FLOW_FLUSHING : GST_FLOW_OK;
 }
 
-/// Says once that nothing can come out, when no frame had metadata.
+/// Says that nothing can come out, when no frame had metadata.
 void warn_bare(GstTerrainExtract* self) {
-  ExtractState& s = *self->state;
-  if (s.bare_frames == 0 || std::exchange(s.bare_is_over, true))
-    return;
-  const std::string frames = counted(s.bare_frames, "frame");
-  const char* source = s.source.name();
-  const std::string named = source && *source ? std::string(" of source=") + source : "";
-  GST_ELEMENT_WARNING(
-      self, STREAM, FAILED,
-      ("No terrain metadata%s on the first %s, so nothing is written. Put terrainseg in front of "
-       "terrainextract, and no element between them that drops metadata (videocrop, videobox, "
-       "videoflip, compositor).",
-       named.c_str(), frames.c_str()),
-      ("no GstTerrainSegMeta%s", named.c_str()));
-}
-
-/// The first metadata ends the wait for it; a second of frames without is told.
-void watch_for_metadata(GstTerrainExtract* self, bool has_metadata) {
-  ExtractState& s = *self->state;
-  if (s.bare_is_over)
-    return;
-  constexpr std::uint64_t patience = 25;
-  if (has_metadata)
-    s.bare_is_over = true;
-  else if (++s.bare_frames == patience)
-    warn_bare(self);
+  const ExtractState& s = *self->state;
+  TERRAINSEG_POST_WARNING(self, STREAM, FAILED,
+                          s.metadata.warning("terrainextract", "nothing is written", s.source.name()));
 }
 
 GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
   ExtractState& s = *self->state;
   const EstimateReader reader(frame, s.source.name());
   const Estimate& e = reader.estimate();
-  watch_for_metadata(self, reader || reader.error());
+  if (s.metadata.see(reader || reader.error()))
+    warn_bare(self);
   bool renegotiate = gst_pad_check_reconfigure(self->src) || !s.negotiated;
   // Where the caps hold no size the metadata tells it.
   if (reader && (s.video.width == 0 || !s.video.known) &&
@@ -670,7 +649,8 @@ gboolean sink_event(GstPad* pad, GstObject* parent, GstEvent* event) {
     s.held_segment = event;
     return TRUE;
   case GST_EVENT_EOS:
-    warn_bare(self);
+    if (s.metadata.end())
+      warn_bare(self);
     break;
   case GST_EVENT_GAP:
     if (s.negotiated)

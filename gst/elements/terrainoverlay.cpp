@@ -6,6 +6,7 @@
 #include "support/estimate_meta.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
+#include "support/metadata_watch.hpp"
 #include "support/metric_drawing.hpp"
 #include "support/metric_meta.hpp"
 #include "support/name_property.hpp"
@@ -14,6 +15,7 @@
 #include "support/plugin_api.hpp"
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
+#include "support/warning.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainoverlay_debug);
 #define GST_CAT_DEFAULT terrainoverlay_debug
@@ -25,9 +27,10 @@ namespace terrainseg {
 struct OverlayState {
   OverlaySettings settings; // object lock
   NameProperty source;
-  GstVideoInfo info;     // streaming
-  bool warned = false;   // streaming; damaged metadata is told once a stream
-  MetricDrawing drawing; // streaming
+  GstVideoInfo info;      // streaming
+  bool warned = false;    // streaming; damaged metadata is told once a stream
+  MetadataWatch metadata; // streaming
+  MetricDrawing drawing;  // streaming
 
   OverlayState() noexcept { gst_video_info_init(&info); }
 };
@@ -98,7 +101,9 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
 }
 
 gboolean start(GstBaseTransform* transform) {
-  self_of(transform)->state->warned = false;
+  OverlayState& s = *self_of(transform)->state;
+  s.warned = false;
+  s.metadata = {};
   return TRUE;
 }
 
@@ -127,6 +132,19 @@ PaintStyle style_of(gpointer object, const OverlayState& s) {
   return s.settings.paint();
 }
 
+/// Says that nothing can be seen, when no frame had metadata.
+void warn_bare(GstBaseTransform* transform, const OverlayState& s) {
+  TERRAINSEG_POST_WARNING(transform, STREAM, FAILED,
+                          s.metadata.warning("terrainoverlay", "nothing is drawn", s.source.name()));
+}
+
+gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
+  OverlayState& s = *self_of(transform)->state;
+  if (GST_EVENT_TYPE(event) == GST_EVENT_EOS && s.metadata.end())
+    warn_bare(transform, s);
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_overlay_parent_class)->sink_event(transform, event);
+}
+
 GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buffer) {
   const PaintStyle style = style_of(transform, s);
   const EstimateReader reader(buffer, s.source.name());
@@ -135,6 +153,8 @@ GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buff
                  : reader.error() ? reader.error()
                                   : "no metadata of that source on",
                  printable(buffer));
+  if (s.metadata.see(reader || reader.error()))
+    warn_bare(transform, s);
   if (!reader) {
     if (reader.error() && !s.warned) {
       s.warned = true;
@@ -200,6 +220,7 @@ static void gst_terrain_overlay_class_init(GstTerrainOverlayClass* klass) {
 
   transform_class->start = start;
   transform_class->set_caps = set_caps;
+  transform_class->sink_event = sink_event;
   transform_class->propose_allocation = propose_allocation;
   transform_class->before_transform = before_transform;
   transform_class->transform_ip = transform_ip;

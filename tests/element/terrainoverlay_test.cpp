@@ -243,6 +243,55 @@ TEST_F(TerrainOverlay, DamagedMetadataIsToldOnceAndNotDrawn) {
   gst_object_unref(bus);
 }
 
+TEST_F(TerrainOverlay, NoMetadataAtAllIsOneWarning) {
+  const GstVideoInfo info = info_of(PixelFormat::I420, 64, 36);
+  const Known known(64, 36, 64, 36);
+  // A second of frames; a short stream; one whose second frame has metadata; one of another source.
+  struct Stream {
+    int frames;
+    bool with_metadata;
+    const char* source;
+    int told_at; // the frame; -1: never
+  };
+  for (const Stream& stream : {Stream{60, false, "", 24}, Stream{1, false, "", 1}, Stream{2, true, "", -1},
+                               Stream{2, true, "rear", 2}}) {
+    const char* source = stream.source;
+    const Harness h = overlay(info);
+    g_object_set(h->element, "source", source, nullptr);
+    GstBus* bus = gst_bus_new();
+    gst_element_set_bus(h->element, bus);
+    int told_at = -1, told = 0;
+    const auto listen = [&](int n) {
+      while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
+        GError* error = nullptr;
+        gst_message_parse_warning(message, &error, nullptr);
+        EXPECT_NE(std::string(error->message).find("No terrain metadata"), std::string::npos)
+            << error->message;
+        EXPECT_NE(std::string(error->message).find("nothing is drawn"), std::string::npos) << error->message;
+        EXPECT_NE(std::string(error->message).find(source), std::string::npos) << error->message;
+        g_error_free(error);
+        gst_message_unref(message);
+        told_at = n;
+        ++told;
+      }
+    };
+    for (int n = 0; n < stream.frames; ++n) {
+      Buffer in = frame(info);
+      if (stream.with_metadata && n == 1) {
+        ASSERT_TRUE(attach(in.get(), known.estimate, known.mask, nullptr));
+      }
+      ASSERT_TRUE(Buffer(gst_harness_push_and_pull(h.get(), in.release())));
+      listen(n);
+    }
+    gst_harness_push_event(h.get(), gst_event_new_eos());
+    listen(stream.frames);
+    EXPECT_EQ(told_at, stream.told_at) << stream.frames << " frames, source=" << source;
+    EXPECT_EQ(told, stream.told_at >= 0);
+    gst_element_set_bus(h->element, nullptr);
+    gst_object_unref(bus);
+  }
+}
+
 TEST_F(TerrainOverlay, AShortBufferIsAnError) {
   const GstVideoInfo info = info_of(PixelFormat::I420, 64, 36);
   const Harness h = overlay(info);

@@ -159,6 +159,7 @@ def metadata_is_dropped(folder):
     output = launch(f'{SCENE} ! terrainseg ! videocrop top=20 ! terrainextract ! application/x-ndjson ! filesink location=lines')
     contains(output, 'No terrain metadata')
     equal(os.path.getsize('lines'), 0, 'bytes')
+    contains(launch(f'{SCENE} ! terrainseg ! videocrop top=20 ! terrainoverlay ! fakesink'), 'so nothing is drawn')
     equal(len(lines(f'{SCENE} ! videocrop top=20 ! terrainseg ! terrainextract')), 30, 'lines')
 
 
