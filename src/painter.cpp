@@ -91,6 +91,31 @@ void paint_tint(const Canvas& canvas, const StretchedMask& mask, const Ink& ink,
   });
 }
 
+/// The tint of pictures without colour, where a grey on the ground would look like any other: lines across
+/// the ground from the lower left to the upper right, white ones with a black one beside each, that are seen
+/// on dark and on bright ground.
+void paint_hatch(const Canvas& canvas, const StretchedMask& mask, int strength, int thickness) {
+  const auto full = static_cast<Coverage>(strength), half = static_cast<Coverage>(half_of(strength));
+  const int distance = 8 * thickness;
+  const auto lines = [&](const Ink& ink, int begin) {
+    canvas.blend(mask.region(), ink, [&](int y, int x, int count, Coverage* out) {
+      std::array<std::uint8_t, tile_width> room;
+      kernels::cover_mask(mask.values(y, x, count, room.data()), count, full, half, out);
+      for (int i = 0, along = (x + y) % distance; i < count;) {
+        const bool on_line = along >= begin && along < begin + thickness;
+        const int next = on_line ? begin + thickness : along < begin ? begin : distance;
+        const int run = std::min(next - along, count - i);
+        if (!on_line)
+          std::fill_n(out + i, run, Coverage{0});
+        i += run;
+        along = next % distance;
+      }
+    });
+  };
+  lines(canvas.ink(white_rgb), 0);
+  lines(canvas.ink(black_rgb), thickness);
+}
+
 // The edge runs inside the area: a pixel belongs to it when a worse one lies within `reach` rows and columns.
 void paint_contour(const Canvas& canvas, const StretchedMask& mask, const Ink& ink, int strength, int reach) {
   constexpr int max_reach = 32;
@@ -256,8 +281,10 @@ void paint(const MutableFrame& frame, const Estimate& estimate, const PaintStyle
   if (have_mask) {
     if (style.style == OverlayStyle::contour)
       paint_contour(canvas, mask, color, line_strength, std::clamp((frame.height + 120) / 240, 1, 16));
-    else
+    else if (canvas.has_colour())
       paint_tint(canvas, mask, color, strength);
+    else
+      paint_hatch(canvas, mask, strength, std::clamp((frame.height + 120) / 240, 1, 16));
   }
   canvas.outline(to_frame(estimate.window), thickness, canvas.ink(window_rgb), line_strength);
   if (estimate.horizon_row >= 0)

@@ -26,11 +26,11 @@ struct PaintStyle {
   std::uint32_t color = 0xff00c83c; ///< 0xAARRGGBB, full-range sRGB; AA scales alpha
 };
 
-/// Draws. Also draws the window as a rectangle and the horizon as a line (dashed where it is held from an
-/// earlier frame), in every style but `mask`. An estimate of another frame size is stretched: rows and
-/// rectangles by size, the mask by nearest neighbour. Pixels outside the frame, bytes between rows and the
-/// alpha channel stay as they are. A subsampled chroma sample takes as much colour as the mean of its pixels.
-/// Allocates nothing.
+/// Draws. In pictures without colour the tint is a hatch of white and black lines. Also draws the window as a
+/// rectangle and the horizon as a line (dashed where it is held from an earlier frame), in every style but
+/// `mask`. An estimate of another frame size is stretched: rows and rectangles by size, the mask by nearest
+/// neighbour. Pixels outside the frame, bytes between rows and the alpha channel stay as they are. A
+/// subsampled chroma sample takes as much colour as the mean of its pixels. Allocates nothing.
 void paint(const MutableFrame& frame, const Estimate& estimate, const PaintStyle& style);
 
 /// A full-range sRGB colour as the components (Y, U, V or R, G, B) of a format, each rounded to nearest.

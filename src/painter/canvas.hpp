@@ -35,6 +35,7 @@ class Canvas {
 
   int width() const { return frame_.width; }
   int height() const { return frame_.height; }
+  bool has_colour() const { return layout_.component_count == 3; }
   Rectangle bounds() const { return {0, 0, frame_.width, frame_.height}; }
   Ink ink(const Ink& rgb) const { return color_in(frame_.format, frame_.colorimetry, rgb); }
 

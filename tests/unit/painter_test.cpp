@@ -137,6 +137,18 @@ void expect_blended(Picture& before, Picture& after, const std::array<std::uint8
   EXPECT_EQ(wrong, 0);
 }
 
+// Lines of one pixel, eight apart: white ones, and a black one right of each.
+void expect_hatched(Picture& before, Picture& after, const std::function<double(int, int)>& coverage) {
+  const MutableFrame& f = before.frame;
+  before.each_sample([&](int c, int x, int y) {
+    const int place = (x + y) % 8;
+    const std::uint8_t grey = place == 0 ? 255 : 0;
+    const double old = before.sample(c, x, y), ink = color_in(f.format, f.colorimetry, {grey, grey, grey})[0];
+    const double expected = place > 1 ? old : old + (ink - old) * coverage(x, y);
+    ASSERT_NEAR(after.sample(c, x, y), expected, 0.5 + 0.5 / before.scale()) << x << "," << y;
+  });
+}
+
 // Every byte that is no sample must still hold the fill.
 void expect_gaps_untouched(Picture& picture) {
   picture.each_sample(
@@ -176,6 +188,10 @@ TEST(Painter, ColorsInEveryColorimetry) {
   }
 }
 
+bool has_colour(PixelFormat format) {
+  return layout_of(format).component_count == 3;
+}
+
 TEST(Painter, TintInEveryFormatSizeAndLayout) {
   for (int f = 0; f < pixel_format_count; ++f)
     for (const auto [width, height] : sizes)
@@ -189,11 +205,48 @@ TEST(Painter, TintInEveryFormatSizeAndLayout) {
         const PaintStyle style = {OverlayStyle::tint, 100, 0xff2040f0};
         paint(after.frame, estimate_of(mask, width, height), style);
         const auto ink = color_in(format, colorimetry, {0x20, 0x40, 0xf0});
-        expect_blended(before, after, ink, [&](int x, int y) {
+        const auto strength = [&](int x, int y) {
           return mask.at(x, y) == 255 ? 100 / 256.0 : mask.at(x, y) == 128 ? 50 / 256.0 : 0.0;
-        });
+        };
+        if (has_colour(format))
+          expect_blended(before, after, ink, strength);
+        else
+          expect_hatched(before, after, strength);
         expect_gaps_untouched(after);
       }
+}
+
+// On ground of any brightness, and half as strongly where it is doubtful.
+TEST(Painter, GroundIsSeenInPicturesWithoutColour) {
+  for (const PixelFormat format : {PixelFormat::GRAY8, PixelFormat::GRAY16_LE})
+    for (const int brightness : {0, 60, 128, 137, 200, 255}) {
+      Picture picture(format, 640, 360);
+      picture.each_sample([&](int c, int x, int y) {
+        std::fill_n(picture.bytes(c, x, y), picture.sample_bytes(), static_cast<std::uint8_t>(brightness));
+      });
+      Mask mask(640, 360, 1);
+      for (int y = 0; y < 360; ++y)
+        for (int x = 0; x < 640; ++x)
+          mask.values[static_cast<std::size_t>(y) * 640 + x] = y < 120   ? mask_not_traversable
+                                                               : y < 240 ? mask_doubtful
+                                                                         : mask_traversable;
+      const double before = picture.sample(0, 0, 0);
+      paint(picture.frame, estimate_of(mask, 640, 360), {});
+      const auto spread = [&](int top,
+                              int bottom) { // between the brightest and the darkest, away from the borders
+        double least = 1e9, most = -1e9;
+        for (int y = top; y < bottom; ++y)
+          for (int x = 0; x < 640; ++x) {
+            least = std::min<double>(least, picture.sample(0, x, y));
+            most = std::max<double>(most, picture.sample(0, x, y));
+          }
+        return most - least;
+      };
+      EXPECT_EQ(spread(0, 120), 0) << brightness;
+      EXPECT_EQ(picture.sample(0, 5, 60), before) << brightness;
+      EXPECT_GT(spread(240, 360), 80) << brightness;
+      EXPECT_NEAR(spread(120, 240), spread(240, 360) / 2, 2) << brightness;
+    }
 }
 
 TEST(Painter, AlphaZeroChangesNothing) {
@@ -218,6 +271,8 @@ TEST(Painter, FullAlphaReplaces) {
     Mask mask(37, 21, 2);
     std::fill(mask.values.begin(), mask.values.end(), mask_traversable);
     paint(picture.frame, estimate_of(mask, 37, 21), {OverlayStyle::tint, 256, 0xff1177cc});
+    if (!has_colour(picture.frame.format)) // lines
+      continue;
     const auto ink = color_in(picture.frame.format, {}, {0x11, 0x77, 0xcc});
     picture.each_sample([&](int c, int x, int y) { ASSERT_EQ(picture.sample(c, x, y), ink[c]); });
   }
@@ -239,6 +294,8 @@ TEST(Painter, RegionOfTheMask) {
     for (const auto& mask_size : {std::array{20, 11}, std::array{7, 4}, std::array{63, 40}}) {
       const int mask_width = mask_size[0], mask_height = mask_size[1];
       const auto format = static_cast<PixelFormat>(f);
+      if (!has_colour(format)) // lines
+        continue;
       Picture before(format, 37, 21, 5), after(format, 37, 21, 5);
       const Mask mask(mask_width, mask_height, 4);
       Estimate estimate = estimate_of(mask, 37, 21);
