@@ -6,6 +6,7 @@ import math
 import os
 import pathlib
 import re
+import resource
 import subprocess
 import sys
 
@@ -103,6 +104,20 @@ def a_chessboard_gives_the_lens(folder):
     calibrate('mount', '--camera-info', 'lens.yaml', *points(1.0, 3.0))
     error = calibrate('camera', 'views', '--board', '12x9', code=1)
     contains(error, 'found in 0 of 11 pictures, 5 are needed')
+
+
+@case
+def pictures_without_a_board_take_no_long(folder):
+    """Leaves, gravel: the finder of quadrangles spends seconds on each such picture."""
+    os.mkdir('views')
+    blocks = np.random.default_rng(1).integers(0, 256, (181, 321)).astype(np.uint8)
+    for index in range(6):
+        cv2.imwrite(f'views/{index}.png', cv2.resize(np.roll(blocks, index), (1920, 1080), interpolation=cv2.INTER_NEAREST))
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    contains(calibrate('camera', 'views', '--board', '8x6', code=1), 'found in 0 of 6 pictures')
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime - before.ru_utime
+    assert spent < 15, f'{spent:.1f} s of processor time'
 
 
 @case

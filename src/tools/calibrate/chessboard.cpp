@@ -35,8 +35,10 @@ std::vector<fs::path> files_of(const std::string& folder) {
 
 bool find_board(const cv::Mat& gray, const Board& board, std::vector<cv::Point2f>& corners) {
   const cv::Size pattern(board.columns, board.rows);
-  if (!cv::findChessboardCorners(gray, pattern, corners,
-                                 cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE))
+  // By sectors, not by quadrangles (findChessboardCorners): those are looked for again and again in whatever
+  // is textured, for seconds where there is no board, with CALIB_CB_FAST_CHECK too, which misses boards
+  // besides.
+  if (!cv::findChessboardCornersSB(gray, pattern, corners))
     return false;
   // The window of the refinement must not reach the next corner.
   double least = 1e9;
