@@ -186,6 +186,22 @@ def players_refuse(folder):
         equal(found, wanted, caps)
 
 
+@row('a pipeline that reads a moving GIF')
+def moving_gif(folder):
+    ffmpeg('-f', 'lavfi', '-i', 'testsrc2=size=64x48:rate=10', '-frames:v', 12, 'moving.gif')
+    behind = '! decodebin ! videoconvert ! terrainseg'
+    try:
+        launch(f'filesrc location=moving.gif {behind} ! fakesink', limit=6)
+        raise Skip('this GStreamer reads it to its end')
+    except subprocess.TimeoutExpired:
+        pass
+    subprocess.run('ffmpeg -nostdin -v error -i moving.gif -c:v ffv1 moving.mkv'.split(), check=True)
+    equal(len(lines(f'filesrc location=moving.mkv {behind} ! terrainextract')), 12, 'lines')
+    result = processed('moving.gif')
+    equal(result.returncode, 0, result.stderr)
+    equal(len(open('out/moving.jsonl').readlines()), 12, 'lines of terrainseg-process')
+
+
 @row('the picture lies on its side')
 def turned(folder):
     launch(f'{SCENE} ! x264enc ! mp4mux ! filesink location=flat.mp4')
