@@ -32,6 +32,9 @@ sys.path.append(str(pathlib.Path(__file__).resolve().parent.parent / 'python'))
 import find_plugin  # noqa: E402
 
 PAGE = pathlib.Path(__file__).resolve().parent / 'page.html'
+NO_CAMERA = """Is a camera there, and free (v4l2-ctl --list-devices)?
+  another one:       --source 'v4l2src device=/dev/video2 ! decodebin'
+  without a camera:  --source 'terrainscenesrc is-live=true ! video/x-raw,framerate=30/1'"""
 ANSWER_LIMIT = 20  # seconds to an answer, then the viewer is given up
 
 
@@ -305,6 +308,12 @@ def main():
             loop.quit()
 
     bus = rover.pipeline.get_bus()
+    # The camera is opened before the first browser comes, and before the address is told.
+    if rover.pipeline.set_state(Gst.State.READY) == Gst.StateChangeReturn.FAILURE:
+        message = bus.pop_filtered(Gst.MessageType.ERROR)
+        cause = message.parse_error()[0].message if message else 'it does not say why'
+        rover.pipeline.set_state(Gst.State.NULL)
+        sys.exit(f'webrtc_sender: the source cannot be opened: {cause}\n{NO_CAMERA}')
     bus.add_signal_watch()
     bus.connect('message', on_message)
     try:
