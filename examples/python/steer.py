@@ -109,6 +109,8 @@ def main():
     parser.add_argument('--link', help='instead of terrainseg: what ends in a terraincombine named link')
     parser.add_argument('video', nargs='?')
     options = parser.parse_args()
+    if not 0 < options.depth <= 1:
+        parser.error(f'--depth {options.depth:g}: say more than 0 and at most 1, of the frame height')
 
     find_plugin.init()
     source = 'terrainscenesrc num-buffers=90 ! video/x-raw,width=320,height=180'

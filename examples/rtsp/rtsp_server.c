@@ -14,6 +14,7 @@
 
 #include <gio/gio.h>
 #include <glib-unix.h>
+#include <locale.h>
 
 typedef struct {
   GMainLoop* loop;
@@ -85,19 +86,36 @@ static void on_message(GstBus* bus, GstMessage* message, gpointer data) {
     tell(message);
 }
 
+/* Keeps the first of GLib's complaints: a value out of its range is left at the default, with no more than a
+ * warning of it. */
+static void on_complaint(const gchar* domain, GLogLevelFlags level, const gchar* text, gpointer data) {
+  gchar** first = data;
+
+  (void)domain;
+  (void)level;
+  if (!*first)
+    *first = g_strdup(text);
+}
+
 /* Builds the pipeline once and opens the camera: what is wrong is known before the first viewer comes. */
 static gboolean can_start(const gchar* launch) {
   GError* error = NULL;
+  gchar* complaint = NULL;
+  const guint handler = g_log_set_handler("GLib-GObject", G_LOG_LEVEL_WARNING, on_complaint, &complaint);
   GstElement* media = gst_parse_launch_full(launch, NULL, GST_PARSE_FLAG_FATAL_ERRORS, &error);
   GstElement* pipeline;
   GstMessage* message;
   GstBus* bus;
   gboolean fine;
 
-  if (!media) {
-    g_printerr("rtsp_server: the pipeline cannot be built: %s: look at --source and --settings\n",
-               error->message);
-    g_error_free(error);
+  g_log_remove_handler("GLib-GObject", handler);
+  if (!media || complaint) {
+    g_printerr("rtsp_server: the pipeline cannot be built: %s: look at --source and --settings\n"
+               "  (gst-inspect-1.0 terrainseg lists its properties and their ranges)\n",
+               complaint ? complaint : error->message);
+    g_clear_error(&error);
+    g_clear_object(&media);
+    g_free(complaint);
     return FALSE;
   }
   pipeline = gst_pipeline_new(NULL);
@@ -196,6 +214,7 @@ int main(int argc, char** argv) {
       {"rtpklvpay", "install gstreamer1.0-plugins-good"}};
   guint i;
 
+  setlocale(LC_ALL, ""); /* what is not ASCII on the command line is read as the locale says */
   g_option_context_add_main_entries(context, entries, NULL);
   g_option_context_add_group(context, gst_init_get_option_group());
   if (!g_option_context_parse(context, &argc, &argv, &error)) {

@@ -228,6 +228,8 @@ def steering_follows_the_widest_space(folder):
     assert abs(angle) < 1e-9, 'the middle one of equals'
     slow, fast = (steer([row] * 4 + [none] * 16, height, 0.1)[1] for row in (85, 40))
     assert slow < fast, 'a short way is driven slowly'
+    for depth in '0', '1.5', '-0.1', 'nan':  # with 0 everything is free
+        contains(run(PYTHON, EXAMPLES / 'python/steer.py', f'--depth={depth}', code=2).stderr, 'more than 0 and at most 1')
 
 
 @case
