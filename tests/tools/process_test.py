@@ -342,6 +342,7 @@ def wrong_usage_is_refused_before_anything_is_written(folder):
             (['--set', 'caution=many'], 'caution'),
             (['--set', 'horizon=sideways'], 'one of off, paper, auto'),
             (['--set', 'caution'], 'PROPERTY=VALUE'),
+            (['--set', 'stages=foo'], 'any of texture, exposure, '),
             (['--set', 'overlay=true'], '--outputs'),
             (['--set', 'overlay-alpha=2'], '0..1'),
             (['--set', 'name=x'], "no property 'name'"),
@@ -357,6 +358,8 @@ def wrong_usage_is_refused_before_anything_is_written(folder):
             (['--stall-timeout', '0'], '--stall-timeout'),
             (['--names', 'mine'], 'base, path, hash'),
             (['--name', 'a/b'], "'/'"),
+            (['--name', '..'], "a folder's name"),
+            (['--name', '.'], "a folder's name"),
             (['--no-such-option'], 'no-such-option'),
             (['--name', 'x', 'other.mp4'], 'one input')):
         result = ok('-o', 'out', *arguments, 'clip.mp4', code=2)
@@ -390,6 +393,15 @@ def sequences_by_folder_and_with_holes(folder):
     check_outputs('out/frames', 4, (64, 48))
     ok('-q', '-o', 'again', 'ride/frames/%04d.jpg')
     equal(pathlib.Path('again/frames.jsonl').read_bytes(), pathlib.Path('out/frames.jsonl').read_bytes(), 'the lines')
+
+
+@case
+def a_frame_rate_is_for_sequences_alone(folder):
+    video('clip.mp4', frames=3, rate=24)
+    images(folder / 'x', 3)
+    contains(ok('-o', 'out', '--fps', '10', 'clip.mp4').stderr, 'warning: --fps is for image sequences')
+    equal([json.loads(line)['pts'] for line in open('out/clip.jsonl')][1] // 1_000_000, 41, 'its own frame rate')
+    assert '--fps' not in ok('-o', 'both', '--fps', '10', 'clip.mp4', 'x').stderr, 'there is a sequence'
 
 
 @case

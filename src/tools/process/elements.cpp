@@ -53,6 +53,12 @@ std::string range_of(GParamSpec* spec) {
       text += (i ? ", " : "one of ") + std::string(all->values[i].value_nick);
     return text;
   }
+  if (G_IS_PARAM_SPEC_FLAGS(spec)) {
+    const GFlagsClass* all = G_PARAM_SPEC_FLAGS(spec)->flags_class;
+    for (guint i = 0; i < all->n_values; ++i)
+      text += (i ? ", " : "any of ") + std::string(all->values[i].value_nick);
+    return text + ", with + between them, or 0 for none";
+  }
   if (g_str_equal(spec->name, "ignore-regions"))
     return "rectangles in pixels, as <<x,y,width,height>,<x,y,width,height>>";
   return std::string("a ") + g_type_name(spec->value_type);

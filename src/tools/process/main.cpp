@@ -369,6 +369,11 @@ int process(int argc, char** argv) {
   if (!options.quiet)
     for (const std::string& note : notes)
       complain(note);
+  if (!options.quiet && options.fps_given &&
+      std::none_of(inputs.begin(), inputs.end(),
+                   [](const Input& input) { return input.kind == Input::Kind::images; }))
+    complain("warning: --fps is for image sequences; what is named here has a frame rate of its own, and "
+             "keeps it");
   if (options.name && inputs.size() > 1) {
     complain("--name is for one input, but these are " + std::to_string(inputs.size()));
     return static_cast<int>(Exit::usage);

@@ -253,6 +253,8 @@ std::variant<Options, EarlyExit> parse_options(int argc, char** argv) {
     options.name = name;
     if (options.name->find('/') != std::string::npos)
       return usage("--name: '" + *options.name + "' holds a '/'; the folder is --output-dir");
+    if (*options.name == "." || *options.name == "..")
+      return usage("--name: '" + *options.name + "' is a folder's name; '' leaves the name out");
   }
   if (names)
     if (auto problem = read_names(names, options))
@@ -262,6 +264,7 @@ std::variant<Options, EarlyExit> parse_options(int argc, char** argv) {
   if (outputs)
     if (auto problem = read_outputs(outputs, options))
       return usage(*problem);
+  options.fps_given = fps != nullptr;
   if (fps)
     if (auto problem = read_fps(fps, options))
       return usage(*problem);

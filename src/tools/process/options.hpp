@@ -58,8 +58,9 @@ struct Options {
   std::string preset; ///< empty = the element's default
   std::vector<std::pair<std::string, std::string>> settings;
   int fps_numerator = 30, fps_denominator = 1; ///< of image sequences
-  std::uint64_t max_frames = 0;                ///< 0 = all
-  int quality = 21;                            ///< H.264 constant quality, 1 best .. 50
+  bool fps_given = false;
+  std::uint64_t max_frames = 0; ///< 0 = all
+  int quality = 21;             ///< H.264 constant quality, 1 best .. 50
   int jobs = 1;
   int threads =
       0; ///< of the decoder and the encoders of one input; 0 = the processors allowed, over the jobs
