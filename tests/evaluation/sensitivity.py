@@ -24,15 +24,16 @@ CONSTANTS = '''
 boundary: edge_limit edge_per_octave shadow_limit shadow_per_grey step_price least_step_price upright_per_octave upright_floor
   leave_price behind_price edgeless_price
 color_bins: noise_floor brightness_slope bins_per_octave
-connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma least_texture
+connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma vouched_darker least_texture
 exposure: target_mean
 geodesic: free_distance most greatest_own_step
 ground_behind: free_below follow_below most margin least_sum
-light_ahead: widest_part
-likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_is_ground rest_of_taught color_weight color_limit texture_weight
+light_ahead: widest_part sunlit blue
+likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_is_ground rest_of_taught color_weight color_limit other_chroma texture_weight
 local_reference: follow_below free_below most
 odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
+own_shadow: least_lit least_dark least_ratio least_step most_chroma most_between
 reestimation: color_weight texture_weight limit limit_per_penalty upper_end
 row_prior: strongest middle middle_per_row
 stone_field: nearest_rows box_reach least_ground trim deviation_floor odd_enough seed_enough seed_reach
@@ -41,11 +42,13 @@ window_guard: patience
 '''
 OF_STILLS = '''
 boundary: edge_limit edge_per_octave shadow_limit step_price edgeless_price
-connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma least_texture
-likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_of_taught color_weight texture_weight
+connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma vouched_darker least_texture
+light_ahead: widest_part sunlit blue
+likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_of_taught color_weight other_chroma texture_weight
 local_reference: follow_below free_below most
 odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
+own_shadow: least_lit least_dark least_ratio least_step most_chroma most_between
 row_prior: middle
 stone_field: box_reach trim odd_enough seed_enough seed_reach stone_peak sure_width sure_height sure_peak
   least_sure least_share
@@ -53,8 +56,9 @@ stone_field: box_reach trim odd_enough seed_enough seed_reach stone_peak sure_wi
 OF_RENDERED = '''
 boundary: leave_price edgeless_price
 connected_ground: taught_chroma vouched_chroma
-motion_obstacles: near_rows far_rows memory settling least_information
+motion_obstacles: near_rows far_rows memory still_memory most_coasted settling least_information
 odd_spots: odd_enough seed_enough far_seed_enough flat_everywhere flat_on_average
+parallax: most_left
 row_prior: denied most_below
 standing_map: least_to_appear least_to_stay
 '''
@@ -102,7 +106,7 @@ class Copy:
             sys.exit(f'sensitivity.py: src has {len(places)} files {file}.cpp: mend the list in this script')
         path = places[0]
         text = path.read_text()
-        place = re.compile(rf'(?<=[ ,]){constant} = (-?\d+)(?=[,;])')
+        place = re.compile(rf'(?<=[ ,]){constant} = (-?\d+)(?=(?: << \d+)?[,;])')
         found = place.findall(text)
         if len(found) != 1:
             sys.exit(f'sensitivity.py: {path.name} defines {constant} {len(found)} times: mend the list in this script')

@@ -141,6 +141,7 @@ void evaluate(const EvalOptions& o) {
     file = open(o.markdown);
   std::ostream& out = o.markdown.empty() ? std::cout : file;
   std::vector<Figures> engines, stages, cautions, perturbed, plain, stills, of_first, of_others;
+  bool any_stage = false;
   for (const Figures& f : all) {
     const bool swept = f.engine.starts_with(caution_mark),
                removed = !swept && f.engine.starts_with("default,");
@@ -149,9 +150,12 @@ void evaluate(const EvalOptions& o) {
     if (f.input != "as it is")
       continue;
     (swept ? cautions : removed ? stages : engines).push_back(f);
+    if (f.engine == "default")
+      stages.push_back(f); // what they are compared with
+    any_stage = any_stage || removed;
     if (!swept)
       plain.push_back(f);
-    if (!f.stills)
+    if (!f.stills || removed)
       continue;
     stills.push_back(f);
     (f.engine == o.engines[0] ? of_first : of_others).push_back(f);
@@ -171,7 +175,8 @@ void evaluate(const EvalOptions& o) {
           [&] { write_stills_matrix(out, stills); });
   section("stills", !stills.empty(), [&] { write_stills(out, of_first); });
   section("stills-others", !stills.empty() && o.engines.size() > 1, [&] { write_stills(out, of_others); });
-  section("stages", !stages.empty(), [&] { write_matrix(out, stages, false); });
+  section("stages", any_stage, [&] { write_matrix(out, stages, false); });
+  section("stage-things", any_stage, [&] { write_things_matrix(out, stages); });
   section("inputs", !o.inputs.empty(), [&] { write_matrix(out, perturbed, true); });
   section("caution", !cautions.empty(), [&] { write_matrix(out, cautions, false); });
   section("max-f", !cautions.empty(), [&] { write_max_f(out, all); });
