@@ -51,7 +51,7 @@ class OwnShadow : public testing::Test {
 };
 
 TEST_F(OwnShadow, IsLeft) {
-  for (const int rows : {1, 3, 5, 6}) {
+  for (const int rows : {2, 3, 5, 6}) {
     shade(rows);
     ASSERT_TRUE(leave()) << rows;
     EXPECT_EQ(lit.size(), static_cast<std::size_t>(window.width * (window.height - rows)));
@@ -69,6 +69,8 @@ TEST_F(OwnShadow, OfAMastIsLeftToo) {
 TEST_F(OwnShadow, WhereThereIsNoneNothingChanges) {
   EXPECT_FALSE(leave());
   EXPECT_EQ(lit, std::vector<Cell>({{1, 1}}));
+  shade(1); // a tenth: a stone's
+  EXPECT_FALSE(leave());
   shade(7); // two fifths are not lit
   EXPECT_FALSE(leave());
   shade(10); // all of it
