@@ -162,7 +162,8 @@ static inline gint gst_terrain_seg_meta_get_horizon_row(const GstStructure* meta
   return gst_terrain_seg_meta_get_int_(meta, "horizon-row", -1);
 }
 
-/** Row of the ground's vanishing line: set, from a pose, or found from motion; -1 = unknown, or outside the frame. */
+/** Row of the ground's vanishing line: set, from a pose, or found from motion; -1 = unknown, or outside the
+ * frame. */
 static inline gdouble gst_terrain_seg_meta_get_vanishing_row(const GstStructure* meta) {
   gdouble row = -1;
   return gst_structure_get_double(meta, "vanishing-row", &row) ? row : -1;
