@@ -87,7 +87,7 @@ static void on_message(GstBus* bus, GstMessage* message, gpointer data) {
 }
 
 /* Keeps the first of GLib's complaints: a value out of its range is left at the default, with no more than a
- * warning of it. */
+ * warning of it, which newer versions of GLib call critical. */
 static void on_complaint(const gchar* domain, GLogLevelFlags level, const gchar* text, gpointer data) {
   gchar** first = data;
 
@@ -101,7 +101,8 @@ static void on_complaint(const gchar* domain, GLogLevelFlags level, const gchar*
 static gboolean can_start(const gchar* launch) {
   GError* error = NULL;
   gchar* complaint = NULL;
-  const guint handler = g_log_set_handler("GLib-GObject", G_LOG_LEVEL_WARNING, on_complaint, &complaint);
+  const guint handler = g_log_set_handler(
+      "GLib-GObject", (GLogLevelFlags)(G_LOG_LEVEL_WARNING | G_LOG_LEVEL_CRITICAL), on_complaint, &complaint);
   GstElement* media = gst_parse_launch_full(launch, NULL, GST_PARSE_FLAG_FATAL_ERRORS, &error);
   GstElement* pipeline;
   GstMessage* message;
