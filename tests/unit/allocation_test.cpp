@@ -72,5 +72,26 @@ TEST(Allocation, NoneWhereStonesAppear) {
   EXPECT_GT(doubtful, 1000);
 }
 
+// The rover turns its back to the sun.
+TEST(Allocation, NoneWhereTheOwnShadowFalls) {
+  const auto painter = [](int shade) {
+    return [=](int x, int y) -> test::Components {
+      if (y < 80)
+        return {230, 150, 100};
+      const int grain = (x * 7 + y * 13) % 11;
+      return {static_cast<std::uint8_t>(y < shade ? 150 + grain : 60 + grain), 128, 128};
+    };
+  };
+  const test::OwnedFrame lit(PixelFormat::I420, 320, 240, painter(240)),
+      shaded(PixelFormat::I420, 320, 240, painter(224)); // of the window's 36 rows 16
+  Segmenter segmenter{Settings{}};
+  for (int i = 0; i < 4; ++i)
+    ASSERT_TRUE(segmenter.process(lit.frame()).ok());
+  const long before = allocations;
+  for (int i = 0; i < 4; ++i)
+    ASSERT_TRUE(segmenter.process(shaded.frame()).ok());
+  EXPECT_EQ(allocations - before, 0);
+}
+
 } // namespace
 } // namespace terrainseg

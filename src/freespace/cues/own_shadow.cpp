@@ -37,6 +37,8 @@ struct Sum {
     v += color[2];
     upper += is_upper;
   }
+  /// Of one of the sums, Q8.
+  std::int64_t mean(std::int64_t sum) const { return 256 * sum / count; }
 };
 
 /// The luma that parts a histogram best: up to it dark, above it lit (Otsu 1979: the greatest variance
@@ -60,16 +62,13 @@ int parting_luma(const std::array<std::int64_t, 256>& histogram, std::int64_t co
   return parting;
 }
 
-std::int64_t distance(std::int64_t sum_a, std::int64_t count_a, std::int64_t sum_b, std::int64_t count_b) {
-  return std::abs(256 * sum_a / count_a - 256 * sum_b / count_b);
-}
-
 } // namespace
 
 bool leave_own_shadow(const Grid& grid, const Rectangle& window, std::span<const Cell> cells,
                       std::vector<Cell>& lit) {
   if (cells.size() < fewest)
     return false;
+  lit.reserve(cells.size()); // however late there is a shadow: later frames need no memory
   const auto count = static_cast<std::int64_t>(cells.size());
   std::array<std::int64_t, 256> histogram{};
   std::int64_t total = 0;
@@ -85,13 +84,13 @@ bool leave_own_shadow(const Grid& grid, const Rectangle& window, std::span<const
     kinds[color[0] > parting].add(color, cell.y < window.y + window.height / 2);
   }
   const auto& [dark, bright] = kinds;
-  if (100 * bright.count < least_lit * count || 100 * dark.count < least_dark * count || dark.count == 0)
+  if (100 * bright.count < least_lit * count || 100 * dark.count < least_dark * count)
     return false;
-  const std::int64_t low = 256 * dark.luma / dark.count, high = 256 * bright.luma / bright.count; // Q8
+  const std::int64_t low = dark.mean(dark.luma), high = bright.mean(bright.luma);
   if (100 * high < least_ratio * low + 100 * 256 * least_step)
     return false;
-  if (distance(dark.u, dark.count, bright.u, bright.count) +
-          distance(dark.v, dark.count, bright.v, bright.count) >
+  if (std::abs(dark.mean(dark.u) - bright.mean(bright.u)) +
+          std::abs(dark.mean(dark.v) - bright.mean(bright.v)) >
       256 * most_chroma)
     return false;
   // Of the upper half no more is dark than of all.
@@ -105,7 +104,6 @@ bool leave_own_shadow(const Grid& grid, const Rectangle& window, std::span<const
   if (100 * between > most_between * count)
     return false;
   lit.clear();
-  lit.reserve(cells.size());
   for (const Cell& cell : cells)
     if (grid.color(cell)[0] > parting)
       lit.push_back(cell);
