@@ -279,12 +279,13 @@ void paint(const MutableFrame& frame, const Estimate& estimate, const PaintStyle
   const int thickness = std::clamp((frame.height + 180) / 360, 1, 16);
 
   if (have_mask) {
+    const int width = std::clamp((frame.height + 120) / 240, 1, 16); // of the contour, of a line of the hatch
     if (style.style == OverlayStyle::contour)
-      paint_contour(canvas, mask, color, line_strength, std::clamp((frame.height + 120) / 240, 1, 16));
+      paint_contour(canvas, mask, color, line_strength, width);
     else if (canvas.has_colour())
       paint_tint(canvas, mask, color, strength);
     else
-      paint_hatch(canvas, mask, strength, std::clamp((frame.height + 120) / 240, 1, 16));
+      paint_hatch(canvas, mask, strength, width);
   }
   canvas.outline(to_frame(estimate.window), thickness, canvas.ink(window_rgb), line_strength);
   if (estimate.horizon_row >= 0)

@@ -88,11 +88,7 @@ std::optional<std::int32_t> MetricStage::vanishing_row(GstClockTime running_time
     return std::nullopt;
   bool posed = false;
   const auto mount = attitude(running_time, posed);
-  const auto row = mount ? metric::vanishing_row(*mount, frame_camera_) : std::nullopt;
-  if (!row)
-    return std::nullopt;
-  const double farthest = 4.0 * frame_camera_.height; // beyond it is as good as straight up or down
-  return static_cast<std::int32_t>(std::lround(std::clamp(*row, -farthest, farthest) * 256));
+  return mount ? metric::vanishing_row_q8(*mount, frame_camera_) : std::nullopt;
 }
 
 const MetricEstimate* MetricStage::refuse(Notice why) {

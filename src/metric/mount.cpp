@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "metric/mount.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <numbers>
@@ -148,6 +149,14 @@ std::optional<double> vanishing_row(const Mount& mount, const Camera& camera) {
   if (!back || !(std::abs(back->y - level.y) <= same * (1 + std::abs(level.y))))
     return std::nullopt;
   return pixel.y;
+}
+
+std::optional<std::int32_t> vanishing_row_q8(const Mount& mount, const Camera& camera) {
+  const auto row = vanishing_row(mount, camera);
+  if (!row)
+    return std::nullopt;
+  const double farthest = 4.0 * camera.height;
+  return static_cast<std::int32_t>(std::lround(std::clamp(*row, -farthest, farthest) * 256));
 }
 
 } // namespace terrainseg::metric

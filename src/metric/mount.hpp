@@ -70,5 +70,8 @@ class GroundProjection {
 /// Row of the picture in which level rays are seen at the principal point's column: the vanishing line of
 /// level ground, may lie outside the picture. Nothing where the lens shows no such ray.
 std::optional<double> vanishing_row(const Mount& mount, const Camera& camera);
+/// The same in Q8, as Frame::vanishing_row has it, at most four heights of the picture from its top: what is
+/// farther is as good as straight up or down.
+std::optional<std::int32_t> vanishing_row_q8(const Mount& mount, const Camera& camera);
 
 } // namespace terrainseg::metric

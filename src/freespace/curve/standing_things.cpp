@@ -64,7 +64,7 @@ int StandingThings::coarsest_columns(const Pyramid& pyramid, int grid_level) {
 void StandingThings::forget() {
   motion_.forget();
   vanishing_row_ = -1;
-  speed_ = 0;
+  speed_ = line_offset_ = 0;
 }
 
 /// Cells whose centres lie in the ground, outside what is ignored.
@@ -99,7 +99,7 @@ void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesO
 
 bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of) {
   vanishing_row_ = -1;
-  speed_ = 0;
+  speed_ = line_offset_ = 0; // a picture that is too small for motion has none
   evidence_ = {};
   level_ = level_of(pyramid, of.grid_level);
   if (level_ > of.grid_level)

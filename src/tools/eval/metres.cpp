@@ -104,9 +104,7 @@ class Filters {
       if (it.true_boundary)
         continue;
       const auto mount = attitudes.at(number, it.attitude);
-      const auto row = mount ? metric::vanishing_row(*mount, camera_) : std::nullopt;
-      frame.vanishing_row =
-          row ? std::optional(static_cast<std::int32_t>(std::lround(*row * 256))) : std::nullopt;
+      frame.vanishing_row = mount ? metric::vanishing_row_q8(*mount, camera_) : std::nullopt;
       const auto [filter, made] = filters_.try_emplace(it.attitude, Settings());
       if (const Status status = filter->second.process(frame); !status.ok())
         throw std::runtime_error(status.message());
