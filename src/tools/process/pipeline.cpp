@@ -29,6 +29,9 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds grace{2};
 
 constexpr GstClockTime poll_interval = 20 * GST_MSECOND;
+/// Between the news that there is no video and the error that says why. Without an error it is waited for in
+/// vain.
+constexpr std::chrono::seconds error_delay{1};
 
 /// Of one input; a stream that changes its size may give one with each.
 constexpr std::size_t most_warnings = 16;
@@ -662,8 +665,9 @@ void Run::play(const std::atomic<int>& interrupted) {
     }
     const bool failed = !source_error_.empty() || !source_.problem().empty();
     if (failed && labelled_ == 0 && (!source_.has_video() || now - last_move > grace)) {
-      if (source_error_.empty()) // it may be on its way
-        handle_messages(bus.get(), 5 * poll_interval);
+      // The error that says why may be on its way, and late on a busy machine.
+      for (const auto until = now + error_delay; source_error_.empty() && Clock::now() < until;)
+        handle_messages(bus.get(), poll_interval);
       return;
     }
     if (!asked_to_end && labelled_ > 0 && (interrupted || (failed && now - last_move > grace))) {
