@@ -22,9 +22,10 @@ use_plugin() {
     if [ -e "$plugin" ] && { [ -z "$newest" ] || [ "$plugin" -nt "$newest" ]; }; then newest=$plugin; fi
   done
   if [ -n "$newest" ]; then
-    GST_PLUGIN_PATH=$(cd "$(dirname "$newest")" && pwd)
-    export GST_PLUGIN_PATH
-    echo "$(basename "$0"): uses the plugin in ${GST_PLUGIN_PATH#"$(dirname "$here")"/}" >&2
+    local folder
+    folder=$(cd "$(dirname "$newest")" && pwd)
+    export GST_PLUGIN_PATH=$folder:${folder%/gst}/lab
+    echo "$(basename "$0"): uses the plugin in ${folder#"$(dirname "$here")"/}" >&2
   elif gst-inspect-1.0 --exists terrainseg; then
     echo "$(basename "$0"): uses the plugin that is installed" >&2
   else

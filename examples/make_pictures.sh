@@ -26,8 +26,9 @@ trap 'rm -rf "$work"' EXIT
 
 # tool NAME: the program of the build that the plugin is from, else the one that is installed.
 tool() {
-  local built=${GST_PLUGIN_PATH:-}/../src/tools/$1
-  if [ -x "$built" ]; then echo "$built"; else command -v "$1" || fail "there is no $1: build it, or install it"; fi
+  local build=${GST_PLUGIN_PATH:-}
+  build=${build%%:*}/..
+  if [ -x "$build/lab/$1" ]; then echo "$build/lab/$1"; elif [ -x "$build/src/tools/$1" ]; then echo "$build/src/tools/$1"; else command -v "$1" || fail "there is no $1: build it, or install it"; fi
 }
 
 # picture NAME FRAMES "SCENE PROPERTIES" [ELEMENTS]: the last of FRAMES frames; the file is written anew with every frame.

@@ -42,7 +42,7 @@ build_it() {
   begin=$SECONDS
   if [ ! -f "$build/build.ninja" ]; then
     echo "configuring ..."
-    heartbeat "$build.log" meson setup "$build" -Dtests=disabled -Dbench=disabled ||
+    heartbeat "$build.log" meson setup "$build" -Dtests=disabled -Dbench=disabled -Dlab=disabled -Dunity-tools=true ||
       { tail -n 20 "$build.log" >&2; fail "could not configure the build; the whole log is $build.log"; }
   fi
   echo "building ..."

@@ -6,6 +6,6 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 ./install-dependencies.sh plugin run browser preview
 build=${BUILD:-build-browser}
-[ -f "$build/build.ninja" ] || meson setup "$build" -Dtests=disabled -Dtools=disabled -Dbench=disabled >/dev/null
+[ -f "$build/build.ninja" ] || meson setup "$build" -Dtests=disabled -Dtools=disabled -Dlab=disabled -Dbench=disabled >/dev/null
 ninja -C "$build" gst/libgstterrainseg.so >"$build/browser-build.log" 2>&1 || { tail -n 20 "$build/browser-build.log" >&2; exit 1; }
 exec /usr/bin/python3 tests/browser.py "$build" "$@"

@@ -135,7 +135,7 @@ def main():
         sys.exit(__doc__)
     build = pathlib.Path(sys.argv[1]).resolve()
     paths = [pathlib.Path(p) for p in sys.argv[2:]] or [TOP / 'README.md', *sorted((TOP / 'docs').rglob('*.md'))]
-    environment = dict(os.environ, GST_PLUGIN_PATH=str(build / 'gst'), GST_REGISTRY=str(build / 'registry-docs.bin'),
+    environment = dict(os.environ, GST_PLUGIN_PATH=f'{build}/gst:{build}/lab', GST_REGISTRY=str(build / 'registry-docs.bin'),
                        PATH=f"{build / 'src' / 'tools'}:{os.environ['PATH']}", TERRAINSEG_SOURCE=str(TOP))
     environment.pop('DISPLAY', None)
     ran = failed = 0

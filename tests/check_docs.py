@@ -21,7 +21,7 @@ ONLY_IN_SOME_BUILDS = {'analytics-meta'}  # needs GStreamer 1.26: described in t
 
 
 def load(build):
-    os.environ['GST_PLUGIN_PATH'] = str(build / 'gst')
+    os.environ['GST_PLUGIN_PATH'] = f'{build}/gst:{build}/lab'
     os.environ.setdefault('GST_REGISTRY', str(build / 'registry.bin'))
     import gi
     gi.require_version('Gst', '1.0')

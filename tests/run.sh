@@ -78,7 +78,7 @@ ahead=
 build_sanitizers() {
   # Of debug information the lines, which is what a report names.
   with_clang configure_and_build build-sanitizers --werror -Doptimization=2 -Ddebug=false \
-    -Dc_args=-gline-tables-only -Dcpp_args="-gline-tables-only -D_GLIBCXX_ASSERTIONS" -Db_sanitize=address,undefined -Db_lundef=false -Dtools=disabled -Dbench=disabled
+    -Dc_args=-gline-tables-only -Dcpp_args="-gline-tables-only -D_GLIBCXX_ASSERTIONS" -Db_sanitize=address,undefined -Db_lundef=false -Dtools=disabled -Dlab=disabled -Dbench=disabled
 }
 # Compiles for the sanitizers in what the tests of the release leave of the processors; those that run alone wait for most of their time.
 begin_sanitizers() {
@@ -95,7 +95,7 @@ end_begun() {
 
 if wants release; then
   step "GCC $(gcc -dumpversion), release"
-  if configure_and_build build-release "$werror" -Dtests=enabled; then
+  if configure_and_build build-release "$werror" -Dtests=enabled -Dunity-tools=true; then
     ! wants sanitizers || begin_sanitizers
     run_tests build-release --num-processes 3 --no-suite slow
     end_begun

@@ -30,13 +30,13 @@ if [ "$(reserved "$work/names.cpp" | cut -d: -f2 | tr '\n' ' ')" != '1 2 3 4 ' ]
   echo "tidy.sh: of names that are reserved it finds: $(reserved "$work/names.cpp")" >&2
   exit 1
 fi
-mapfile -t ours < <(git ls-files 'src/*.[ch]pp' 'gst/*.[ch]pp' 'include/*.h' 'include/*.hpp')
+mapfile -t ours < <(git ls-files 'src/*.[ch]pp' 'gst/*.[ch]pp' 'lab/[egr]*.[ch]pp' 'include/*.h' 'include/*.hpp')
 if reserved "${ours[@]}"; then
   echo "tidy.sh: the names above are the compiler's"
   exit 1
 fi
 
-[ $# -gt 0 ] || mapfile -t files < <(git ls-files 'src/*.cpp' 'gst/*.cpp')
+[ $# -gt 0 ] || mapfile -t files < <(git ls-files 'src/*.cpp' 'gst/*.cpp' 'lab/[egr]*.cpp')
 [ $# -eq 0 ] || files=("$@")
 status=0
 printf '%s\0' "${files[@]}" | xargs -0 -n 1 -P "$(nproc)" "$tidy" -p build-tidy --quiet >"$work/found" 2>"$work/log" || status=$?

@@ -9,7 +9,7 @@ build=${BUILD:-build-tsan}
 seconds=${1:-60}
 seed=${2:-$RANDOM}
 element=(terraincombine terrainseg_events terrainseg_settings)
-[ -d "$build" ] || meson setup "$build" --buildtype=debugoptimized -Db_sanitize=thread -Db_lundef=false -Dtools=disabled \
+[ -d "$build" ] || meson setup "$build" --buildtype=debugoptimized -Db_sanitize=thread -Db_lundef=false -Dtools=disabled -Dlab=disabled \
   -Dbench=disabled >"$build.log" 2>&1 || { tail -n 20 "$build.log"; exit 1; }
 targets=(gst/libgstterrainseg.so tests/stress/stress tests/tsan/libglib_order.so tests/tsan/threads_test tests/tsan/race)
 for name in "${element[@]}"; do

@@ -68,7 +68,7 @@ def the_newest_build_is_found_and_named(folder):
     for name, age in (('build', 100), ('build-release', 50), ('build-quickstart', 200)):
         os.makedirs(f'tree/{name}/gst')
         plugin = pathlib.Path(f'tree/{name}/gst/libgstterrainseg.so')
-        plugin.symlink_to(os.path.join(os.environ['GST_PLUGIN_PATH'], plugin.name))
+        plugin.symlink_to(os.path.join(os.environ['GST_PLUGIN_PATH'].split(':')[0], plugin.name))
         os.utime(plugin, (time.time() - age,) * 2, follow_symlinks=False)
     for program in ['tree/examples/camera.sh', '--self-test'], [PYTHON, 'tree/examples/python/steer.py']:
         contains(run(*program, env=plain).stderr, 'uses the plugin in build')
@@ -444,9 +444,9 @@ def make_pictures_makes_every_picture(folder):
         assert content.startswith(first) and content.endswith(last), f'{name} is no such file'
         assert 1000 < len(content) < 200000, f'{name} has {len(content)} bytes'
     # What the evaluation makes of real recordings.
-    for folder, makers in (('pictures', ['tests/evaluation/accuracy.sh']),
-                           ('images/paper', ['src/tools/eval/paper_figures.cpp', 'src/tools/eval/paper_error_rates.cpp',
-                                             'src/tools/eval/paper_training.cpp'])):
+    for folder, makers in (('pictures', ['lab/evaluation/accuracy.sh']),
+                           ('images/paper', ['lab/eval/paper_figures.cpp', 'lab/eval/paper_error_rates.cpp',
+                                             'lab/eval/paper_training.cpp'])):
         text = ''.join((EXAMPLES.parent / maker).read_text() for maker in makers)
         nobodys = [path.name for path in (EXAMPLES.parent / 'docs' / folder).iterdir() if f'/{path.name}"' not in text and f'"{path.name}"' not in text]
         equal(nobodys, [], f'pictures of docs/{folder} that no command makes')

@@ -27,7 +27,7 @@ esac
 
 command -v clang++ >/dev/null || { echo "fuzz: clang is not here: left out"; exit 77; }
 build=build-fuzz
-options=(-Dfuzz=true -Dtools=disabled -Dbench=disabled)
+options=(-Dfuzz=true -Dtools=disabled -Dlab=disabled -Dbench=disabled)
 if [ "$mode" = coverage ]; then
   build=build-fuzz-coverage
   profiling='-fprofile-instr-generate -fcoverage-mapping'

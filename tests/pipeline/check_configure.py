@@ -141,13 +141,13 @@ def main():
             said = [line for line in log.splitlines() if 'no: install' in line and package in line]
             wanted = [part for part in parts if part != 'fuzz']
             expect(len(said) == len(wanted), f'without {name} the summary names {package} {len(said)} times, not for {wanted}', log)
-            for option in sorted({{'process': 'tools', 'eval': 'tools', 'rtsp': 'tests'}.get(part, part) for part in parts}):
+            for option in sorted({{'process': 'tools', 'calibrate': 'tools', 'pictures': 'calibrate-pictures', 'rtsp': 'tests'}.get(part, part) for part in parts}):
                 value = 'true' if option == 'fuzz' else 'enabled'
-                status, log = setup([name], f'-D{option}={value}', *(['-Dtools=disabled', '-Dtests=disabled'] if option == 'fuzz' else []))
+                status, log = setup([name], f'-D{option}={value}', *(['-Dtools=disabled', '-Dlab=disabled', '-Dtests=disabled'] if option == 'fuzz' else []))
                 expect(status != 0 and f'install the package {package}' in log, f'-D{option}={value} without {name} does not name {package}', log)
         parts = {part for _, some, _ in packages.values() for part in some}
         status, log = setup(list(packages))
-        expect(status == 0 and log.count('no: install') == len(parts - {'fuzz', 'rtsp'}), 'with the plugin\'s packages only the plugin is not configured', log)
+        expect(status == 0 and log.count('no: install') == len(parts - {'fuzz', 'rtsp', 'pictures'}), 'with the plugin\'s packages only the plugin is not configured', log)
         for name, package in required.items():
             status, log = setup([name])
             expect(status != 0 and f'install {package}' in log, f'without {name} the set-up does not stop and name {package}', log)
@@ -166,7 +166,7 @@ def main():
         expect(status == 0, 'the quickstart cannot be configured', log)
         steps = subprocess.run(['ninja', '-n', '-v', '-C', str(folder / f'build{runs}'), *targets], capture_output=True, text=True, check=True).stdout
         compiled = re.findall(r' -c (\S+)', steps)
-        others = [file for file in compiled if re.search('/(tests|examples|src/reference|src/tools/(eval|calibrate))/', file)]
+        others = [file for file in compiled if re.search('/(tests|examples|lab|src/tools/calibrate)/', file)]
         expect(len(compiled) > 50 and not others, f'the quickstart compiles {len(compiled)} files, among them {others}', steps)
         print(f'{runs} set-ups; the quickstart compiles {len(compiled)} files')
 

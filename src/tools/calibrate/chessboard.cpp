@@ -9,8 +9,6 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "tools/calibrate/points.hpp"
-
 namespace terrainseg::calibrate {
 namespace {
 
@@ -50,8 +48,11 @@ bool find_board(const cv::Mat& gray, const Board& board, std::vector<cv::Point2f
   return true;
 }
 
-/// Views and the size that they share.
-cv::Size look(const std::vector<fs::path>& files, const Board& board, Calibration& out) {
+using Corners = std::vector<cv::Point2f>;
+
+/// Views, their corners and the size that they share.
+cv::Size look(const std::vector<fs::path>& files, const Board& board, Calibration& out,
+              std::vector<Corners>& corners) {
   cv::Size size;
   std::string first;
   for (const fs::path& file : files) {
@@ -67,11 +68,13 @@ cv::Size look(const std::vector<fs::path>& files, const Board& board, Calibratio
                                std::to_string(size.width) + "x" + std::to_string(size.height) +
                                "; all pictures must have the size that the camera delivers to the filter");
     }
-    View view{file.filename().string(), {}, 0};
-    if (find_board(gray, board, view.corners))
-      out.views.push_back(std::move(view));
-    else
+    Corners found;
+    if (find_board(gray, board, found)) {
+      out.views.push_back({file.filename().string(), 0});
+      corners.push_back(std::move(found));
+    } else {
       out.without_board.push_back(file.filename().string());
+    }
   }
   return size;
 }
@@ -89,38 +92,20 @@ void take(Calibration& out, const cv::Size& size, const cv::Mat& k, const cv::Ma
     out.camera.coefficients[i] = d.at<double>(i);
 }
 
-double covered(const std::vector<View>& views, const cv::Size& size) {
+double covered(const std::vector<Corners>& views, const cv::Size& size) {
   cv::Rect2f box;
-  for (const View& view : views)
-    for (const cv::Point2f& p : view.corners)
+  for (const Corners& view : views)
+    for (const cv::Point2f& p : view)
       box = box.empty() ? cv::Rect2f(p, cv::Size2f(1, 1)) : box | cv::Rect2f(p, cv::Size2f(1, 1));
   return box.area() / static_cast<double>(size.area());
 }
 
 } // namespace
 
-Board parse_board(const std::string& text) {
-  const std::size_t x = text.find('x');
-  const std::string what = "--board";
-  Board board;
-  if (x != text.npos) {
-    const double columns = parse_number(text.substr(0, x), what),
-                 rows = parse_number(text.substr(x + 1), what);
-    if (columns >= 3 && rows >= 3 && columns <= 100 && rows <= 100 && columns == std::floor(columns) &&
-        rows == std::floor(rows)) {
-      board.columns = static_cast<int>(columns);
-      board.rows = static_cast<int>(rows);
-      return board;
-    }
-  }
-  throw std::runtime_error("--board: '" + text +
-                           "' is not COLUMNSxROWS of inner corners, each 3..100 (a board of 10x7 squares has "
-                           "9x6)");
-}
-
 Calibration calibrate_from_folder(const std::string& folder, const Board& board, bool fisheye) {
   Calibration out;
-  const cv::Size size = look(files_of(folder), board, out);
+  std::vector<Corners> corners;
+  const cv::Size size = look(files_of(folder), board, out, corners);
   if (out.views.size() < fewest_views)
     throw std::runtime_error(
         folder + ": a whole board of " + std::to_string(board.columns) + "x" + std::to_string(board.rows) +
@@ -134,9 +119,6 @@ Calibration calibrate_from_folder(const std::string& folder, const Board& board,
       model.emplace_back(static_cast<float>(column * board.square), static_cast<float>(row * board.square),
                          0.f);
   const std::vector<std::vector<cv::Point3f>> models(out.views.size(), model);
-  std::vector<std::vector<cv::Point2f>> corners;
-  for (const View& view : out.views)
-    corners.push_back(view.corners);
   cv::Mat k = cv::Mat::eye(3, 3, CV_64F), d;
   std::vector<cv::Mat> rotations, shifts;
   try {
@@ -150,7 +132,7 @@ Calibration calibrate_from_folder(const std::string& folder, const Board& board,
                              "degrees and more, near the corners of the picture too");
   }
   for (std::size_t i = 0; i < out.views.size(); ++i) {
-    std::vector<cv::Point2f> seen;
+    Corners seen;
     if (fisheye)
       cv::fisheye::projectPoints(models[i], seen, rotations[i], shifts[i], k, d);
     else
@@ -159,7 +141,7 @@ Calibration calibrate_from_folder(const std::string& folder, const Board& board,
         cv::norm(seen, corners[i], cv::NORM_L2) / std::sqrt(static_cast<double>(seen.size()));
   }
   take(out, size, k, d, fisheye);
-  out.coverage = covered(out.views, size);
+  out.coverage = covered(corners, size);
   if (std::string flaw = metric::flaw_of(out.camera); !flaw.empty())
     throw std::runtime_error(folder + ": " + flaw + "; take more views, tilted and all over the picture");
   return out;

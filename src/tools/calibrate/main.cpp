@@ -7,17 +7,16 @@
 #include <fstream>
 #include <iostream>
 #include <numbers>
-#include <opencv2/core/utils/logger.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
 #include "exchange/counted.hpp"
 #include "metric/camera_info.hpp"
+#include "tools/calibrate/chessboard.hpp"
 #include "tools/calibrate/files.hpp"
-#include "tools/calibrate/grid_picture.hpp"
 #include "tools/calibrate/horizon_check.hpp"
 #include "tools/calibrate/options.hpp"
+#include "tools/calibrate/pictures.hpp"
 #include "tools/command_line.hpp"
 
 namespace {
@@ -33,27 +32,16 @@ double degrees(double radians) {
   return radians * 180 / std::numbers::pi;
 }
 
-cv::Mat read_picture(const std::string& path) {
-  cv::Mat picture = cv::imread(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
-  if (picture.empty())
-    throw std::runtime_error(path + ": no picture that can be decoded; take one from a video with ffmpeg -i "
-                                    "VIDEO -frames:v 1 frame.png");
-  return picture;
+void draw(const std::string& frame, const metric::Camera& camera, const metric::Mount& mount,
+          const std::vector<MeasuredPoint>& points, const std::string& picture) {
+  draw_over(frame, camera, mount, points, picture);
+  std::printf("%s: metres drawn over the frame; check that its lines lie where the metres are\n",
+              picture.c_str());
 }
 
-void write_picture(const std::string& path, const cv::Mat& picture) {
-  std::vector<std::uint8_t> bytes;
-  const std::size_t dot = path.rfind('.');
-  try {
-    if (dot == path.npos || !cv::imencode(path.substr(dot), picture, bytes))
-      bytes.clear();
-  } catch (const cv::Exception&) {
-    bytes.clear();
-  }
-  if (bytes.empty())
-    throw std::runtime_error(path + ": cannot be encoded; name it .png or .jpg");
-  write_file(path, {bytes.begin(), bytes.end()});
-  std::printf("%s: metres over the frame; look whether its lines lie where the metres are\n", path.c_str());
+metric::Camera fitted_to(const metric::Camera& camera, const std::string& frame) {
+  const PictureSize size = size_of_picture(frame);
+  return fitted(camera, size.width, size.height);
 }
 
 int run_camera(const Words& words) {
@@ -106,19 +94,14 @@ void print_fit(const MountFit& fit, const std::vector<MeasuredPoint>& points) {
 int run_mount(const Words& words) {
   const MountOptions o = parse_mount(words);
   metric::Camera camera = read_camera(o.camera_info);
-  cv::Mat frame;
-  if (!o.frame.empty()) {
-    frame = read_picture(o.frame);
-    camera = fitted(camera, frame.cols, frame.rows);
-  }
+  if (!o.frame.empty())
+    camera = fitted_to(camera, o.frame);
   const MountFit fit = fit_mount(camera, o.points, o.known);
   print_fit(fit, o.points);
   write_file(o.out, metric::mount_file(fit.mount));
   std::printf("%s: written\n", o.out.c_str());
-  if (!o.picture.empty()) {
-    draw_grid(frame, camera, fit.mount, o.points);
-    write_picture(o.picture, frame);
-  }
+  if (!o.picture.empty())
+    draw(o.frame, camera, fit.mount, o.points, o.picture);
   return EXIT_SUCCESS;
 }
 
@@ -154,11 +137,8 @@ int run_check(const Words& words) {
   const metric::Camera camera = read_camera(o.camera_info);
   const metric::Mount mount = read_mount_argument(o.mount);
   const bool agrees = o.lines.empty() || check_recording(o, camera, mount);
-  if (!o.picture.empty()) {
-    cv::Mat frame = read_picture(o.frame);
-    draw_grid(frame, fitted(camera, frame.cols, frame.rows), mount, {});
-    write_picture(o.picture, frame);
-  }
+  if (!o.picture.empty())
+    draw(o.frame, fitted_to(camera, o.frame), mount, {}, o.picture);
   return agrees ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
@@ -182,7 +162,6 @@ int run(const Words& words) {
 
 int main(int argc, char** argv) {
   std::setlocale(LC_CTYPE, ""); // for GLib's help; numbers keep their points
-  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   const Words words(argv + 1, argv + argc);
   try {
     if (words.empty()) {

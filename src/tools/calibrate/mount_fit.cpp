@@ -2,10 +2,10 @@
 #include "tools/calibrate/mount_fit.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <opencv2/core.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -26,6 +26,68 @@ constexpr double useful_roll = 1.5 * degree; ///< ... beyond which roll is left 
 
 enum Parameter : int { log_height, pitch, roll };
 using Values = std::array<double, 3>;
+using Matrix = std::array<Values, 3>;
+
+/// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by Jacobi's rotations.
+struct Eigen3 {
+  Values values{};
+  Matrix vectors{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+
+  explicit Eigen3(Matrix m) {
+    for (int sweep = 0; sweep < 30; ++sweep)
+      for (std::size_t p = 0; p < 2; ++p)
+        for (std::size_t q = p + 1; q < 3; ++q) {
+          if (m[p][q] == 0)
+            continue;
+          const double theta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
+          const double t = std::copysign(1.0, theta) / (std::abs(theta) + std::hypot(theta, 1.0));
+          const double c = 1 / std::hypot(t, 1.0), s = t * c;
+          for (std::size_t k = 0; k < 3; ++k)
+            rotate(m[k][p], m[k][q], c, s);
+          for (std::size_t k = 0; k < 3; ++k)
+            rotate(m[p][k], m[q][k], c, s);
+          for (std::size_t k = 0; k < 3; ++k)
+            rotate(vectors[k][p], vectors[k][q], c, s);
+        }
+    values = {m[0][0], m[1][1], m[2][2]};
+  }
+
+ private:
+  static void rotate(double& a, double& b, double c, double s) {
+    const double was = a;
+    a = c * a - s * b;
+    b = s * was + c * b;
+  }
+};
+
+/// Inverse of a symmetric matrix of `size` rows and columns; the rest is not used. Directions that are lost
+/// in rounding get no part in it.
+struct Inverse {
+  Matrix entries{};
+  double condition = 0; ///< smallest through largest eigenvalue
+
+  Inverse(const Matrix& m, std::size_t size) {
+    const Eigen3 eigen(m);
+    // Parameters that are not sought have rows and columns of zeros: their eigenvalues count as nothing.
+    double least = std::numeric_limits<double>::infinity(), most = 0;
+    for (std::size_t i = 0; i < 3; ++i)
+      most = std::max(most, std::abs(eigen.values[i]));
+    for (std::size_t i = 0; i < 3; ++i) {
+      double share = 0;
+      for (std::size_t row = 0; row < size; ++row)
+        share += eigen.vectors[row][i] * eigen.vectors[row][i];
+      if (share < 0.5)
+        continue;
+      least = std::min(least, std::abs(eigen.values[i]));
+      if (std::abs(eigen.values[i]) <= 1e-16 * most)
+        continue;
+      for (std::size_t a = 0; a < size; ++a)
+        for (std::size_t b = 0; b < size; ++b)
+          entries[a][b] += eigen.vectors[a][i] * eigen.vectors[b][i] / eigen.values[i];
+    }
+    condition = most > 0 ? least / most : 0;
+  }
+};
 
 std::string name_of(std::size_t index, const MeasuredPoint& point) {
   char text[96];
@@ -76,18 +138,27 @@ class Search {
     double damping = 1e-3;
     for (int round = 0; round < most_rounds && damping < 1e12; ++round) {
       Found next = now;
-      const cv::Mat jacobian = slopes(now.at);
-      cv::Mat normal = jacobian.t() * jacobian;
-      for (int i = 0; i < normal.rows; ++i)
-        normal.at<double>(i, i) *= 1 + damping;
-      cv::Mat step;
-      if (!cv::solve(normal, jacobian.t() * errors(now.at), step, cv::DECOMP_SVD))
-        break;
-      for (std::size_t i = 0; i < free_.size(); ++i)
-        next.at[free_[i]] -= step.at<double>(static_cast<int>(i));
+      const auto jacobian = slopes(now.at);
+      const auto errors_now = errors(now.at);
+      Matrix normal = normal_of(jacobian);
+      Values gradient{};
+      for (std::size_t i = 0; i < free_.size(); ++i) {
+        normal[i][i] *= 1 + damping;
+        for (std::size_t k = 0; k < errors_now.size(); ++k)
+          gradient[i] += jacobian[k][i] * errors_now[k];
+      }
+      const Inverse inverse(normal, free_.size());
+      double step = 0;
+      for (std::size_t i = 0; i < free_.size(); ++i) {
+        double part = 0;
+        for (std::size_t k = 0; k < free_.size(); ++k)
+          part += inverse.entries[i][k] * gradient[k];
+        next.at[free_[i]] -= part;
+        step = std::hypot(step, part);
+      }
       next.cost = sound(next.at) ? cost(next.at) : std::numeric_limits<double>::infinity();
       if (next.cost < now.cost) {
-        const bool settled = cv::norm(step) < 1e-13;
+        const bool settled = step < 1e-13;
         now = next;
         damping /= 10;
         if (settled)
@@ -103,12 +174,10 @@ class Search {
   /// do not tell.
   Values deviations(const Values& at, double sigma) const {
     Values out{};
-    const cv::Mat jacobian = slopes(at);
-    cv::Mat inverse;
-    const double condition = cv::invert(jacobian.t() * jacobian, inverse, cv::DECOMP_SVD);
+    const Inverse inverse(normal_of(slopes(at)), free_.size());
     for (std::size_t i = 0; i < free_.size(); ++i)
-      out[free_[i]] = condition < 1e-12 ? std::numeric_limits<double>::infinity()
-                                        : sigma * std::sqrt(std::max(inverse.at<double>(i, i), 0.0));
+      out[free_[i]] = inverse.condition < 1e-12 ? std::numeric_limits<double>::infinity()
+                                                : sigma * std::sqrt(std::max(inverse.entries[i][i], 0.0));
     return out;
   }
 
@@ -133,23 +202,39 @@ class Search {
   static bool sound(const Values& at) {
     return std::abs(at[log_height]) < 8 && std::abs(at[pitch]) <= steepest && std::abs(at[roll]) <= steepest;
   }
-  cv::Mat errors(const Values& at) const {
+  std::vector<double> errors(const Values& at) const {
     const Mount mount = mount_at(at);
-    cv::Mat out(static_cast<int>(rays_.size()), 1, CV_64F);
-    for (int i = 0; i < out.rows; ++i)
-      out.at<double>(i) = descent(mount, rays_[i]) - std::atan2(mount.height, points_[i].distance);
+    std::vector<double> out;
+    for (std::size_t i = 0; i < rays_.size(); ++i)
+      out.push_back(descent(mount, rays_[i]) - std::atan2(mount.height, points_[i].distance));
     return out;
   }
-  double cost(const Values& at) const { return cv::norm(errors(at), cv::NORM_L2SQR); }
-  cv::Mat slopes(const Values& at) const {
+  double cost(const Values& at) const {
+    double sum = 0;
+    for (const double error : errors(at))
+      sum += error * error;
+    return sum;
+  }
+  /// A row per point, a column per free parameter.
+  std::vector<Values> slopes(const Values& at) const {
     constexpr double step = 1e-6;
-    cv::Mat out(static_cast<int>(rays_.size()), static_cast<int>(free_.size()), CV_64F);
+    std::vector<Values> out(rays_.size());
     for (std::size_t i = 0; i < free_.size(); ++i) {
-      Values before = at, after = at;
-      before[free_[i]] -= step;
-      after[free_[i]] += step;
-      out.col(static_cast<int>(i)) = (errors(after) - errors(before)) / (2 * step);
+      Values low = at, high = at;
+      low[free_[i]] -= step;
+      high[free_[i]] += step;
+      const auto before = errors(low), after = errors(high);
+      for (std::size_t k = 0; k < out.size(); ++k)
+        out[k][i] = (after[k] - before[k]) / (2 * step);
     }
+    return out;
+  }
+  static Matrix normal_of(const std::vector<Values>& jacobian) {
+    Matrix out{};
+    for (const Values& row : jacobian)
+      for (std::size_t a = 0; a < 3; ++a)
+        for (std::size_t b = 0; b < 3; ++b)
+          out[a][b] += row[a] * row[b];
     return out;
   }
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "tools/calibrate/chessboard.hpp"
 #include "tools/calibrate/mount_fit.hpp"
+#include "tools/calibrate/points.hpp"
 
 namespace terrainseg::calibrate {
 

@@ -67,4 +67,23 @@ std::vector<MeasuredPoint> parse_points(std::string_view text) {
   return points;
 }
 
+Board parse_board(const std::string& text) {
+  const std::size_t x = text.find('x');
+  const std::string what = "--board";
+  Board board;
+  if (x != text.npos) {
+    const double columns = parse_number(text.substr(0, x), what),
+                 rows = parse_number(text.substr(x + 1), what);
+    if (columns >= 3 && rows >= 3 && columns <= 100 && rows <= 100 && columns == std::floor(columns) &&
+        rows == std::floor(rows)) {
+      board.columns = static_cast<int>(columns);
+      board.rows = static_cast<int>(rows);
+      return board;
+    }
+  }
+  throw std::runtime_error("--board: '" + text +
+                           "' is not COLUMNSxROWS of inner corners, each 3..100 (a board of 10x7 squares has "
+                           "9x6)");
+}
+
 } // namespace terrainseg::calibrate

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Points of the ground that somebody measured, as text.
+// What a user measured, as text: points of the ground, a chessboard.
 #pragma once
 
 #include <string>
@@ -13,6 +13,15 @@ namespace terrainseg::calibrate {
 struct MeasuredPoint {
   double u = 0, v = 0, distance = 0;
 };
+
+/// A chessboard.
+struct Board {
+  int columns = 9, rows = 6; ///< inner corners
+  double square = 1;         ///< side of a square, metres; the calibration does not depend on it
+};
+
+/// `9x6`; throws std::runtime_error.
+Board parse_board(const std::string& text);
 
 /// A number in full, whatever the locale; throws std::runtime_error that names `what`.
 double parse_number(std::string_view text, std::string_view what);

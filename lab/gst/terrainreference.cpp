@@ -1,0 +1,501 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "lab/gst/terrainreference.hpp"
+
+#include <gst/video/video.h>
+
+#include <algorithm>
+#include <iterator>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "lab/reference/reference_engine.hpp"
+#include "lab/reference/reference_estimate.hpp"
+#include "support/buffer_pool.hpp"
+#include "support/colour_watch.hpp"
+#include "support/estimate_meta.hpp"
+#include "support/guarded.hpp"
+#include "support/instance_state.hpp"
+#include "support/object.hpp"
+#include "support/overlay_properties.hpp"
+#include "support/plugin_api.hpp"
+#include "support/properties.hpp"
+#include "support/training_meta.hpp"
+#include "support/transform.hpp"
+#include "support/video_frame.hpp"
+#include "support/window_request.hpp"
+#include "terrainseg/settings.hpp"
+
+GST_DEBUG_CATEGORY_STATIC(terrainreference_debug);
+#define GST_CAT_DEFAULT terrainreference_debug
+
+namespace terrainseg {
+namespace {
+
+using reference::ReferenceEngine;
+using reference::ReferenceResult;
+using reference::ReferenceSettings;
+using reference::WindowPlace;
+
+struct ConverterFree {
+  void operator()(GstVideoConverter* converter) const { gst_video_converter_free(converter); }
+};
+struct ElementSettings {
+  ReferenceSettings engine;
+  bool near_clear = true;
+  bool overlay = false;
+  OverlaySettings overlay_settings;
+};
+
+} // namespace
+
+/// Everything behind the instance. "object lock": the GstObject's, held for copies only. "streaming": touched
+/// by the streaming thread alone, or while there is none.
+struct ReferenceState {
+  ElementSettings settings;  // object lock
+  bool reset_wanted = false; // object lock
+
+  std::unique_ptr<ReferenceEngine> engine;                  // streaming
+  GstVideoInfo info;                                        // streaming
+  std::unique_ptr<GstVideoConverter, ConverterFree> to_bgr; // streaming
+  GstVideoInfo bgr_info;                                    // streaming
+  OwnedBuffer bgr;                                          // streaming; the frame as B G R
+  TrainingReader training;                                  // streaming
+  cv::Mat training_mask, training_scaled;                   // streaming
+  std::vector<std::uint16_t> boundary;                      // streaming
+  MaskPool masks;                                           // streaming
+  SmallPool boundaries;                                     // streaming
+  std::uint64_t frame = 0;                                  // streaming
+  std::uint32_t generation = 0;                             // streaming
+  bool warned_training = false;                             // streaming
+  std::optional<WindowRequest> window_told;                 // streaming; that it does not fit
+  bool interlaced_told = false;                             // streaming; once a start
+  ColourWatch colours;                                      // streaming
+  ReferenceSettings in_force;                               // streaming; the last that were accepted
+  std::string refused;                                      // streaming; why later ones are not
+
+  ReferenceState() noexcept {
+    gst_video_info_init(&info);
+    gst_video_info_init(&bgr_info);
+  }
+};
+
+} // namespace terrainseg
+
+using namespace terrainseg;
+
+/**
+ * SECTION:element-terrainreference
+ * @title: terrainreference
+ * @short_description: the unmodified algorithm, to compare with
+ *
+ * Labels traversable ground as Dahlkamp et al. 2006 did: full resolution, full covariances, floating point.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 terrainscenesrc num-buffers=20 ! terrainreference overlay=true ! videoconvert !
+ * autovideosink
+ * ]|
+ *
+ * Since: 0.1
+ */
+struct GstTerrainReference {
+  GstBaseTransform parent;
+  InstanceState<ReferenceState> state;
+};
+struct GstTerrainReferenceClass {
+  GstBaseTransformClass parent_class;
+};
+
+G_DEFINE_TYPE(GstTerrainReference, gst_terrain_reference, GST_TYPE_BASE_TRANSFORM)
+GST_ELEMENT_REGISTER_DEFINE(terrainreference, "terrainreference", GST_RANK_NONE,
+                            gst_terrain_reference_get_type())
+
+namespace {
+
+ReferenceState& state_of(gpointer object) {
+  return *reinterpret_cast<GstTerrainReference*>(object)->state;
+}
+
+// ---- properties ------------------------------------------------------------------------------------------
+
+template <class Number> using Ranged = NumberField<ElementSettings, Number>;
+using Switch = PlainField<ElementSettings, bool>;
+#define FIELD(NAME) TERRAINSEG_FIELD(ElementSettings, NAME)
+
+constexpr int side = 32767;
+const Property<ElementSettings> table[] = {
+    {"window-width", "Window width",
+     "Width of the training window in pixels; 0 = the largest power of two not above a fifth of the frame's",
+     property_controllable, Ranged<int>{FIELD(engine.window.width), 0, side}},
+    {"window-height", "Window height",
+     "Height of the training window in pixels; 0 = half the width of the rule for window-width",
+     property_controllable, Ranged<int>{FIELD(engine.window.height), 0, side}},
+    {"window-bottom", "Window bottom",
+     "Rows between the training window and the bottom edge, in pixels: lifts it off a bonnet in view",
+     property_controllable, Ranged<int>{FIELD(engine.window.bottom), 0, side}},
+    {"window-x", "Window x", "Left edge of the training window in pixels; -1 = centred",
+     property_controllable, Ranged<int>{FIELD(engine.window.x), -1, side}},
+    {"window-sigma", "Window sigma",
+     "Keeps the window's pixels within this many standard deviations of its mean; 0 = all of them",
+     property_controllable, Ranged<double>{FIELD(engine.window_sigma), 0, 4}},
+    {"training-models", "Training models",
+     "Clusters of a frame's training pixels (k); must be below learned-models", property_controllable,
+     Ranged<int>{FIELD(engine.training_models), 1, max_models}},
+    {"learned-models", "Learned models",
+     "Gaussians that remember the terrain (n); must be above training-models", property_controllable,
+     Ranged<int>{FIELD(engine.learned_models), 1, max_models}},
+    {"match-threshold", "Match threshold",
+     "Squared distance, in units of the summed covariances, up to which a cluster updates a learned model",
+     property_controllable, Ranged<double>{FIELD(engine.match_threshold), 0, 16}},
+    {"mass-cap", "Mass cap",
+     "Limit of a model's mass, in frames of training pixels: a smaller one forgets faster",
+     property_controllable, Ranged<int>{FIELD(engine.mass_cap), 1, 1 << 20}},
+    {"mass-share", "Mass share",
+     "Only models with at least this share of the heaviest model's mass label pixels", property_controllable,
+     Ranged<double>{FIELD(engine.mass_share), 0, 1}},
+    {"threshold", "Threshold", "Mahalanobis distance in standard deviations up to which a pixel is terrain",
+     property_controllable, Ranged<double>{FIELD(engine.threshold), 0, 16}},
+    {"variance-floor", "Variance floor",
+     "Added to every model's variances, in squared 8-bit steps: keeps a model of one colour invertible",
+     property_controllable, Ranged<double>{FIELD(engine.variance_floor), 1e-3, 1e4}},
+    {"dilations", "Dilations", "Dilations of the mask by a square of 3x3 pixels", property_controllable,
+     Ranged<int>{FIELD(engine.dilations), 0, 16}},
+    {"erosions", "Erosions", "Erosions of the mask by a square of 3x3 pixels, after the dilations",
+     property_controllable, Ranged<int>{FIELD(engine.erosions), 0, 16}},
+    {"connected", "Connected", "Keeps only terrain that is connected to the training pixels",
+     property_controllable, Switch{FIELD(engine.connected)}},
+    {"seed", "Seed", "Seed of the random cluster centres: the same seed, the same masks",
+     property_controllable, Ranged<std::uint32_t>{FIELD(engine.seed), 0, G_MAXUINT32}},
+    {"learning", "Learning", "false: frames are labelled, nothing is learned", property_controllable,
+     Switch{FIELD(engine.learning)}},
+    {"near-clear", "Near clear",
+     "The proximity sensor: false = the window may hold an obstacle, nothing is learned",
+     property_controllable, Switch{FIELD(near_clear)}},
+    {"overlay", "Overlay", "Draws what was found onto the frame", property_controllable,
+     Switch{FIELD(overlay)}},
+};
+#undef FIELD
+constexpr guint first_overlay_id = std::size(table) + 1;
+
+void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  ObjectLock lock(object);
+  ElementSettings& settings = state_of(object).settings;
+  if (id >= 1 && id < first_overlay_id)
+    set_field(table[id - 1], settings, value);
+  else if (id < first_overlay_id + overlay_property_count)
+    set_overlay_property(settings.overlay_settings, id - first_overlay_id, value);
+  else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+}
+
+void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
+  ObjectLock lock(object);
+  const ElementSettings& settings = state_of(object).settings;
+  if (id >= 1 && id < first_overlay_id)
+    get_field(table[id - 1], settings, value);
+  else if (id < first_overlay_id + overlay_property_count)
+    get_overlay_property(settings.overlay_settings, id - first_overlay_id, value);
+  else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+}
+
+// ---- start, caps, events ---------------------------------------------------------------------------------
+
+gboolean start(GstBaseTransform* transform) {
+  return guarded<gboolean>(transform, FALSE, [&]() -> gboolean {
+    ReferenceState& s = state_of(transform);
+    ReferenceSettings settings;
+    {
+      ObjectLock lock(transform);
+      settings = s.settings.engine;
+      s.reset_wanted = false;
+    }
+    try {
+      s.engine = std::make_unique<ReferenceEngine>(settings);
+    } catch (const std::invalid_argument& error) {
+      GST_ELEMENT_ERROR(transform, LIBRARY, SETTINGS, ("%s", error.what()), ("settings refused at start"));
+      return FALSE;
+    }
+    s.frame = 0;
+    s.generation = 0;
+    s.warned_training = false;
+    s.interlaced_told = false;
+    s.window_told.reset();
+    s.colours = {};
+    s.in_force = settings;
+    s.refused.clear();
+    return TRUE;
+  });
+}
+
+gboolean stop(GstBaseTransform* transform) {
+  ReferenceState& s = state_of(transform);
+  s.engine.reset();
+  s.to_bgr.reset();
+  s.bgr.reset();
+  s.masks.drop();
+  s.boundaries.drop();
+  return TRUE;
+}
+
+gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
+  return guarded<gboolean>(transform, FALSE, [&]() -> gboolean {
+    ReferenceState& s = state_of(transform);
+    if (!gst_video_info_from_caps(&s.info, caps)) {
+      GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("The video format cannot be understood."),
+                        ("caps %" GST_PTR_FORMAT, printable(caps)));
+      return FALSE;
+    }
+    if (!may_be_progressive(s.info)) {
+      const std::string mode = gst_video_interlace_mode_to_string(GST_VIDEO_INFO_INTERLACE_MODE(&s.info));
+      if (!std::exchange(s.interlaced_told, true)) // upstream tries this again and again
+        report_interlaced(transform, ("interlace-mode=" + mode).c_str());
+      return FALSE;
+    }
+    gst_video_info_set_format(&s.bgr_info, GST_VIDEO_FORMAT_BGR, static_cast<guint>(s.info.width),
+                              static_cast<guint>(s.info.height));
+    s.bgr_info.fps_n = s.info.fps_n; // the converter refuses to change the rate
+    s.bgr_info.fps_d = s.info.fps_d;
+    GstVideoInfo frames = s.info;
+    frames.interlace_mode = GST_VIDEO_INTERLACE_MODE_PROGRESSIVE; // of mixed ones those that are
+    s.to_bgr.reset(gst_video_converter_new(&frames, &s.bgr_info, nullptr));
+    s.bgr.reset(gst_buffer_new_allocate(nullptr, s.bgr_info.size, nullptr));
+    if (!s.to_bgr || !s.bgr) {
+      GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("The video cannot be converted to BGR."),
+                        ("caps %" GST_PTR_FORMAT, printable(caps)));
+      return FALSE;
+    }
+    GST_DEBUG_OBJECT(transform, "caps %" GST_PTR_FORMAT, printable(caps));
+    return TRUE;
+  });
+}
+
+gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query, GstQuery* query) {
+  return propose_video_allocation(gst_terrain_reference_parent_class, transform, decide_query, query);
+}
+
+gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
+  if (GST_EVENT_TYPE(event) == GST_EVENT_STREAM_START) {
+    ObjectLock lock(transform);
+    state_of(transform).reset_wanted = true;
+  }
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_reference_parent_class)->sink_event(transform, event);
+}
+
+gboolean src_event(GstBaseTransform* transform, GstEvent* event) {
+  if (stops_qos(transform, event)) {
+    gst_event_unref(event);
+    return TRUE;
+  }
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_reference_parent_class)->src_event(transform, event);
+}
+
+// ---- frames ----------------------------------------------------------------------------------------------
+
+/// The training pixels that upstream attached, as a mask of the frame's size; empty when there are none.
+const cv::Mat& training_pixels(gpointer object, GstBuffer* buffer) {
+  static const cv::Mat none;
+  ReferenceState& s = state_of(object);
+  const int width = s.info.width, height = s.info.height;
+  const Supervision supervision = s.training.read(buffer, width, height);
+  if (const char* error = s.training.error(); error && !s.warned_training) {
+    s.warned_training = true;
+    GST_ELEMENT_WARNING(GST_ELEMENT(object), STREAM, FORMAT, ("Training pixels are ignored: %s.", error),
+                        ("said once a run"));
+  }
+  if (supervision.empty())
+    return none;
+  s.training_mask.create(height, width, CV_8UC1);
+  s.training_mask.setTo(0);
+  if (!supervision.mask.empty()) {
+    const GrayView& view = supervision.mask;
+    // Nearest neighbour by hand: a mask may be of any size, and rows and columns are few.
+    for (int y = 0; y < height; ++y) {
+      const std::uint8_t* from = view.plane.row(y * view.height / height);
+      auto* to = s.training_mask.ptr<std::uint8_t>(y);
+      for (int x = 0; x < width; ++x)
+        to[x] = from[x * view.width / width];
+    }
+  }
+  for (const Rectangle& r : supervision.rectangles)
+    s.training_mask(cv::Rect(r.x, r.y, r.width, r.height)).setTo(255);
+  s.training.release();
+  return s.training_mask;
+}
+
+const ReferenceResult& look(gpointer object, GstBuffer* buffer, const MappedFrame& frame) {
+  ReferenceState& s = state_of(object);
+  const MappedFrame bgr(s.bgr_info, s.bgr.get(), GST_MAP_READWRITE);
+  GstVideoFrame target = bgr.frame(); // the converter wants a frame of its own to note its state in
+  gst_video_converter_frame(s.to_bgr.get(), &frame.frame(), &target);
+  const cv::Mat picture(s.info.height, s.info.width, CV_8UC3, GST_VIDEO_FRAME_PLANE_DATA(&target, 0),
+                        static_cast<std::size_t>(GST_VIDEO_FRAME_PLANE_STRIDE(&target, 0)));
+  return s.engine->process(picture, training_pixels(object, buffer));
+}
+
+struct Buffers {
+  OwnedBuffer mask, boundary;
+};
+
+/// Mask and boundary in buffers that can travel; empty when there is no memory.
+Buffers buffers_of(ReferenceState& s, const Estimate& estimate) {
+  const GrayView& mask = estimate.mask;
+  Buffers made{s.masks.acquire(mask.width, mask.height), boundary_buffer(s.boundaries, estimate.boundary)};
+  GstMapInfo map;
+  if (!made.mask || !made.boundary || !gst_buffer_map(made.mask.get(), &map, GST_MAP_WRITE))
+    return {};
+  for (int y = 0; y < mask.height; ++y)
+    std::copy_n(mask.plane.row(y), mask.width,
+                map.data + static_cast<std::size_t>(y) * static_cast<std::size_t>(mask.width));
+  gst_buffer_unmap(made.mask.get(), &map);
+  return made;
+}
+
+/// Gives the engine `wanted`, or where they contradict each other those that were in force, with a warning.
+void configure(gpointer object, ReferenceState& s, const ReferenceSettings& wanted) {
+  std::string refused;
+  try {
+    s.engine->configure(wanted);
+    s.in_force = wanted;
+  } catch (const std::invalid_argument& error) {
+    refused = error.what();
+    s.in_force.learning = wanted.learning; // of the frame
+    s.engine->configure(s.in_force);
+  }
+  if (std::exchange(s.refused, refused) != refused && !refused.empty())
+    GST_ELEMENT_WARNING(GST_ELEMENT(object), LIBRARY, SETTINGS,
+                        ("%s. The values before stay in force.", refused.c_str()),
+                        ("settings refused while playing"));
+}
+
+/// Moves and cuts a window that does not fit the frame; says so once for each window and frame size.
+void fit_window(gpointer object, ReferenceState& s, WindowPlace& window) {
+  const WindowRequest request{window.width, window.height, window.bottom,
+                              window.x,     s.info.width,  s.info.height};
+  Settings wanted;
+  wanted.window_width = window.width;
+  wanted.window_height = window.height;
+  wanted.window_bottom = window.bottom;
+  wanted.window_x = window.x;
+  wanted.power_of_two_window = window.power_of_two_window;
+  const Settings fitted = with_fitting_window(wanted, s.info.width, s.info.height);
+  if (fitted == wanted)
+    return;
+  window.width = fitted.window_width;
+  window.height = fitted.window_height;
+  window.bottom = fitted.window_bottom;
+  window.x = fitted.window_x;
+  if (std::exchange(s.window_told, request) == request)
+    return;
+  TERRAINSEG_POST_WARNING(GST_ELEMENT(object), LIBRARY, SETTINGS, window_warning(request, fitted, ""));
+}
+
+/// Takes the settings and forgets what a new stream must not know.
+void prepare(GstBaseTransform* object, ReferenceState& s, GstBuffer* buffer, ElementSettings& settings) {
+  bool reset = false;
+  {
+    ObjectLock lock(object);
+    settings = s.settings;
+    reset = std::exchange(s.reset_wanted, false);
+  }
+  if (reset) {
+    s.engine->reset();
+    s.generation = 0;
+  }
+  fit_window(object, s, settings.engine.window);
+  settings.engine.learning &= settings.near_clear && is_learnable(object->segment, buffer);
+  configure(object, s, settings.engine);
+}
+
+void before_transform(GstBaseTransform* transform, GstBuffer* buffer) {
+  sync_controlled(transform, buffer);
+}
+
+GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
+  if (GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_GAP | GST_BUFFER_FLAG_CORRUPTED))
+    return GST_FLOW_OK;
+  GST_TRACE_OBJECT(transform, "in: %" GST_PTR_FORMAT, printable(buffer));
+  return guarded(transform, GST_FLOW_ERROR, [&] {
+    ReferenceState& s = state_of(transform);
+    ElementSettings settings;
+    prepare(transform, s, buffer, settings);
+    if (!is_progressive(s.info, buffer)) {
+      report_interlaced(transform, "interlace-mode=mixed, and this buffer holds two fields");
+      return GST_FLOW_ERROR;
+    }
+    Estimate estimate;
+    Buffers buffers;
+    {
+      const MappedFrame frame(s.info, buffer, settings.overlay ? GST_MAP_READWRITE : GST_MAP_READ);
+      if (!frame) {
+        report_unusable(transform, buffer, frame);
+        return GST_FLOW_ERROR;
+      }
+      if (s.colours.see(frame.frame()))
+        TERRAINSEG_POST_WARNING(transform, STREAM, FORMAT, colourless_warning(s.info));
+      const ReferenceResult& result = look(transform, buffer, frame);
+      s.generation += result.learned;
+      estimate = reference::describe(result, s.frame++, s.generation, Settings{}.blocked_below, s.boundary);
+      if (!settings.engine.learning)
+        estimate.flags |= flag_frozen;
+      buffers = buffers_of(s, estimate);
+      if (!buffers.mask) {
+        GST_ELEMENT_ERROR(transform, RESOURCE, NO_SPACE_LEFT, ("There is no memory for a mask."), (nullptr));
+        return GST_FLOW_ERROR;
+      }
+      GST_LOG_OBJECT(transform,
+                     "frame %" G_GUINT64_FORMAT ": flags %#x, generation %u, %zu models, %s, traversable %d "
+                     "permille",
+                     estimate.frame, estimate.flags, s.generation, result.models.size(),
+                     result.learned   ? "learned"
+                     : result.starved ? "too few training pixels"
+                                      : "not learned",
+                     estimate.traversable_permille);
+      if (settings.overlay)
+        paint(frame.mutable_view(), estimate, settings.overlay_settings.paint());
+    }
+    if (!attach(buffer, estimate, buffers.mask.get(), buffers.boundary.get()))
+      GST_WARNING_OBJECT(transform, "the metadata could not be attached");
+    return GST_FLOW_OK;
+  });
+}
+
+} // namespace
+
+static void gst_terrain_reference_init(GstTerrainReference* self) {
+  self->state.make();
+  auto* transform = GST_BASE_TRANSFORM(self);
+  gst_base_transform_set_in_place(transform, TRUE);
+  gst_base_transform_set_qos_enabled(transform, FALSE); // a dropped frame would not be learned from
+}
+
+static void gst_terrain_reference_class_init(GstTerrainReferenceClass* klass) {
+  auto* object_class = G_OBJECT_CLASS(klass);
+  auto* element_class = GST_ELEMENT_CLASS(klass);
+  auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
+  object_class->set_property = set_property;
+  object_class->get_property = get_property;
+  object_class->finalize = finalize_state<GstTerrainReference, gst_terrain_reference_parent_class>;
+  install_properties<ElementSettings>(object_class, 1, table);
+  install_overlay_properties(object_class, first_overlay_id);
+  mark_enums_as_plugin_api(object_class);
+  add_video_pad_templates(element_class);
+  gst_element_class_set_static_metadata(element_class, "Terrain learning, unmodified algorithm",
+                                        "Filter/Analyzer/Video",
+                                        "Labels traversable ground as Dahlkamp et al. 2006 did: full "
+                                        "resolution, full covariances, floating point",
+                                        "The terrainseg developers");
+  transform_class->start = start;
+  transform_class->stop = stop;
+  transform_class->set_caps = set_caps;
+  transform_class->propose_allocation = propose_allocation;
+  transform_class->sink_event = sink_event;
+  transform_class->src_event = src_event;
+  transform_class->before_transform = before_transform;
+  transform_class->transform_ip = transform_ip;
+  GST_DEBUG_CATEGORY_INIT(terrainreference_debug, "terrainreference", 0, "unmodified terrain learning");
+}
