@@ -27,9 +27,9 @@ browser=(chromium gstreamer1.0-nice gir1.2-gst-plugins-bad-1.0)
 # What the slow checks take on top.
 slow=(debootstrap devscripts debhelper lintian fakeroot dpkg-dev gstreamer1.0-opencv
       g++-aarch64-linux-gnu qemu-user linux-perf)
-# What tests/containerfile.sh takes.
+# What tests/ci/containerfile.sh takes.
 container=(debootstrap buildah)
-# What tests/fleet.sh takes on top: a Slurm of one node, GNU parallel.
+# What tests/ci/fleet.sh takes on top: a Slurm of one node, GNU parallel.
 fleet=(munge slurmctld slurmd slurm-client parallel python3-yaml)
 
 # Names that only one of the Debian releases has.

@@ -4,7 +4,7 @@
 # usage: tests/night.sh [WORD...]     WORD: only the slow checks whose command contains it
 set -uo pipefail
 cd "$(dirname "$0")/.."
-. tests/slow_checks.sh
+. tests/ci/slow_checks.sh
 [ $# -gt 0 ] || check tests/run.sh release sanitizers style
 for row in "${slow_checks[@]}"; do
   IFS='|' read -r _ _ command <<<"$row"

@@ -25,7 +25,7 @@ finish() {
   exit
 }
 . examples/heartbeat.sh
-. tests/with_clang.sh
+. tests/ci/with_clang.sh
 step() { printf '\n== %s (%s s)\n' "$1" "$SECONDS"; }
 
 ./install-dependencies.sh test || { count 0 1; finish; }
@@ -55,13 +55,13 @@ run_tests() {
   find "$folder/tests" -name '*.xml' -delete 2>/dev/null
   rm -f "$folder/meson-logs/again".*
   if ! meson test -C "$folder" --no-rebuild --print-errorlogs "$@"; then
-    mapfile -t again < <(/usr/bin/python3 tests/count_results.py --real-time "$folder/meson-logs")
+    mapfile -t again < <(/usr/bin/python3 tests/checks/count_results.py --real-time "$folder/meson-logs")
     if [ ${#again[@]} -gt 0 ]; then
       printf '== once more, alone: %s\n' "${again[@]}"
       meson test -C "$folder" --no-rebuild --print-errorlogs "$@" --num-processes 1 --logbase again "${again[@]}" || true
     fi
   fi
-  result=$(/usr/bin/python3 tests/count_results.py "$folder/meson-logs") || { count 0 1; return; }
+  result=$(/usr/bin/python3 tests/checks/count_results.py "$folder/meson-logs") || { count 0 1; return; }
   echo "$folder: $result"
   read -r ok bad <<<"$result"
   count "$ok" "$bad"
@@ -113,7 +113,7 @@ fi
 
 if wants style; then
   step "style and the arrows of the house"
-  for check in tests/check_style.sh tests/check_house.py "tests/check_house.py --self-check" tests/check_hashes.py "tests/check_hashes.py --self-check"; do
+  for check in tests/checks/check_style.sh tests/checks/check_house.py "tests/checks/check_house.py --self-check"; do
     # shellcheck disable=SC2086
     if "$top/"$check; then count 1 0; else count 0 1; fi
   done

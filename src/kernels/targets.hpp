@@ -2,7 +2,7 @@
 // Which of Highway's targets the kernels are compiled for; included before Highway.
 #pragma once
 
-// The target for SVE of exactly 32 bytes gives wrong three-byte pixels with GCC 12 (tests/aarch64.sh found
+// The target for SVE of exactly 32 bytes gives wrong three-byte pixels with GCC 12 (tests/ci/aarch64.sh found
 // it); SVE of any length is right there and serves the same machines.
 #ifdef TERRAINSEG_FEW_TARGETS // builds for checks of other things: the least, and AVX2; half the time to
                               // compile

@@ -12,7 +12,7 @@
 # as seeds, and runs. Ends with "N passed, N failed"; an input that breaks something stays in build-fuzz/findings.
 set -u
 cd "$(dirname "$0")/../.." || exit
-. tests/with_clang.sh
+. tests/ci/with_clang.sh
 mode=${1:-60}
 shift || true
 targets=("$@")

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""tools/release.sh without the packages, which tests/packages.sh builds: what it leaves and what it refuses."""
+"""tools/release.sh without the packages, which tests/ci/packages.sh builds: what it leaves and what it refuses."""
 import hashlib
 import os
 import pathlib

@@ -2,7 +2,7 @@
 // Tells ThreadSanitizer what GLib's and GStreamer's own synchronisation orders. Their libraries are not built
 // with it: it sees pthread's mutexes through its interceptors, but GMutex and GCond sit on futexes, and the
 // references that hand an object from thread to thread are counted by atomics that it does not see. Preloaded
-// by tests/tsan.sh; not instrumented itself.
+// by tests/ci/tsan.sh; not instrumented itself.
 #include <dlfcn.h>
 #include <gst/gst.h>
 

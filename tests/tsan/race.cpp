@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A data race on purpose: tests/tsan.sh has to find it. The second thread's lock is another one than the
+// A data race on purpose: tests/ci/tsan.sh has to find it. The second thread's lock is another one than the
 // first's.
 #include <glib.h>
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # The suite on Debian 13 (GCC 14, GStreamer 1.26 with GstAnalytics, OpenCV 4.10), in a clean root that it makes itself.
-# usage: tests/debian13.sh [FOLDER]     FOLDER: where the root lies (default: /var/tmp/terrainseg-debian13)
+# usage: tests/ci/debian13.sh [FOLDER]     FOLDER: where the root lies (default: /var/tmp/terrainseg-debian13)
 # Ends with "N passed, N failed" of the suite inside. Where no root can be made (no root rights, no debootstrap, no Debian
-# mirror) it says so and fails, like tests/packages.sh.
+# mirror) it says so and fails, like tests/ci/packages.sh.
 set -uo pipefail
-cd "$(dirname "$0")/.."
-. tests/debian_root.sh
+cd "$(dirname "$0")/../.."
+. tests/ci/debian_root.sh
 root=${1:-/var/tmp/terrainseg-debian13}
 command -v debootstrap >/dev/null || ./install-dependencies.sh slow || exit 1
 debian_root trixie "$root" || exit 1

@@ -17,7 +17,7 @@ import pathlib
 import re
 import sys
 
-TOP = pathlib.Path(__file__).resolve().parent.parent
+TOP = pathlib.Path(__file__).resolve().parents[2]
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.M)
 FOREIGN = re.compile(r'^(gst/|glib|gio/|opencv2|Eigen|nlohmann|json-glib)')
 FLOATING = re.compile(r'\b(float|double)\b')
@@ -97,7 +97,7 @@ def resolve(name, path):
 def check_text(path, text, resolve=resolve):
     here, wrong = room(path), []
     if here is None:
-        return [f'{path}: in no room (ROOMS and MAY in tests/check_house.py)']
+        return [f'{path}: in no room (ROOMS and MAY in tests/checks/check_house.py)']
     for name in INCLUDE.findall(text):
         target = resolve(name, path)
         if target is None:

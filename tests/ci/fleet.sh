@@ -4,7 +4,7 @@
 # and puts one back into the queue, and compares names and bytes with one run that is not sharded. Then the same by GNU
 # parallel, and what can be said of the Kubernetes Job without a cluster. Needs root; BUILD=folder (build-release).
 set -uo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 [ "$(id -u)" -eq 0 ] || { echo "skipped: slurmd wants root"; exit 77; }
 ./install-dependencies.sh fleet || exit 1
 top=$PWD

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Runs pipelines for hours in one process and fails when anything grows: resident memory, descriptors, threads, the
 # 99.9th percentile of a frame; or when a frame is lost or something posts an error (docs/reliability.md).
-# usage: tests/soak.sh [HOURS | --self-check]     without words three minutes; BUILD=folder (build-release)
+# usage: tests/ci/soak.sh [HOURS | --self-check]     without words three minutes; BUILD=folder (build-release)
 #   Every round is a row of BUILD/soak.csv. --self-check: a leak of each kind, made on purpose, has to be found.
 set -uo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 build=${BUILD:-build-release}
 [ -d "$build" ] || meson setup "$build" >/dev/null || exit 1
 ninja -C "$build" tests/stress/soak gst/libgstterrainseg.so >"$build/soak-build.log" 2>&1 || { tail -n 30 "$build/soak-build.log"; exit 1; }

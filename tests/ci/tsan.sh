@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # ThreadSanitizer: the unit and element tests that use several threads, then tests/stress/stress.cpp for a minute. A data race fails.
 # What GLib's own locks order is told by tests/tsan/glib_order.cpp; what is left of theirs stands in tests/tsan/suppressions.txt.
-# usage: tests/tsan.sh [SECONDS [SEED]]     60 s; BUILD=folder (build-tsan)
+# usage: tests/ci/tsan.sh [SECONDS [SEED]]     60 s; BUILD=folder (build-tsan)
 set -uo pipefail
-cd "$(dirname "$0")/.." || exit
+cd "$(dirname "$0")/../.." || exit
 build=${BUILD:-build-tsan}
 seconds=${1:-60}
 seed=${2:-$RANDOM}

@@ -25,9 +25,10 @@ import sys
 import tempfile
 import time
 
-from ports import free_port
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from ports import free_port  # noqa: E402
 
-TOP = pathlib.Path(__file__).resolve().parent.parent
+TOP = pathlib.Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r'^( *)```sh([^\n]*)\n(.*?)^ *```', re.M | re.S)
 PORT = re.compile(r'((?:\bport=|--port |\bmosquitto -p |srt://[\w.]*:))(\d+)\b')
 WAITS = re.compile(r'--self-test|\bis-live=true|\bmosquitto\b')

@@ -1,17 +1,17 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # A minute of MAVLink, decoded by another implementation (npm's node-mavlink) without loss. Slow: fetches a package.
-# usage: tests/mavlink.sh [BUILD_FOLDER]
+# usage: tests/ci/mavlink.sh [BUILD_FOLDER]
 #   BUILD_FOLDER  a build that is there (default: build-release, else build)
 # Without npm, or without a way to the package, it says so and ends with 77: skipped.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 build=${1:-build-release}
 [ -d "$build" ] || build=build
 [ -e "$build/gst/libgstterrainseg.so" ] || { echo "mavlink.sh: $build holds no plugin: ninja -C $build gst/libgstterrainseg.so" >&2; exit 1; }
 command -v npm >/dev/null && command -v node >/dev/null || { echo "mavlink.sh: skipped: npm and node are not there"; exit 77; }
 build=$(cd "$build" && pwd)
-checker=$PWD/tests/mavlink_check.mjs
+checker=$PWD/tests/ci/mavlink_check.mjs
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 export GST_PLUGIN_PATH=$build/gst GST_REGISTRY=$folder/registry.bin

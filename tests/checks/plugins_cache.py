@@ -15,7 +15,7 @@ import sys
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from check_docs import ONLY_IN_SOME_BUILDS, PLUGINS, load  # noqa: E402
 
-CACHE = pathlib.Path(__file__).resolve().parent.parent / 'docs' / 'plugins' / 'gst_plugins_cache.json'
+CACHE = pathlib.Path(__file__).resolve().parents[2] / 'docs' / 'plugins' / 'gst_plugins_cache.json'
 MUTABLE = ((1 << 12, 'playing'), (1 << 11, 'paused'), (1 << 10, 'ready'))
 CONTROLLABLE = 1 << 9
 
@@ -129,7 +129,7 @@ def main():
         return
     lines = list(difflib.unified_diff(there.splitlines(), text.splitlines(), str(CACHE.name), 'the plugins say', lineterm='', n=1))
     print('\n'.join(lines[:60]))
-    sys.exit(bool(lines) and f'{CACHE.name} is not what the plugins say: tests/plugins_cache.py --write BUILD_FOLDER')
+    sys.exit(bool(lines) and f'{CACHE.name} is not what the plugins say: tests/checks/plugins_cache.py --write BUILD_FOLDER')
 
 
 main()

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Builds Containerfile with buildah, FROM a Debian that debootstrap makes, and runs the image's entry point on a rendered scene. Where
 # buildah is not or must not work, the file is followed line by line in that Debian. Needs root.
-# usage: tests/containerfile.sh [--by-line] [FOLDER]     FOLDER: where root and image lie (default: /var/tmp/terrainseg-container)
+# usage: tests/ci/containerfile.sh [--by-line] [FOLDER]     FOLDER: where root and image lie (default: /var/tmp/terrainseg-container)
 # Ends with "N passed, N failed".
 set -uo pipefail
-cd "$(dirname "$0")/.."
-. tests/debian_root.sh
+cd "$(dirname "$0")/../.."
+. tests/ci/debian_root.sh
 by_line=0
 [ "${1:-}" != --by-line ] || { by_line=1; shift; }
 root=${1:-/var/tmp/terrainseg-container}

@@ -14,7 +14,7 @@ import pathlib
 import re
 import sys
 
-TOP = pathlib.Path(__file__).resolve().parent.parent
+TOP = pathlib.Path(__file__).resolve().parents[2]
 PAGES = TOP / 'docs' / 'elements'
 PLUGINS = ('terrainseg', 'terrainmcap', 'terrainreference')
 ONLY_IN_SOME_BUILDS = {'analytics-meta'}  # needs GStreamer 1.26: described in the prose

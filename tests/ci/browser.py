@@ -22,11 +22,11 @@ import time
 import urllib.error
 import urllib.request
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 from ports import free_port  # noqa: E402
 from tap import contains, equal, main  # noqa: E402
 
-TOP = pathlib.Path(__file__).resolve().parent.parent
+TOP = pathlib.Path(__file__).resolve().parents[2]
 SIZE = (320, 180)
 SCENE = f'terrainscenesrc is-live=true motion=still ! video/x-raw,width={SIZE[0]},height={SIZE[1]},framerate=15/1'
 SCREENSHOT = None

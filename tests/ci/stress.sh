@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # What applications do to the elements, in random order (tests/stress/stress.cpp): once with criticals as errors, and
 # once under the leaks tracer, which must find no object of ours left.
-# usage: tests/stress.sh [SECONDS [SEED]]     60 s each; BUILD=folder (build-release)
+# usage: tests/ci/stress.sh [SECONDS [SEED]]     60 s each; BUILD=folder (build-release)
 set -uo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 build=${BUILD:-build-release}
 seconds=${1:-60}
 seed=${2:-$RANDOM}

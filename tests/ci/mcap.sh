@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Recordings read by other implementations, strictly and with every checksum: npm's @mcap/core, fzstd and
 # @foxglove/rosmsg2-serialization. Values are those of the JSON lines; a killed recorder leaves a prefix that reads. Slow: fetches packages.
-# usage: tests/mcap.sh [BUILD_FOLDER]
+# usage: tests/ci/mcap.sh [BUILD_FOLDER]
 #   BUILD_FOLDER  a build that is there (default: build-release, else build)
 # Without npm, or without a way to the packages, it says so and ends with 77: skipped.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 build=${1:-build-release}
 [ -d "$build" ] || build=build
 for need in gst/libgstterrainseg.so gst/libgstterrainmcap.so src/tools/terrainseg-process; do
@@ -14,7 +14,7 @@ for need in gst/libgstterrainseg.so gst/libgstterrainmcap.so src/tools/terrainse
 done
 command -v npm >/dev/null && command -v node >/dev/null || { echo "mcap.sh: skipped: npm and node are not there"; exit 77; }
 build=$(cd "$build" && pwd)
-checker=$PWD/tests/mcap_check.mjs
+checker=$PWD/tests/ci/mcap_check.mjs
 folder=$(mktemp -d)
 recorder=
 # shellcheck disable=SC2317

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Builds the Debian packages, runs lintian, installs them into a clean root and runs the filter there.
-# usage: tests/packages.sh [FOLDER]     FOLDER: where the root lies (default: /var/tmp/terrainseg-debian12)
+# usage: tests/ci/packages.sh [FOLDER]     FOLDER: where the root lies (default: /var/tmp/terrainseg-debian12)
 # Ends with "N passed, N failed".
 set -uo pipefail
-cd "$(dirname "$0")/.."
-. tests/debian_root.sh
+cd "$(dirname "$0")/../.."
+. tests/ci/debian_root.sh
 root=${1:-/var/tmp/terrainseg-debian12}
 passed=0
 failed=0

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # clang-tidy 14, with the checks of .clang-tidy, over the sources of src/ and gst/ and their headers: a finding is a failure.
-# usage: tests/tidy.sh [--turn | FILE...]
+# usage: tests/ci/tidy.sh [--turn | FILE...]
 #   --turn   sources that changed in the last four hours before the last commit, and a quarter of the others, chosen by the commit's
 #            hash; at most 70
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 ./install-dependencies.sh build test
 # Another major version has other checks, as with clang-format: the one of Debian 12 decides.
 tidy=$(command -v clang-tidy-14) || { echo "tidy.sh: clang-tidy 14 is not here; nothing was checked" >&2; exit 1; }

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Format, licence lines, and left-overs. Prints what is wrong; exit status 1 when anything is.
 set -uo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 bad=0
 complain() { echo "style: $*"; bad=1; }
 

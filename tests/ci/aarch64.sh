@@ -3,10 +3,10 @@
 # The core built for AArch64 with a cross compiler and run under qemu-user: every kernel on every target that qemu
 # has, and the masks of all formats, which must have the hashes of this machine. Installs what it needs; nothing
 # of the foreign architecture is installed on this machine, its packages are unpacked in a folder.
-# usage: tests/aarch64.sh [FOLDER]     FOLDER: where it builds (default: build-aarch64). BUILD=folder: a build of these sources,
+# usage: tests/ci/aarch64.sh [FOLDER]     FOLDER: where it builds (default: build-aarch64). BUILD=folder: a build of these sources,
 # whose core makes the hashes of this machine; without it the core is compiled for that too. Ends with "N passed, N failed".
 set -uo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 folder=${1:-build-aarch64}
 mkdir -p "$folder/apt/lists/partial" "$folder/apt/cache/archives/partial" "$folder/cross" "$folder/native"
 folder=$(cd "$folder" && pwd)
