@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs the Debian packages that a purpose needs and that are missing; asks nothing, does nothing when all are there.
-# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | process | build | run | preview | tune | test | browser | slow | container | fleet | list
+# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | process | build | run | preview | tune | test | browser | slow | container | fleet | release | list
 set -euo pipefail
 . "$(dirname "$0")/examples/heartbeat.sh"
 
@@ -21,12 +21,14 @@ tune=(gstreamer1.0-x)
 # What tests/run.sh takes on top, all its parts: GoogleTest, the second compiler with its sanitizers, style, oracles, a broker, a screen.
 test=(libgtest-dev libgmock-dev libbenchmark-dev clang libclang-rt-14-dev llvm clang-format clang-tidy ffmpeg git
       python3-opencv python3-jsonschema python3-yaml binutils procps libgstreamer-plugins-bad1.0-dev libgstrtspserver-1.0-dev
-      mosquitto mosquitto-clients python3-paho-mqtt xvfb xdotool "${tune[@]}")
+      mosquitto mosquitto-clients python3-paho-mqtt xvfb xdotool doxygen "${tune[@]}")
 # What the check in a real browser takes on top.
 browser=(chromium gstreamer1.0-nice gir1.2-gst-plugins-bad-1.0)
 # What the slow checks take on top.
 slow=(debootstrap devscripts debhelper lintian fakeroot dpkg-dev gstreamer1.0-opencv
       g++-aarch64-linux-gnu qemu-user linux-perf)
+# What tools/release.sh takes on top of build and slow.
+release_tools=(doxygen)
 # What tests/ci/containerfile.sh takes.
 container=(debootstrap buildah)
 # What tests/ci/fleet.sh takes on top: a Slurm of one node, GNU parallel.
@@ -51,10 +53,11 @@ for purpose in "$@"; do
     test) wanted+=("${build[@]}" "${run[@]}" "${test[@]}") ;;
     browser) wanted+=("${run[@]}" "${browser[@]}") ;;
     fleet) wanted+=("${run[@]}" "${fleet[@]}") ;;
+    release) wanted+=("${build[@]}" "${slow[@]}" "${release_tools[@]}") ;;
     container) wanted+=("${container[@]}") ;;
     slow) wanted+=("${browser[@]}" "${slow[@]}") ;;
-    list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${browser[@]}" "${slow[@]}" "${container[@]}" "${fleet[@]}"; exit 0 ;;
-    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, process, build, run, preview, tune, test, browser, slow, container, fleet, list" >&2; exit 2 ;;
+    list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${browser[@]}" "${slow[@]}" "${container[@]}" "${fleet[@]}" "${release_tools[@]}"; exit 0 ;;
+    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, process, build, run, preview, tune, test, browser, slow, container, fleet, release, list" >&2; exit 2 ;;
   esac
 done
 

@@ -4,6 +4,7 @@
 import hashlib
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import tarfile
@@ -32,8 +33,8 @@ def source():
     os.chdir('clone')
 
 
-def release(folder, code=0):
-    result = subprocess.run(['tools/release.sh', folder], capture_output=True, text=True, env={**os.environ, 'SOURCE_ONLY': '1'})
+def release(*words, code=0):
+    result = subprocess.run(['tools/release.sh', *words], capture_output=True, text=True, env={**os.environ, 'SOURCE_ONLY': '1'})
     equal(result.returncode, code, result.stderr)
     return result.stdout + result.stderr
 
@@ -44,10 +45,15 @@ def the_source_and_its_checksum(folder):
     kept = []
     for _ in range(2):  # again into the same folder
         release(folder / 'out')
-        archive, = (folder / 'out').glob('*.tar.xz')
-        kept.append(archive.read_bytes())
-        checksum, name = (folder / 'out' / 'SHA256SUMS').read_text().split()
-        equal((checksum, name), (hashlib.sha256(kept[-1]).hexdigest(), archive.name), 'checksum')
+        archives = sorted((folder / 'out').glob('*.tar.xz'))
+        equal([path.name.rsplit('-', 1)[-1] for path in archives], ['api.tar.xz', archives[1].name.rsplit('-', 1)[-1]], 'what is left')
+        kept.append([path.read_bytes() for path in archives])
+        sums = dict(reversed(line.split()) for line in (folder / 'out' / 'SHA256SUMS').read_text().splitlines())
+        equal(sums, {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in archives}, 'checksums')
+    archive = archives[1]
+    with tarfile.open(archives[0]) as packed:
+        pages = [name for name in packed.getnames() if name.endswith('.html')]
+    assert any('Segmenter' in name for name in pages) and any('terrainsegmeta_8h' in name for name in pages), pages[:20]
     assert kept[0] == kept[1], 'the same commit gives the same bytes'
     top = archive.name.removesuffix('.tar.xz')
     with tarfile.open(archive) as packed:
@@ -60,7 +66,7 @@ def the_source_and_its_checksum(folder):
 def what_it_refuses(folder):
     source()
     pathlib.Path('left-over').write_text('')
-    contains(release(folder / 'out', 1), 'something is not committed')
+    contains(release(folder / 'out', code=1), 'something is not committed')
     os.remove('left-over')
     for path, old, new, said in (('meson.build', "  version: '", "  version: '9", 'debian/changelog'),
                                  ('CHANGELOG.md', '\n## ', '\n## Not ', 'CHANGELOG.md has no section')):
@@ -68,9 +74,24 @@ def what_it_refuses(folder):
         assert old in text, path
         pathlib.Path(path).write_text(text.replace(old, new, 1))
         git('commit', '-qam', 'another version')
-        contains(release(folder / 'out', 1), said)
+        contains(release(folder / 'out', code=1), said)
         git('reset', '-q', '--hard', 'HEAD~1')
     assert not (folder / 'out').exists(), 'nothing is left'
+
+
+@case
+def the_tag(folder):
+    source()
+    contains(release('--tag', folder / 'out', code=1), 'not released')
+    version = re.search(r"version: '([\d.]+)'", pathlib.Path('meson.build').read_text())[1]
+    changes = pathlib.Path('CHANGELOG.md')
+    changes.write_text(changes.read_text().replace('not released yet', '1 December 2026'))
+    git('commit', '-qam', 'a date')
+    git('config', 'user.name', 'test')
+    git('config', 'user.email', 'test@localhost')
+    release('--tag', folder / 'out')
+    equal(git('rev-parse', f'v{version}^{{commit}}'), git('rev-parse', 'HEAD'), 'what the tag names')
+    contains(release('--tag', folder / 'again', code=1), 'is there already')
 
 
 if __name__ == '__main__':
