@@ -62,9 +62,7 @@ int StandingThings::coarsest_columns(const Pyramid& pyramid, int grid_level) {
 }
 
 void StandingThings::forget() {
-  motion_.forget();
-  vanishing_row_ = -1;
-  speed_ = line_offset_ = 0;
+  *this = {};
 }
 
 /// Cells whose centres lie in the ground, outside what is ignored.

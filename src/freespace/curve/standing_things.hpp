@@ -53,7 +53,7 @@ class StandingThings {
   /// the surer the greater; below 0 a cell moves as the ground does. Empty while motion is not looked at.
   FinerCells<std::int16_t> evidence() const;
 
-  void forget(); ///< what spans neighbouring frames
+  void forget(); ///< everything: another camera may follow
 
  private:
   std::pair<int, int> columns_of(int column, int mask_level, int width) const;
