@@ -16,14 +16,13 @@ namespace terrainseg {
 /// foreign is learned after 64 frames all the same: the guard must not blind the filter for good.
 class WindowGuard {
  public:
-  void forget() { held_ = 0; }
   /// True when this frame's window must not be learned. `tables` are those of what was learned before it;
   /// `window` in cells of the grid.
   bool refuses(const CellBins& cells, const LikelihoodTables& tables, int grid_width,
                const Rectangle& window);
 
  private:
-  int held_ = 0;
+  int held_ = 0; ///< frames
 };
 
 } // namespace terrainseg

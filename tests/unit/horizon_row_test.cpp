@@ -51,7 +51,7 @@ TEST(HorizonHold, HoldsWithFallingConfidenceWhileFramesContinue) {
   EXPECT_EQ(hold.follow({}, false).row, -1) << "another scene";
   EXPECT_EQ(hold.follow({}, true).row, -1) << "and the old one is forgotten";
   hold.follow({50, 60}, true);
-  hold.forget();
+  hold = {};
   EXPECT_EQ(hold.follow({}, true).row, -1);
 }
 

@@ -66,7 +66,7 @@ TEST_F(Guard, GivesInWithoutFlapping) {
   for (int i = 0; i < 100; ++i)
     refused += refuses(1, 0);
   EXPECT_LE(refused, 85);
-  guard_.forget();
+  guard_ = {};
   EXPECT_TRUE(refuses(1, 0));
 }
 

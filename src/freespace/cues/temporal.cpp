@@ -17,36 +17,34 @@ constexpr std::uint64_t likeness = 5;
 
 } // namespace
 
-void ScoreAverage::forget() {
-  last_.clear();
-  last_pts_ = -1;
-}
-
-bool ScoreAverage::continues(const Grid& grid, std::int64_t pts, Temporal mode) {
-  luma_.clear();
+bool shows_same_place(const LastPicture& last, const Grid& grid, std::int64_t pts, Temporal mode) {
+  if (last.luma.size() != grid.size() || mode == Temporal::on)
+    return last.luma.size() == grid.size();
+  if (pts >= 0 && last.pts >= 0 && std::llabs(pts - last.pts) > longest_gap)
+    return false;
+  std::uint64_t sum = 0;
   for (int i = 0; i < grid.height; ++i)
-    luma_.insert(luma_.end(), grid.planes[0].row(i), grid.planes[0].row(i) + grid.width);
-  bool same = last_.size() == grid.size();
-  if (same && mode == Temporal::automatic) {
-    if (pts >= 0 && last_pts_ >= 0 && std::llabs(pts - last_pts_) > longest_gap) {
-      same = false;
-    } else {
-      const int mean =
-          static_cast<int>(std::accumulate(luma_.begin(), luma_.end(), std::uint64_t{0}) / grid.size());
-      std::uint64_t change = 0, spread = 0;
-      for (std::size_t i = 0; i < grid.size(); ++i) {
-        change += static_cast<std::uint64_t>(std::abs(luma_[i] - last_[i]));
-        spread += static_cast<std::uint64_t>(std::abs(luma_[i] - mean));
-      }
-      same = change * likeness <= spread;
+    sum = std::accumulate(grid.planes[0].row(i), grid.planes[0].row(i) + grid.width, sum);
+  const int mean = static_cast<int>(sum / grid.size());
+  std::uint64_t change = 0, spread = 0;
+  for (int i = 0; i < grid.height; ++i) {
+    const std::uint8_t *const now = grid.planes[0].row(i), *const before = &last.luma[grid.at(i, 0)];
+    for (int j = 0; j < grid.width; ++j) {
+      change += static_cast<std::uint64_t>(std::abs(now[j] - before[j]));
+      spread += static_cast<std::uint64_t>(std::abs(now[j] - mean));
     }
   }
-  last_.swap(luma_);
-  last_pts_ = pts;
-  return same && mode != Temporal::off;
+  return change * likeness <= spread;
 }
 
-void ScoreAverage::add(const CellScores& score, bool continued, CellScores& average) const {
+void remember(const Grid& grid, std::int64_t pts, LastPicture& last) {
+  last.luma.clear();
+  for (int i = 0; i < grid.height; ++i)
+    last.luma.insert(last.luma.end(), grid.planes[0].row(i), grid.planes[0].row(i) + grid.width);
+  last.pts = pts;
+}
+
+void average_scores(const CellScores& score, bool continued, CellScores& average) {
   if (!continued || average.size() != score.size()) {
     average.assign(score.begin(), score.end());
     return;

@@ -11,21 +11,21 @@
 
 namespace terrainseg {
 
-/// Tells moving pictures from pictures that follow one another by jumps, and averages scores over the former.
-class ScoreAverage {
- public:
-  void forget();
-  /// Whether this frame continues the last one: `mode` decides, or (automatic) the picture shows much the
-  /// same and the time between them, where known, is two seconds at most. `pts` in nanoseconds, -1
-  /// = unknown.
-  bool continues(const Grid& grid, std::int64_t pts, Temporal mode);
-  /// `average` (Q4) moves towards `score` (Q4) by three quarters, or becomes it when the frame does not
-  /// continue.
-  void add(const CellScores& score, bool continued, CellScores& average) const;
-
- private:
-  std::vector<std::uint8_t> luma_, last_; ///< of this frame, while it is looked at, and of the last one
-  std::int64_t last_pts_ = -1;
+/// The last frame's luma and time, by which it is seen whether the next one continues it.
+struct LastPicture {
+  std::vector<std::uint8_t> luma; ///< row by row; empty = there is none
+  std::int64_t pts = -1;          ///< nanoseconds, -1 = unknown
 };
+
+/// Whether a frame shows the same place as the last one: with Temporal::on wherever their size is the same,
+/// else where the picture shows much the same and the time between them, where known, is two seconds at most.
+bool shows_same_place(const LastPicture& last, const Grid& grid, std::int64_t pts, Temporal mode);
+
+/// Makes this frame the last one.
+void remember(const Grid& grid, std::int64_t pts, LastPicture& last);
+
+/// `average` (Q4) moves towards `score` (Q4) by three quarters, or becomes it when the frame does not
+/// continue the last one.
+void average_scores(const CellScores& score, bool continued, CellScores& average);
 
 } // namespace terrainseg

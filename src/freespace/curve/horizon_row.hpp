@@ -27,7 +27,6 @@ class HorizonHold {
   /// What a frame has `seen`; or where it has seen nothing and `continued` the frame before, the last row,
   /// half as sure with each such frame, until nothing is left of it.
   HorizonRow follow(const HorizonRow& seen, bool continued);
-  void forget() { last_ = {}; }
 
  private:
   HorizonRow last_;

@@ -16,6 +16,14 @@ int level_of(const Pyramid& pyramid, int grid_level) {
   return std::max(motion_level(pyramid.width(0), pyramid.height(0)), texture_level(grid_level));
 }
 
+MotionKnowledge knowledge_of(const FrameLine& line, int level) {
+  using Line = MotionKnowledge::Line;
+  return {line.source == FrameLine::Source::setting ? Line::exact
+          : line.known()                            ? Line::near
+                                                    : Line::unknown,
+          line.row_q8_of_level(level)};
+}
+
 /// Per column the rows of cells that are ground.
 struct GroundColumns {
   const std::uint16_t *safe, *behind_first, *behind_end;
@@ -61,10 +69,6 @@ int StandingThings::coarsest_columns(const Pyramid& pyramid, int grid_level) {
   return level_of(pyramid, grid_level) + cell_bits - 1;
 }
 
-void StandingThings::forget() {
-  *this = {};
-}
-
 /// Cells whose centres lie in the ground, outside what is ignored.
 void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesOfFrame& of, int width,
                                     int height) {
@@ -95,9 +99,10 @@ void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesO
   fill_ignored(of.ignored, cell_level, columns_, rows_, 0, ground_.data());
 }
 
-bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of) {
-  vanishing_row_ = -1;
-  speed_ = line_offset_ = 0; // a picture that is too small for motion has none
+bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of,
+                          MotionTrack& track) {
+  track.line = {}; // a picture that is too small for motion has none
+  track.speed = track.line_offset = 0;
   evidence_ = {};
   level_ = level_of(pyramid, of.grid_level);
   if (level_ > of.grid_level)
@@ -106,16 +111,17 @@ bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves,
   outline_ground(curves, of, width, height);
   if (ground_.empty())
     return false;
-  const MotionView& view = motion_.observe({pyramid.plane(level_, 0), width, height},
-                                           {{ground_.data(), columns_}, columns_, rows_}, of.pts,
-                                           {of.line.line, of.line.vanishing_row >> level_});
+  const MotionView& view = track.motion.observe({pyramid.plane(level_, 0), width, height},
+                                                {{ground_.data(), columns_}, columns_, rows_}, of.pts,
+                                                knowledge_of(of.line, level_));
   if (view.columns == 0)
     return false;
-  const std::int64_t row = std::int64_t{view.vanishing_row} * (std::int64_t{256} << level_);
-  if (view.line_settled && row >= 0 && row < std::int64_t{pyramid.height(0)} << 16)
-    vanishing_row_ = static_cast<std::int32_t>(row);
-  line_offset_ = view.line_offset * (1 << level_);
-  speed_ = static_cast<std::int32_t>(std::clamp<std::int64_t>(view.speed_over_height, INT32_MIN, INT32_MAX));
+  const int row_q8 = view.vanishing_row * (1 << level_);
+  if (view.line_settled && row_q8 >= 0 && row_q8 < pyramid.height(0) << 8)
+    track.line = {FrameLine::Source::motion, row_q8};
+  track.line_offset = view.line_offset * (1 << level_);
+  track.speed =
+      static_cast<std::int32_t>(std::clamp<std::int64_t>(view.speed_over_height, INT32_MIN, INT32_MAX));
   evidence_ = view.standing;
   stands_.resize(ground_.size());
   first_row_ = rows_;

@@ -75,29 +75,20 @@ int StoneField::distance(int row) const {
 }
 
 bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
-                      const StoneView& view) {
+                      const StoneView& view, Watch& watch) {
   for (const Run& run : runs_) // nothing else is marked
     std::fill_n(&oddness_[static_cast<std::size_t>(run.row) * static_cast<std::size_t>(width_) + run.from],
                 run.to - run.from, std::uint8_t{0});
   runs_.clear();
-  if (frames_to_wait_ > 0) {
-    --frames_to_wait_;
+  if (watch.frames_to_wait > 0) {
+    --watch.frames_to_wait;
     return false;
   }
-  in_field_ = look(pyramid, transform, curves, view);
-  looks_in_vain_ = in_field_ ? 0 : std::min(looks_in_vain_ + 1, pauses.size() - 1);
-  frames_to_wait_ = pauses[looks_in_vain_];
-  return in_field_;
-}
-
-void StoneField::look_again() {
-  frames_to_wait_ = 0;
-  looks_in_vain_ = 0;
-}
-
-void StoneField::forget() {
-  in_field_ = false;
-  look_again();
+  in_field_ = watch.in_field;
+  watch.in_field = look(pyramid, transform, curves, view);
+  watch.looks_in_vain = watch.in_field ? 0 : std::min(watch.looks_in_vain + 1, pauses.size() - 1);
+  watch.frames_to_wait = pauses[watch.looks_in_vain];
+  return watch.in_field;
 }
 
 bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,

@@ -41,14 +41,18 @@ struct StoneView {
 /// every fifth, then every ninth; where there is one, it stays one with half of that.
 class StoneField {
  public:
+  /// What frame after frame showed.
+  struct Watch {
+    bool in_field = false; ///< the last frame that was looked at
+    int frames_to_wait = 0;
+    std::size_t looks_in_vain = 0;
+    /// The next frame does not continue the last one: it is looked at, however often there was none.
+    void look_again() { frames_to_wait = 0, looks_in_vain = 0; }
+  };
+
   /// False when there is no field of stones, or none was looked for.
   bool find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
-            const StoneView& view);
-
-  /// The next frame does not continue the last one: it is looked at, however often there was none.
-  void look_again();
-  /// The next frame shows another place.
-  void forget();
+            const StoneView& view, Watch& watch);
 
   /// Lowers curve rows (of the frame, one per mask column) to below the lowest stone of their column.
   void lower(int mask_level, FrameCurve& rows) const;
@@ -91,8 +95,6 @@ class StoneField {
   void fill(const Piece& piece);
 
   bool in_field_ = false; ///< the last frame that was looked at
-  int frames_to_wait_ = 0;
-  std::size_t looks_in_vain_ = 0;
   StoneView view_;
   int width_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
   int blocks_x_ = 0, blocks_y_ = 0, first_block_ = 0;
