@@ -3,7 +3,7 @@
 """Holds the floors of the house: who may include whom.
 
 Each room sees the rooms that MAY gives it: the floors of the core in one direction (base, coarse, learning, then paper or
-freespace, then the segmenter), cues never curve, the two pipelines never each other; kernels nobody; what leaves the core
+freespace, then the segmenter), the folders of freespace along the values (look, score, learn or curve, holes, answer), the two pipelines never each other; kernels nobody; what leaves the core
 (exchange, painter, gst, tools) its public face. Nothing in the core knows GStreamer, OpenCV or Eigen, speaks floating point
 or includes in a circle, and no chain of includes is longer than LONGEST_CHAIN files.
 
@@ -28,7 +28,8 @@ ROOMS = {
     'include/terrainseg/segmenter': 'facade', 'include/terrainseg': 'public', 'include/gst': 'meta',
     'src/kernels': 'kernels', 'src/base': 'base', 'src/coarse': 'coarse', 'src/learning': 'learning',
     'src/motion': 'motion', 'src/paper': 'paper',
-    'src/freespace/cues': 'cues', 'src/freespace/curve': 'curve', 'src/freespace': 'freespace',
+    'src/freespace/look': 'look', 'src/freespace/score': 'score', 'src/freespace/learn': 'learn', 'src/freespace/curve': 'curve',
+    'src/freespace/holes': 'holes', 'src/freespace/answer': 'answer', 'src/freespace': 'freespace',
     'src/segmenter': 'segmenter', 'src/metric': 'metric', 'src/painter': 'painter', 'src/exchange': 'exchange',
     'src/pch': 'precompiled',
     'src/recording': 'recording', 'src/scene': 'scene', 'src/reference': 'reference', 'src/tools': 'tools',
@@ -47,9 +48,13 @@ MAY = {
     'learning': {'public', 'kernels', 'base', 'coarse'},
     'motion': {'public', 'kernels', 'base', 'coarse'},
     'paper': {'public', 'kernels', 'base', 'coarse', 'learning'},
-    'cues': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion'},
-    'curve': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'cues'},
-    'freespace': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'cues', 'curve'},
+    'look': {'public', 'kernels', 'base', 'coarse', 'learning'},
+    'score': {'public', 'kernels', 'base', 'coarse', 'learning', 'look'},
+    'learn': {'public', 'kernels', 'base', 'coarse', 'learning', 'look', 'score'},
+    'curve': {'public', 'kernels', 'base', 'coarse', 'learning', 'look', 'score'},
+    'holes': {'public', 'kernels', 'base', 'coarse', 'motion', 'look', 'curve'},
+    'answer': {'public', 'kernels', 'base', 'coarse', 'look', 'score', 'learn', 'curve', 'holes'},
+    'freespace': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'look', 'score', 'learn', 'curve', 'holes', 'answer'},
     'segmenter': {'facade', 'public', 'base', 'coarse', 'learning', 'paper', 'freespace'},
     'metric': {'public', 'kernels'},
     'painter': {'public', 'kernels'},
@@ -64,7 +69,8 @@ MAY = {
     'plugin': {'support', 'elements', 'meta'},
 }
 REFERENCE_ELEMENT = 'terrainreference'  # the only element that may include the reference
-CORE = {'facade', 'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'paper', 'cues', 'curve', 'freespace', 'segmenter'}
+CORE = {'facade', 'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'paper', 'look', 'score', 'learn', 'curve', 'holes', 'answer',
+        'freespace', 'segmenter'}
 INTEGER_ROOMS = CORE | {'painter'}
 LONGEST_CHAIN = 11  # files, from a source down to a header that includes none of ours
 NO_FOREIGN = INTEGER_ROOMS | {'metric', 'exchange', 'recording', 'scene', 'precompiled'}
@@ -168,7 +174,8 @@ def self_check():
                 wrong.append(f'{here}: {text.strip()}')
     # The floors, written apart from the table.
     for here, there in (('base', 'coarse'), ('coarse', 'learning'), ('learning', 'paper'), ('learning', 'freespace'),
-                        ('cues', 'curve'), ('paper', 'freespace'), ('freespace', 'paper'), ('kernels', 'public'),
+                        ('look', 'score'), ('score', 'curve'), ('learn', 'curve'), ('curve', 'learn'), ('curve', 'holes'), ('holes', 'score'),
+                        ('holes', 'answer'), ('paper', 'freespace'), ('freespace', 'paper'), ('kernels', 'public'),
                         ('exchange', 'base'), ('painter', 'base'), ('elements', 'freespace'), ('support', 'elements'),
                         ('motion', 'learning'), ('metric', 'base'), ('segmenter', 'metric'), ('freespace', 'metric'),
                         ('base', 'facade'), ('freespace', 'facade'), ('public', 'facade')):

@@ -3,11 +3,11 @@
 #pragma once
 
 #include "base/quantities.hpp"
-#include "freespace/cues/temporal.hpp"
-#include "freespace/curve/horizon_row.hpp"
-#include "freespace/curve/standing_things.hpp"
-#include "freespace/curve/stone_field.hpp"
-#include "freespace/window_guard.hpp"
+#include "freespace/answer/horizon_row.hpp"
+#include "freespace/holes/standing_things.hpp"
+#include "freespace/holes/stone_field.hpp"
+#include "freespace/learn/window_guard.hpp"
+#include "freespace/score/temporal.hpp"
 
 namespace terrainseg {
 

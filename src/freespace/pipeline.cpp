@@ -6,7 +6,7 @@
 
 #include "base/lattice.hpp"
 #include "coarse/horizon.hpp"
-#include "freespace/curve/confidence.hpp"
+#include "freespace/answer/confidence.hpp"
 #include "freespace/curve/doubtful.hpp"
 #include "freespace/curve/row_prior.hpp"
 #include "learning/terrain_model.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/horizon_row.hpp"
+#include "freespace/answer/horizon_row.hpp"
 
 #include <gtest/gtest.h>
 

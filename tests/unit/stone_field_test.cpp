@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/stone_field.hpp"
+#include "freespace/holes/stone_field.hpp"
 
 #include <algorithm>
 #include <cmath>

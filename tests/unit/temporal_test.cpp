@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/cues/temporal.hpp"
+#include "freespace/score/temporal.hpp"
 
 #include <gtest/gtest.h>
 
