@@ -6,7 +6,7 @@
 
 #include "base/lattice.hpp"
 #include "coarse/horizon.hpp"
-#include "freespace/curve/confidence.hpp"
+#include "freespace/answer/confidence.hpp"
 #include "freespace/curve/doubtful.hpp"
 #include "freespace/curve/row_prior.hpp"
 #include "learning/terrain_model.hpp"
@@ -23,21 +23,27 @@ constexpr std::uint32_t least_variance = 180 << 8;
 /// with 32 51, 36 46, 48 45, 60 43; the drives' mean error grows by 0.01 with 36, by 0.02 with 48.
 constexpr int far_rows = 36;
 
-/// The ground's vanishing line as the settings have it, rows of the frame. One below the frame is none: there
-/// would be no ground.
-std::optional<int> known_line(const Settings& settings, int height) {
-  const bool known = settings.vanishing_row != -1 && settings.vanishing_row < height;
-  return known ? std::optional(settings.vanishing_row) : std::nullopt;
-}
-
-/// What is known of the line in this frame, Q8 rows of the frame.
-MotionKnowledge line_of(const FrameTask& task) {
-  if (const auto row = known_line(task.settings, task.frame.height))
-    return {MotionKnowledge::Line::exact, *row * 256};
+/// What is known of the ground's vanishing line before the frame is seen. A setting that lies below the frame
+/// is none: there would be no ground.
+FrameLine known_line(const FrameTask& task) {
+  const int row = task.settings.vanishing_row;
+  if (row != -1 && row < task.frame.height)
+    return {FrameLine::Source::setting, row * 256};
   constexpr std::int32_t farthest = 1 << 24;
   if (task.frame.vanishing_row)
-    return {MotionKnowledge::Line::near, std::clamp(*task.frame.vanishing_row, -farthest, farthest)};
+    return {FrameLine::Source::pose, std::clamp(*task.frame.vanishing_row, -farthest, farthest)};
   return {};
+}
+
+/// Where the ground plane ends, as far as it lies within the frame: at its vanishing line, from the setting,
+/// else from the pose and what motion corrects of it, else from motion in the frame before.
+FrameLine end_of_plane(const FrameTask& task, bool continued, const MotionTrack& track) {
+  const FrameLine known = known_line(task);
+  const bool by_motion = task.settings.motion != Motion::off;
+  if (!known.known())
+    return continued && by_motion ? track.line : FrameLine{};
+  const bool corrected = by_motion && known.source == FrameLine::Source::pose;
+  return known.lower_by(corrected ? track.line_offset : 0).within(task.frame.height);
 }
 
 PrefilterRule prefilter_rule(const Settings& settings) {
@@ -113,30 +119,33 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   const bool one_light = settings.light_ahead && !trusted.empty() && task.supervision.empty();
   const Columns ahead = one_light ? columns_ahead(window, grid_.width) : Columns{};
   weigh_cells(settings, trusted, ahead, terrain);
-  const bool continued = averaging_.continues(grid_, task.frame.pts, settings.temporal);
-  averaging_.add(score_, continued, average_);
+  const bool continued = settings.temporal != Temporal::off &&
+                         shows_same_place(memory_.last, grid_, task.frame.pts, settings.temporal);
+  remember(grid_, task.frame.pts, memory_.last);
+  average_scores(score_, continued, memory_.average);
   clock.lap(Stage::scoring);
 
   // 8. The boundary of the ground, once more with what the frame itself looks like on both its sides.
   find_boundary(task, continued, terrain);
-  if (settings.second_look && reestimation_.revise(grid_, cells_, boundary_, penalty_, average_, revised_))
-    search_.find(grid_, revised_, prior_, settings.ground_behind, boundary_);
-  for (std::uint16_t& row : boundary_)
+  if (settings.second_look &&
+      reestimation_.revise(grid_, cells_, memory_.boundary, penalty_, memory_.average, revised_))
+    search_.find(grid_, revised_, prior_, settings.ground_behind, memory_.boundary);
+  for (std::uint16_t& row : memory_.boundary)
     row = std::max(row, static_cast<std::uint16_t>(std::clamp(horizon.row, 0, grid_.height)));
 
   // 9. Ground behind obstacles, doubtful ground before them, and how sure all of it is.
   behind_.any = false;
   if (settings.ground_behind)
-    behind_search_.find(grid_, average_, boundary_, exposure_.gain, behind_);
-  const std::uint8_t confidence = mask_confidence(grid_, average_, boundary_, behind_);
-  walk_doubtful(grid_, average_, settings.doubtful, boundary_, safe_);
+    behind_search_.find(grid_, memory_.average, memory_.boundary, exposure_.gain, behind_);
+  const std::uint8_t confidence = mask_confidence(grid_, memory_.average, memory_.boundary, behind_);
+  walk_doubtful(grid_, memory_.average, settings.doubtful, memory_.boundary, safe_);
 
   // 10. The curves at the picture's own edges, in rows of the frame: what stands in the open below them (what
   // looks odd does not where it moves as the ground does), what is reachable, where the horizon lies.
   refine_curves(task, settings.mask_level, curves_);
   below_things_ = curves_.safe;
   if (!continued)
-    stone_field_.look_again();
+    memory_.stones.look_again();
   const bool stands = find_standing(task, estimate);
   find_spots(task, estimate.window, terrain.horizon);
   reachable_rows(below_things_, settings.mask_level, estimate.window, task.frame.height, out.boundary());
@@ -146,7 +155,7 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   } else if (settings.horizon == HorizonMode::automatic) {
     const HorizonRow seen = horizon_of(curves_.boundary, grid_.level, settings.mask_level, task.frame.height,
                                        confidence, scratch_);
-    const HorizonRow told = horizon_hold_.follow(seen, continued);
+    const HorizonRow told = memory_.horizon.follow(seen, continued);
     estimate.horizon_row = told.row;
     estimate.horizon_confidence = told.confidence;
     if (told.held)
@@ -200,7 +209,7 @@ bool FreeSpacePipeline::window_is_foreign(const FrameTask& task, const Rectangle
   if (!task.settings.learning || !task.settings.near_clear || !task.supervision.empty() ||
       heaviest(terrain.models) < 0)
     return false;
-  return guard_.refuses(cells_, likelihoods(task.settings, terrain), grid_.width, window);
+  return memory_.guard.refuses(cells_, likelihoods(task.settings, terrain), grid_.width, window);
 }
 
 // The mixture is evaluated at bin centres, but learned from unshifted colours: as accurate, and the models'
@@ -221,7 +230,8 @@ void FreeSpacePipeline::learn_window(const Settings& settings, const Grid& color
     same_ground = connected_.taught();
     vouched_ = connected_.vouched(grid_, kept_.cells, texture_);
   }
-  mark_lessons(grid_, window_cells_, kept_.cells, same_ground, settings.negatives, boundary_, lessons_);
+  mark_lessons(grid_, window_cells_, kept_.cells, same_ground, settings.negatives, memory_.boundary,
+               lessons_);
   learn_histograms(cells_, lessons_, settings.forget_shift, terrain);
   ++terrain.generation;
   taught_q8_ = static_cast<int>(256 * window_cells_.size() / grid_.size());
@@ -255,41 +265,22 @@ void FreeSpacePipeline::find_boundary(const FrameTask& task, bool continued, Ter
   const Settings& settings = task.settings;
   before_.clear();
   if (continued)
-    before_.swap(boundary_);
+    before_.swap(memory_.boundary);
   search_.look(grid_, steps_, exposure_.gain, before_);
   if (settings.connected_ground)
     search_.price_edgeless(grid_, connected_.edgeless(grid_));
-  const std::int32_t line = plane_end(task, continued);
-  const int line_q8 = line < 0 ? -1 : (line >> 8) / pyramid_.height(0);
+  const FrameLine line = end_of_plane(task, continued, memory_.motion);
+  const int line_q8 = line.part_of_height_q8(task.frame.height);
   // The first frame knows no horizon: it is searched twice, the second time with its own.
   for (int pass = terrain.horizon == 0 ? 0 : 1; pass < 2; ++pass) {
     row_prior(grid_.height, horizon_of_prior(terrain.horizon, line_q8), settings.row_prior, settings.caution,
               prior_);
-    deny_rows_before(first_row_of_plane(line), prior_);
-    search_.find(grid_, average_, prior_, settings.ground_behind, boundary_);
-    terrain.horizon = follow_horizon(pass == 0 ? 0 : terrain.horizon, boundary_, grid_.height, scratch_);
+    // A 32nd of the height above the plane's end there may be ground: it may rise a little.
+    deny_rows_before(line.row_of_level(grid_.level, task.frame.height >> 5), prior_);
+    search_.find(grid_, memory_.average, prior_, settings.ground_behind, memory_.boundary);
+    terrain.horizon =
+        follow_horizon(pass == 0 ? 0 : terrain.horizon, memory_.boundary, grid_.height, scratch_);
   }
-}
-
-// A plane ends at its vanishing line, which somebody knows, a pose has near by, or motion knows after some
-// metres, as of the last frame. Q16 rows of the frame; -1 = not known, or outside.
-std::int32_t FreeSpacePipeline::plane_end(const FrameTask& task, bool continued) const {
-  const MotionKnowledge known = line_of(task);
-  const bool by_motion = task.settings.motion != Motion::off;
-  if (known.line == MotionKnowledge::Line::unknown)
-    return continued && by_motion ? standing_.vanishing_row() : -1;
-  const int row = known.vanishing_row +
-                  (known.line == MotionKnowledge::Line::near && by_motion ? standing_.line_offset() : 0);
-  return row < 0 ? -1 : std::min(row, pyramid_.height(0) << 8) << 8;
-}
-
-// The first row of the grid in which there may be ground: a 32nd of the height above the plane's end, for
-// ground that rises a little.
-int FreeSpacePipeline::first_row_of_plane(std::int32_t line) const {
-  if (line < 0)
-    return 0;
-  const int row = (line >> 16) - (pyramid_.height(0) >> 5);
-  return std::max((row + (1 << grid_.level) - 1) >> grid_.level, 0);
 }
 
 // All curves brought to rows of the frame, one per column of a mask of that level.
@@ -298,7 +289,7 @@ void FreeSpacePipeline::refine_curves(const FrameTask& task, int mask_level, Fre
     refinement_.refine(pyramid_, grid_, transform_, curve, task.settings.refine, mask_level, task.frame.width,
                        task.frame.height, rows);
   };
-  bring(boundary_, curves.boundary);
+  bring(memory_.boundary, curves.boundary);
   bring(safe_, curves.safe);
   for (std::size_t x = 0; x < curves.safe.size(); ++x)
     curves.safe[x] = std::max(curves.safe[x], curves.boundary[x]);
@@ -348,7 +339,8 @@ void FreeSpacePipeline::find_spots(const FrameTask& task, const Rectangle& windo
     look(spot_searches_[1], finest, far_rows);
   in_stones_ = stone_field_.find(pyramid_, transform_, curves,
                                  {texture_level(grid_.level), layout_of(task.frame.format).rgb, column_level,
-                                  finest, slow_horizon, window, settings.ignore_regions});
+                                  finest, slow_horizon, window, settings.ignore_regions},
+                                 memory_.stones);
   if (in_stones_)
     stone_field_.lower(settings.mask_level, below_things_);
 }
@@ -361,12 +353,13 @@ bool FreeSpacePipeline::find_standing(const FrameTask& task, Estimate& estimate)
     // As with spots: what motion sees must not depend on the mask's size.
     const int column_level =
         std::min(settings.mask_level, StandingThings::coarsest_columns(pyramid_, grid_.level));
-    any = standing_.find(pyramid_, curves_at(task, column_level),
-                         {grid_.level, column_level, task.frame.pts, settings.ignore_regions, line_of(task)});
-    estimate.speed_over_height = standing_.speed_over_height();
+    any =
+        standing_.find(pyramid_, curves_at(task, column_level),
+                       {grid_.level, column_level, task.frame.pts, settings.ignore_regions, known_line(task)},
+                       memory_.motion);
+    estimate.speed_over_height = memory_.motion.speed;
   }
-  const std::int32_t line = plane_end(task, true);
-  estimate.vanishing_row = line < task.frame.height << 16 ? line : -1;
+  estimate.vanishing_row = end_of_plane(task, true, memory_.motion).row_q16(task.frame.height);
   if (any)
     standing_.lower(settings.mask_level, below_things_);
   return any;
@@ -375,7 +368,7 @@ bool FreeSpacePipeline::find_standing(const FrameTask& task, Estimate& estimate)
 // Only now: the label of a cell is what the mask has there.
 void FreeSpacePipeline::tell_confidence(const Settings& settings, bool stands, const Estimate& estimate,
                                         const MutablePlane& map) {
-  evidence_.start(grid_, average_, boundary_, behind_);
+  evidence_.start(grid_, memory_.average, memory_.boundary, behind_);
   for (const SpotSearch& search : spot_searches_)
     if (search.found)
       evidence_.subtract_oddness(search.spots.oddness());
@@ -410,16 +403,11 @@ TerrainModel FreeSpacePipeline::in_this_light(const TerrainModel& learned) const
 void FreeSpacePipeline::adapt(const Settings& settings, int /*grid_level*/) {
   forget_terrain();
   if (settings.horizon != HorizonMode::automatic)
-    horizon_hold_.forget();
+    memory_.horizon = {};
 }
 
 void FreeSpacePipeline::forget_frames() {
-  averaging_.forget();
-  guard_.forget();
-  standing_.forget();
-  stone_field_.forget();
-  boundary_.clear();
-  horizon_hold_.forget();
+  memory_ = {};
 }
 
 void FreeSpacePipeline::forget_terrain() {

@@ -13,26 +13,25 @@
 #include "base/quantities.hpp"
 #include "coarse/grid_reader.hpp"
 #include "coarse/window.hpp"
-#include "freespace/cues/color_bins.hpp"
-#include "freespace/cues/connected_ground.hpp"
-#include "freespace/cues/exposure.hpp"
-#include "freespace/cues/geodesic.hpp"
-#include "freespace/cues/likelihood.hpp"
-#include "freespace/cues/local_reference.hpp"
-#include "freespace/cues/own_shadow.hpp"
-#include "freespace/cues/temporal.hpp"
-#include "freespace/cues/texture.hpp"
+#include "freespace/answer/evidence.hpp"
+#include "freespace/answer/free_space.hpp"
+#include "freespace/answer/horizon_row.hpp"
 #include "freespace/curve/boundary.hpp"
-#include "freespace/curve/evidence.hpp"
-#include "freespace/curve/free_space.hpp"
 #include "freespace/curve/ground_behind.hpp"
-#include "freespace/curve/horizon_row.hpp"
-#include "freespace/curve/odd_spots.hpp"
 #include "freespace/curve/reestimation.hpp"
 #include "freespace/curve/refinement.hpp"
-#include "freespace/curve/standing_things.hpp"
-#include "freespace/curve/stone_field.hpp"
-#include "freespace/window_guard.hpp"
+#include "freespace/holes/odd_spots.hpp"
+#include "freespace/holes/standing_things.hpp"
+#include "freespace/holes/stone_field.hpp"
+#include "freespace/learn/own_shadow.hpp"
+#include "freespace/look/color_bins.hpp"
+#include "freespace/look/connected_ground.hpp"
+#include "freespace/look/exposure.hpp"
+#include "freespace/look/texture.hpp"
+#include "freespace/memory.hpp"
+#include "freespace/score/geodesic.hpp"
+#include "freespace/score/likelihood.hpp"
+#include "freespace/score/local_reference.hpp"
 #include "learning/clustering.hpp"
 
 namespace terrainseg {
@@ -57,8 +56,6 @@ class FreeSpacePipeline final : public Pipeline {
   void weigh_cells(const Settings& settings, std::span<const Cell> trusted, const Columns& ahead,
                    const Terrain& terrain);
   void find_boundary(const FrameTask& task, bool continued, Terrain& terrain);
-  std::int32_t plane_end(const FrameTask& task, bool continued) const;
-  int first_row_of_plane(std::int32_t line) const;
   void refine_curves(const FrameTask& task, int mask_level, FreeSpaceCurves& curves);
   const FreeSpaceCurves& curves_at(const FrameTask& task, int level);
   void find_spots(const FrameTask& task, const Rectangle& window, std::uint32_t slow_horizon);
@@ -84,7 +81,6 @@ class FreeSpacePipeline final : public Pipeline {
   // The window and what it teaches.
   std::vector<Cell> window_cells_, lit_cells_;
   Prefiltered kept_;
-  WindowGuard guard_;
   ClusterScratch clusters_;
   TrainingModels training_; ///< of this frame; none while its window is not learned
   int taught_q8_ = 0;       ///< share of the picture that the last lesson taught
@@ -99,8 +95,7 @@ class FreeSpacePipeline final : public Pipeline {
   GeodesicPenalty geodesic_;
   std::span<const std::uint8_t> vouched_; ///< of this frame; held by connected_
   CellPenalties penalty_;
-  ScoreAverage averaging_;
-  CellScores score_, average_, revised_;
+  CellScores score_, revised_;
 
   // What the picture says: curves.
   RowPriors prior_;
@@ -108,9 +103,8 @@ class FreeSpacePipeline final : public Pipeline {
   Reestimation reestimation_;
   GroundBehindSearch behind_search_;
   GroundBehind behind_;
-  GridCurve boundary_, before_, safe_;
+  GridCurve before_, safe_;
   std::vector<std::uint16_t> scratch_;
-  HorizonHold horizon_hold_;
   Refinement refinement_;
   FreeSpaceCurves curves_;
   FreeSpaceCurves fine_curves_; ///< the same for small masks: a column per cell that is searched for spots
@@ -126,6 +120,8 @@ class FreeSpacePipeline final : public Pipeline {
   FrameCurve below_things_; ///< the safe curve where nothing stands in the open below it
   FreeSpace free_space_;
   Evidence evidence_;
+
+  Memory memory_;
 };
 
 } // namespace terrainseg

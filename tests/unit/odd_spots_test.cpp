@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/odd_spots.hpp"
+#include "freespace/holes/odd_spots.hpp"
 
 #include <algorithm>
 #include <cmath>

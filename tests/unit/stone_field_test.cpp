@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/stone_field.hpp"
+#include "freespace/holes/stone_field.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -31,12 +31,12 @@ struct Scene {
     curves.safe = curves.boundary;
   }
   bool find() {
-    return field.find(pyramid, color_transform_of(view.rgb, owned.frame().colorimetry), curves, view);
+    return field.find(pyramid, color_transform_of(view.rgb, owned.frame().colorimetry), curves, view, watch);
   }
   /// Another picture of the same size, the same search.
   bool find_in(Scene& other) {
     return field.find(other.pyramid, color_transform_of(false, other.owned.frame().colorimetry), other.curves,
-                      other.view);
+                      other.view, watch);
   }
   bool stone(int row, int column) const {
     return field.oddness().values[static_cast<std::size_t>(row * field.width() + column)] != 0;
@@ -52,6 +52,7 @@ struct Scene {
   FreeSpaceCurves curves;
   StoneView view;
   StoneField field;
+  StoneField::Watch watch;
 };
 
 /// The definition, every box summed by itself.
@@ -325,9 +326,9 @@ TEST(StoneField, AFewAreNoFieldUnlessThereWasOne) {
   EXPECT_TRUE(many.find_in(few));
   EXPECT_FALSE(many.find_in(fewest));
   EXPECT_EQ(many.stones(), 0) << "nothing is left of the frame before";
-  many.field.forget();
+  many.watch = {};
   ASSERT_TRUE(many.find());
-  many.field.forget();
+  many.watch = {};
   EXPECT_FALSE(many.find_in(few));
 }
 
@@ -337,7 +338,7 @@ TEST(StoneField, LooksMoreSeldomWhereThereIsNone) {
   // A field is shown after so many frames without one: the frame in which it is found.
   const std::vector<std::pair<int, int>> found_in{{0, 0}, {1, 3}, {3, 3}, {4, 8}, {8, 8}, {9, 17}, {18, 26}};
   for (const auto& [without, found] : found_in) {
-    even.field.forget();
+    even.watch = {};
     for (int frame = 0; frame < without; ++frame)
       ASSERT_FALSE(even.find());
     int frame = without;
@@ -358,7 +359,7 @@ TEST(StoneField, ANewPlaceIsLookedAtAtOnce) {
   for (int frame = 0; frame < 12; ++frame)
     ASSERT_FALSE(even.find());
   ASSERT_FALSE(even.find_in(many)) << "it waits";
-  even.field.look_again();
+  even.watch.look_again();
   EXPECT_TRUE(even.find_in(many));
 }
 
@@ -387,7 +388,7 @@ TEST(StoneField, WhatTheGroundDoesNotSurroundIsNoStone) {
     EXPECT_FALSE(s.stone(other.y + other.height - 2, other.x + 2)) << other.x;
   const std::vector<Rectangle> ignored{{0, 0, 90, 240}};
   s.view.ignored = ignored;
-  s.field.forget();
+  s.watch = {};
   ASSERT_TRUE(s.find());
   for (int y = 0; y < 240; ++y)
     for (int x = 0; x < 90; ++x)

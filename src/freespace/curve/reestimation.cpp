@@ -6,7 +6,7 @@
 
 #include "base/fixed_log.hpp"
 #include "base/percentile.hpp"
-#include "freespace/cues/color_bins.hpp"
+#include "freespace/look/color_bins.hpp"
 
 namespace terrainseg {
 namespace {

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What the default pipeline keeps from frame to frame.
+#pragma once
+
+#include "base/quantities.hpp"
+#include "freespace/answer/horizon_row.hpp"
+#include "freespace/holes/standing_things.hpp"
+#include "freespace/holes/stone_field.hpp"
+#include "freespace/learn/window_guard.hpp"
+#include "freespace/score/temporal.hpp"
+
+namespace terrainseg {
+
+/// Everything that outlives a frame, and nothing else: forgetting is `memory = {}`. What was learned is the
+/// segmenter's Terrain.
+struct Memory {
+  LastPicture last;
+  WindowGuard guard;
+  CellScores average; ///< of the scores
+  GridCurve boundary; ///< of the last frame; empty = none
+  HorizonHold horizon;
+  StoneField::Watch stones;
+  MotionTrack motion;
+};
+
+} // namespace terrainseg
