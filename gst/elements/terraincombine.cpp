@@ -21,6 +21,8 @@
 #include <utility>
 #include <vector>
 
+#include "elements/terraincombine/unit_clock.hpp"
+#include "elements/terraincombine/unit_store.hpp"
 #include "exchange/vmti_klv.hpp"
 #include "support/buffer_pool.hpp"
 #include "support/estimate_meta.hpp"
@@ -31,8 +33,6 @@
 #include "support/precision_time.hpp"
 #include "support/properties.hpp"
 #include "support/segment_time.hpp"
-#include "support/unit_clock.hpp"
-#include "support/unit_store.hpp"
 #include "support/wall_clock.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terraincombine_debug);

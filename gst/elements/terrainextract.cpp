@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "elements/terrainextract/mask_picture.hpp"
 #include "exchange/counted.hpp"
 #include "exchange/json_lines.hpp"
 #include "exchange/mavlink_stream.hpp"
@@ -18,7 +19,6 @@
 #include "support/estimate_meta.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
-#include "support/mask_picture.hpp"
 #include "support/metadata_watch.hpp"
 #include "support/metric_meta.hpp"
 #include "support/name_property.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "support/settings_file.hpp"
+#include "elements/terrainseg/settings_file.hpp"
 
 #include <glib.h>
 

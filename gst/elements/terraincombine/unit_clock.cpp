@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "support/unit_clock.hpp"
+#include "elements/terraincombine/unit_clock.hpp"
 
 #include <algorithm>
 

@@ -10,8 +10,8 @@
 #include <optional>
 #include <string>
 
+#include "elements/terrainseg/settings_file.hpp"
 #include "support/overlay_properties.hpp"
-#include "support/settings_file.hpp"
 #include "terrainseg/settings.hpp"
 
 namespace terrainseg {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "support/mask_picture.hpp"
+#include "elements/terrainextract/mask_picture.hpp"
 
 #include <cstring>
 

@@ -6,8 +6,8 @@
 #include <list>
 #include <optional>
 
+#include "elements/terraincombine/unit_store.hpp"
 #include "support/buffer_pool.hpp"
-#include "support/unit_store.hpp"
 
 namespace terrainseg {
 

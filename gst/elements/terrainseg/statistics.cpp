@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "support/statistics.hpp"
+#include "elements/terrainseg/statistics.hpp"
 
 #include <algorithm>
 #include <cmath>

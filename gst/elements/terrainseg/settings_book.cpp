@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "elements/terrainseg_settings.hpp"
+#include "elements/terrainseg/settings_book.hpp"
 
 #include <cmath>
 #include <iterator>

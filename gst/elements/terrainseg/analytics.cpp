@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "support/analytics.hpp"
+#include "elements/terrainseg/analytics.hpp"
 
 #ifdef TERRAINSEG_ANALYTICS
 

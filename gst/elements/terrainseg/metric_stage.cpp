@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "support/metric_stage.hpp"
+#include "elements/terrainseg/metric_stage.hpp"
 
 #include <gst/terrainseg/terrainsegmeta.h>
 
