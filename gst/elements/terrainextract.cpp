@@ -23,6 +23,7 @@
 #include "support/metric_meta.hpp"
 #include "support/name_property.hpp"
 #include "support/object.hpp"
+#include "support/once.hpp"
 #include "support/plugin_api.hpp"
 #include "support/precision_time.hpp"
 #include "support/properties.hpp"
@@ -129,7 +130,7 @@ struct ExtractState {
   bool video_meta_welcome = false;  // streaming; downstream reads GstVideoMeta, any stride will do
   GstBufferPool* pool = nullptr;    // streaming; pictures that are not the mask's own memory
   GstEvent* held_segment = nullptr; // streaming; waits for the caps
-  bool warned = false;              // streaming
+  Once<> unreadable, unmeasured;    // streaming
   MetadataWatch metadata;           // streaming
   MaskScaler scaler;                // streaming
   KlvEncoder klv;                   // streaming
@@ -137,7 +138,6 @@ struct ExtractState {
   std::string place_text;           // streaming; the klv-position that was read
   std::string line;                 // streaming
   MavlinkStream mavlink;            // streaming
-  bool warned_unmeasured = false;   // streaming
   ExtractSettings settings;         // under the object lock
 
   ExtractState() noexcept {
@@ -157,7 +157,8 @@ struct ExtractState {
     gst_clear_event(&held_segment);
     video = {};
     negotiated = false;
-    warned = warned_unmeasured = false;
+    unreadable.again();
+    unmeasured.again();
     place = {};
     place_text.clear();
     mavlink = {};
@@ -423,7 +424,7 @@ GstBuffer* copy_of(const void* data, std::size_t size) {
 
 void warn_once(GstTerrainExtract* self, const char* error) {
   GST_WARNING_OBJECT(self, "unreadable metadata: %s", error);
-  if (std::exchange(self->state->warned, true))
+  if (!self->state->unreadable.first())
     return;
   GST_ELEMENT_WARNING(self, STREAM, DECODE,
                       ("Frames carry metadata that makes no sense and is passed over: %s.", error),
@@ -433,7 +434,7 @@ void warn_once(GstTerrainExtract* self, const char* error) {
 /// Without a calibration nothing is known, and an autopilot is told so: that must not go unnoticed.
 void warn_unmeasured(GstTerrainExtract* self, const char* error) {
   GST_LOG_OBJECT(self, "no metres: %s", error ? error : "no metadata");
-  if (std::exchange(self->state->warned_unmeasured, true))
+  if (!self->state->unmeasured.first())
     return;
   GST_ELEMENT_WARNING(self, STREAM, FORMAT,
                       ("The autopilot is told that nothing is known: %s.",

@@ -12,6 +12,7 @@
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
 #include "support/object.hpp"
+#include "support/once.hpp"
 #include "support/plugin_api.hpp"
 #include "support/precision_time.hpp"
 #include "support/properties.hpp"
@@ -48,11 +49,11 @@ const Property<StampSettings> stamp_table[] = {
 /// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
 /// none.
 struct StampState {
-  StampSettings settings;     // object lock
-  NalFraming framing;         // streaming
-  bool first = true;          // streaming; nothing has passed since the start or a flush
-  bool warned = false;        // streaming; of what has no slice
-  bool told_timeless = false; // streaming
+  StampSettings settings; // object lock
+  NalFraming framing;     // streaming
+  bool first = true;      // streaming; nothing has passed since the start or a flush
+  Once<> formless;        // streaming; a buffer without a slice
+  Once<> timeless;        // streaming
 };
 
 } // namespace terrainseg
@@ -136,7 +137,8 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
 gboolean start(GstBaseTransform* transform) {
   StampState& s = *self_of(transform)->state;
   s.first = true;
-  s.warned = s.told_timeless = false;
+  s.formless.again();
+  s.timeless.again();
   return TRUE;
 }
 
@@ -205,7 +207,7 @@ OwnedBuffer with_stamp(GstBuffer* in, const StampUnit& stamp, std::size_t place)
 /// Once: where the stamps would go is not to be found.
 void warn_formless(GstTerrainStamp* self, GstBuffer* in) {
   GST_WARNING_OBJECT(self, "no slice in %" GST_PTR_FORMAT, printable(in));
-  if (std::exchange(self->state->warned, true))
+  if (!self->state->formless.first())
     return;
   GST_ELEMENT_WARNING(
       self, STREAM, FORMAT,
@@ -216,7 +218,7 @@ void warn_formless(GstTerrainStamp* self, GstBuffer* in) {
 
 /// Once: there is no time to be written.
 void warn_timeless(GstTerrainStamp* self, GstBuffer* in) {
-  if (std::exchange(self->state->told_timeless, true))
+  if (!self->state->timeless.first())
     return;
   GST_ELEMENT_WARNING(
       self, STREAM, FORMAT,

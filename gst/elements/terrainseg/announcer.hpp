@@ -3,11 +3,13 @@
 #pragma once
 
 #include <gst/gst.h>
+#include <gst/terrainseg/terrainsegmeta.h>
 
 #include <algorithm>
 #include <cstdlib>
 #include <optional>
 
+#include "support/segment_time.hpp"
 #include "terrainseg/estimate.hpp"
 
 namespace terrainseg {
@@ -18,6 +20,17 @@ struct News {
   int horizon_row = -1; ///< -1 = none
   bool blocked = false;
 };
+
+/// The element message, for the frame that `buffer` holds.
+inline GstStructure* structure_of(const News& news, const GstSegment& segment, const GstBuffer* buffer) {
+  const GstClockTime timestamp = GST_BUFFER_PTS(buffer);
+  return gst_structure_new(
+      GST_TERRAIN_SEG_MESSAGE, "timestamp", G_TYPE_UINT64, timestamp, "stream-time", G_TYPE_UINT64,
+      stream_time_of(segment, timestamp), "running-time", G_TYPE_UINT64, running_time_of(segment, timestamp),
+      "duration", G_TYPE_UINT64, GST_BUFFER_DURATION(buffer), "traversable-permille", G_TYPE_UINT,
+      static_cast<guint>(news.traversable_permille), "horizon-row", G_TYPE_INT, news.horizon_row, "blocked",
+      G_TYPE_BOOLEAN, static_cast<gboolean>(news.blocked), nullptr);
+}
 
 /// Tells a change once, and noise not at all: values are compared with what was told last and not with the
 /// frame before. That the way is blocked is told at once, that it is free only when it stays so. Once a

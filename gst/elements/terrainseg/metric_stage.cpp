@@ -29,7 +29,7 @@ std::optional<SettingFlaw> MetricStage::start(const std::string& camera_info, co
   std::fill(std::begin(told_), std::end(told_), false);
   notice_.reset();
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     poses_.clear();
     posed_ = false;
   }
@@ -71,7 +71,7 @@ const char* MetricStage::take_pose(const GstStructure* fields) {
     pose.height = number;
   if (const char* flaw = metric::flaw_of(pose))
     return flaw;
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   posed_ = true;
   poses_.add(pose);
   return nullptr;
@@ -79,7 +79,7 @@ const char* MetricStage::take_pose(const GstStructure* fields) {
 
 void MetricStage::flush() {
   monitor_.clear();
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   poses_.clear();
 }
 
@@ -99,7 +99,7 @@ const MetricEstimate* MetricStage::refuse(Notice why) {
 
 /// The mount at this moment; nothing, and posed, when poses come and none of this moment is there.
 std::optional<metric::Mount> MetricStage::attitude(GstClockTime running_time, bool& posed) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   posed = posed_;
   if (!posed_)
     return mount_;

@@ -6,7 +6,6 @@
 #include <gst/gst.h>
 
 #include <array>
-#include <mutex>
 #include <optional>
 #include <string>
 
@@ -15,6 +14,7 @@
 #include "metric/horizon_monitor.hpp"
 #include "metric/pose.hpp"
 #include "support/calibration_files.hpp"
+#include "support/mutex.hpp"
 #include "terrainseg/estimate.hpp"
 
 namespace terrainseg {
@@ -61,9 +61,10 @@ class MetricStage {
   bool told_[notices] = {};
   std::optional<Notice> notice_;
 
-  std::mutex mutex_; ///< of what is below: events come on other threads
-  metric::PoseTrack poses_;
-  bool posed_ = false; ///< whether there was ever a pose: then the mount's attitude is that of no moment
+  Mutex mutex_; ///< pose events come on other threads
+  metric::PoseTrack poses_ TERRAINSEG_GUARDED_BY(mutex_);
+  bool posed_ TERRAINSEG_GUARDED_BY(mutex_) =
+      false; ///< whether there was ever a pose: then the mount's attitude is that of no moment
 };
 
 } // namespace terrainseg
