@@ -413,6 +413,27 @@ TEST(Stages, ThatAreOffChangeTheMask) {
   EXPECT_EQ(mask_of(by_booleans), bare);
 }
 
+// The booleans say the same as stages, and free-space as preset: deprecated, and they work (above).
+TEST(Stages, TheirBooleansAreDeprecated) {
+  auto element = make_element("terrainseg");
+  guint count = 0, stages = 0;
+  const std::unique_ptr<GParamSpec*, decltype(&g_free)> specs(
+      g_object_class_list_properties(G_OBJECT_GET_CLASS(element.get()), &count), g_free);
+  const std::string all = "+" + text(element.get(), "stages") + "+";
+  for (guint i = 0; i < count; ++i) {
+    const GParamSpec* spec = specs.get()[i];
+    const std::string name = spec->name;
+    const bool is_stage = all.find("+" + name + "+") != std::string::npos;
+    stages += is_stage;
+    const bool deprecated = spec->flags & G_PARAM_DEPRECATED;
+    EXPECT_EQ(deprecated, is_stage || name == "free-space") << name;
+    EXPECT_EQ(deprecated,
+              std::string(g_param_spec_get_blurb(specs.get()[i])).rfind("Deprecated, use ", 0) == 0)
+        << name;
+  }
+  EXPECT_GE(stages, 8u);
+}
+
 // ---- presets and their way back --------------------------------------------------------------------------
 
 TEST(Presets, NotifyEveryPropertyThatChanged) {
@@ -522,9 +543,9 @@ TEST(Unused, IsToldWhilePlayingOnceARun) {
 
 TEST(Unused, IsInTheBlurb) {
   auto element = make_element("terrainseg");
-  for (const auto& [name, words] : {std::pair{"threshold", "with free-space=false only"},
-                                    {"texture", "no effect with free-space=false"},
-                                    {"stages", "no effect with free-space=false"}}) {
+  for (const auto& [name, words] : {std::pair{"threshold", "with preset=paper only"},
+                                    {"texture", "not used with preset=paper"},
+                                    {"stages", "not used with preset=paper"}}) {
     GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element.get()), name);
     EXPECT_NE(std::string(g_param_spec_get_blurb(spec)).find(words), std::string::npos) << name;
   }

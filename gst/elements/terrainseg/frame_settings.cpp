@@ -37,8 +37,8 @@ bool read_file(GstElement* element, Shared& shared) {
 void warn_unused(GstElement* element, const std::string& names, bool free_space) {
   if (!names.empty())
     GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
-                        ("Set without effect: %s. The pipeline that runs (free-space=%s) does not use it.",
-                         names.c_str(), free_space ? "true" : "false"),
+                        ("Set without effect: %s. The %s pipeline does not use it.", names.c_str(),
+                         free_space ? "default" : "paper's"),
                         ("properties %s", names.c_str()));
 }
 

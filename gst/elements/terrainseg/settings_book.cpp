@@ -181,16 +181,23 @@ guint id_named(const char* name) {
   return 0;
 }
 
+/// The property that says the same, of one that is deprecated; else nullptr.
+const char* successor_of(const Setting& setting) {
+  return setting.stage ? "stages" : g_str_equal(setting.name, "free-space") ? "preset" : nullptr;
+}
+
 GParamFlags flags_of(const Setting& setting) {
-  const int flags = setting.controllable ? property_controllable : property_playing;
+  const int flags = (setting.controllable ? property_controllable : property_playing) |
+                    (successor_of(setting) ? G_PARAM_DEPRECATED : 0);
   return static_cast<GParamFlags>(flags & ~G_PARAM_STATIC_BLURB); // GLib keeps a copy
 }
 
 std::string blurb_of(const Setting& setting) {
-  const char* only = setting.used_by == UsedBy::paper        ? " (has an effect with free-space=false only)"
-                     : setting.used_by == UsedBy::free_space ? " (has no effect with free-space=false)"
+  const char* only = setting.used_by == UsedBy::paper        ? " (used with preset=paper only)"
+                     : setting.used_by == UsedBy::free_space ? " (not used with preset=paper)"
                                                              : "";
-  return std::string(setting.blurb) + only;
+  const char* successor = successor_of(setting);
+  return (successor ? std::string("Deprecated, use ") + successor + ". " : "") + setting.blurb + only;
 }
 
 GParamSpec* spec_of(const Setting& s) {
@@ -322,8 +329,7 @@ void SettingsBook::install(GObjectClass* object_class) {
                         preset_type(), static_cast<int>(Preset::standard), property_playing));
   add(id_of(special_stages),
       g_param_spec_flags("stages", "Stages",
-                         "Stages of the pipeline that run, the same as the booleans of these names (has no "
-                         "effect with free-space=false)",
+                         "Stages of the default pipeline that run (not used with preset=paper)",
                          stages_type(), stages_of(Settings{}), property_playing));
   add(id_of(special_window_rect),
       g_param_spec_string("window-rect", "Window rectangle",

@@ -193,7 +193,7 @@ static inline GstBuffer* gst_terrain_seg_meta_get_mask(const GstStructure* meta)
 
 /** How sure the mask's label is, one byte for each cell of the grid that was thought on, spread over the
  * mask's region: GRAY8 like the mask, 255 * (2 p - 1) where p is the share of right labels to expect. Read
- * only. NULL where there is none: free-space=false, an estimate that came as KLV. */
+ * only. NULL where there is none: preset=paper, an estimate that came as KLV. */
 static inline GstBuffer* gst_terrain_seg_meta_get_confidence_map(const GstStructure* meta) {
   return gst_terrain_seg_meta_get_buffer_(meta, "confidence-map");
 }
