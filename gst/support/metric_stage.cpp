@@ -41,6 +41,9 @@ std::string MetricStage::fit(int width, int height) {
   fits_ = false;
   if (!is_calibrated())
     return {};
+  if (camera_->whole_width > 0 && width == camera_->whole_width && height == camera_->whole_height)
+    return "the calibration's roi is a part of the picture and these frames have the size of the whole: "
+           "remove roi from the calibration";
   // A picture that was scaled as a whole, its sides rounded to pixels.
   const std::int64_t a = std::int64_t{width} * camera_->height, b = std::int64_t{height} * camera_->width;
   fits_ = std::abs(a - b) <= std::max(camera_->width, camera_->height);

@@ -173,6 +173,33 @@ TEST_F(Metric, TheFanHoldsWhileTheVehicleSways) {
   EXPECT_GT(columns, 20);
 }
 
+TEST_F(Metric, ARegionOfTheCalibratedPictureHasItsOwnRanges) {
+  // The lower middle of a picture of twice the size: its calibration with roi, and that of the part.
+  const std::string whole = "width: 320\nheight: 240\nk: [138.5, 0, 139.5, 0, 138.5, 129.5, 0, 0, 1]\nroi: "
+                            "{x_offset: 60, y_offset: 70, width: 160, height: 120}\n";
+  const TemporaryFile region(whole);
+  std::vector<std::vector<float>> ranges;
+  for (const std::string& path : {camera.path, region.path}) {
+    Rig rig("terrainseg mount=height=0.5,pitch=10deg camera-info=" + path, caps);
+    Owned<GstBuffer> last;
+    for (int i = 0; i < 8; ++i)
+      last = rig.step();
+    const MetricReader metres(last.get());
+    ASSERT_TRUE(metres);
+    ranges.emplace_back(metres.metric().low.begin(), metres.metric().low.end());
+    EXPECT_TRUE(rig.warnings().empty());
+  }
+  for (std::size_t i = 0; i < ranges[0].size(); ++i)
+    EXPECT_TRUE(ranges[0][i] == ranges[1][i] || (std::isnan(ranges[0][i]) && std::isnan(ranges[1][i]))) << i;
+  // Frames of the whole picture contradict the roi.
+  Rig rig("terrainseg mount=height=0.5,pitch=10deg camera-info=" + region.path, caps_text("I420", 320, 240));
+  EXPECT_EQ(rig.push(new_frame(info_of(caps_text("I420", 320, 240)), 0)), GST_FLOW_ERROR);
+  bool said = false;
+  for (const auto& error : reports(rig.bus(), GST_MESSAGE_ERROR))
+    said |= error.contains("remove roi");
+  EXPECT_TRUE(said);
+}
+
 TEST_F(Metric, TheLimitIsWhereTheErrorReachesAFifth) {
   Rig rig(with("height=0.5,pitch=10deg,pitch-error=1deg"), caps);
   const auto out = rig.step();
