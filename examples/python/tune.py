@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """A window to tune the filter in: examples/tune.sh starts this and says how it is used."""
 import argparse
-import collections
 import os
 import pathlib
 import re
@@ -373,51 +372,68 @@ def picture_of(options):
     """The last of some frames with the window drawn, once for each value that is tried, side by side, as PNG."""
     name, values = options.attempt or ('', [''])
     settings = [('settings-location', options.settings)] if read_group(options.settings) else []
-    heads, places = [], []
+    heads, labels = [], []
     for index, value in enumerate(values):
-        label = f'{name}={value}' if name else options.what
+        labels.append(f'{name}={value}' if name else os.path.basename(options.what))
         heads.append(f't. ! queue ! terrainseg name=terrain{index} overlay=true ! videoconvert ! videoscale '
                      f'! video/x-raw,format=BGRx,width={options.width},pixel-aspect-ratio=1/1 '
-                     f'! textoverlay text="{label}" font-desc="Monospace 12" auto-resize=false halignment=left valignment=top ! side.sink_{index}')
-        places.append(f'sink_{index}::xpos={index * options.width}')
+                     f'! textoverlay name=label{index} font-desc="Monospace 12" auto-resize=false halignment=left valignment=top '
+                     f'! appsink name=out{index} sync=false max-buffers=1')
     source = source_of(options.what).replace(' is-live=true', '')
-    pipeline = Gst.parse_launch(f'{source} ! identity eos-after={options.frames + 1} ! tee name=t {" ".join(heads)} '
-                                f'compositor name=side {" ".join(places)} ! videoconvert ! video/x-raw,format=RGB '
-                                '! appsink name=out sync=false max-buffers=4')
+    pipeline = Gst.parse_launch(f'{source} ! tee name=t {" ".join(heads)}')
     for index, value in enumerate(values):
+        pipeline.get_by_name(f'label{index}').set_property('text', labels[index])
         element = pipeline.get_by_name(f'terrain{index}')
         for key, text in [*settings, *options.properties, *([(name, value)] if name else [])]:
             set_text(element, key, text)
-    last = last_sample(pipeline)
-    png = GstVideo.video_convert_sample(last, Gst.Caps.from_string('image/png'), 10 * Gst.SECOND).get_buffer()
+    png = png_of(last_samples(pipeline, len(values), options.frames))
     try:
-        pathlib.Path(options.picture).write_bytes(png.extract_dup(0, png.get_size()))
+        pathlib.Path(options.picture).write_bytes(png)
     except OSError as error:
         fail(f'{options.picture} cannot be written: {error.strerror}')
     print(options.picture)
     return 0
 
 
-def last_sample(pipeline):
-    out, bus = pipeline.get_by_name('out'), pipeline.get_bus()
-    samples = collections.deque(maxlen=1)
+def last_samples(pipeline, count, frames):
+    """Of each of the sinks out0, out1, ... the sample of the last of some frames."""
+    sinks, bus = [pipeline.get_by_name(f'out{index}') for index in range(count)], pipeline.get_bus()
+    last = []
     pipeline.set_state(Gst.State.PLAYING)
     try:
-        while True:
-            sample = out.emit('try-pull-sample', Gst.SECOND // 5)
-            if sample:
-                samples.append(sample)
-                continue
-            message = bus.pop_filtered(Gst.MessageType.ERROR)
-            if message:
-                fail(f'{message.src.get_name()}: {message.parse_error()[0].message}')
-            if out.get_property('eos'):
+        for _ in range(frames):
+            samples = [next_sample(sink, bus) for sink in sinks]
+            if not all(samples):
                 break
+            last = samples
     finally:
         pipeline.set_state(Gst.State.NULL)
-    if not samples:
+    if not last:
         fail('no frame came')
-    return samples[0]
+    return last
+
+
+def next_sample(sink, bus):
+    """None at the end."""
+    while True:
+        sample = sink.emit('try-pull-sample', Gst.SECOND // 5)
+        if sample or sink.get_property('eos'):
+            return sample
+        message = bus.pop_filtered(Gst.MessageType.ERROR)
+        if message:
+            fail(f'{message.src.get_name()}: {message.parse_error()[0].message}')
+
+
+def png_of(samples):
+    """Pictures of one size without padding, side by side."""
+    get = samples[0].get_caps().get_structure(0).get_value
+    width, height = get('width'), get('height')
+    pictures = [sample.get_buffer().extract_dup(0, 4 * width * height) for sample in samples]
+    rows = (picture[4 * width * row:4 * width * (row + 1)] for row in range(height) for picture in pictures)
+    caps = f'video/x-raw,format=BGRx,width={width * len(samples)},height={height},framerate=0/1'
+    joined = Gst.Sample.new(Gst.Buffer.new_wrapped(b''.join(rows)), Gst.Caps.from_string(caps), None, None)
+    png = GstVideo.video_convert_sample(joined, Gst.Caps.from_string('image/png'), 10 * Gst.SECOND).get_buffer()
+    return png.extract_dup(0, png.get_size())
 
 
 def pair(text):
@@ -453,7 +469,7 @@ def main():
     if not 64 <= options.width <= 4096:
         parser.error('--width is 64 to 4096')
     find_plugin.init()
-    for name in 'textoverlay', 'videobox', 'compositor':
+    for name in 'textoverlay', 'videobox':
         if not Gst.ElementFactory.find(name):
             fail(f'GStreamer has no {name}: ./install-dependencies.sh tune installs what this takes')
     if options.picture:

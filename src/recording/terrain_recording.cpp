@@ -71,13 +71,12 @@ bool TerrainRecording::put(Topic topic, std::uint64_t time) {
 
 bool TerrainRecording::add_metric(const Header& body, const MetricEstimate& m) {
   beams_.take(m);
-  if (beams_.empty())
-    return true;
   const double since =
       last_scan_ && body.time > *last_scan_ ? static_cast<double>(body.time - *last_scan_) / 1e9 : 0;
   last_scan_ = body.time;
   encode(message_, body,
-         LaserScan{beams_.angle_min(), beams_.increment(), since, m.range_min, m.range_max, beams_.ranges()});
+         LaserScan{beams_.fan().angle_min, beams_.fan().increment, since, beams_.fan().range_min, m.range_max,
+                   beams_.ranges()});
   if (!put(scan, body.time))
     return false;
   boundary_points(points_, m);
