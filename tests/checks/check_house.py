@@ -31,8 +31,8 @@ ROOMS = {
     'src/freespace/cues': 'cues', 'src/freespace/curve': 'curve', 'src/freespace': 'freespace',
     'src/segmenter': 'segmenter', 'src/metric': 'metric', 'src/painter': 'painter', 'src/exchange': 'exchange',
     'src/pch': 'precompiled',
-    'src/recording': 'recording', 'src/scene': 'scene', 'src/tools': 'tools', 'lab/reference': 'reference', 'lab/eval': 'eval', 'lab/gst': 'lab',
-    'gst/recording': 'recorder', 'gst/support': 'support', 'gst/elements': 'elements', 'gst': 'plugin',
+    'src/recording': 'recording', 'src/ros2': 'ros2', 'src/scene': 'scene', 'src/tools': 'tools', 'lab/reference': 'reference', 'lab/eval': 'eval', 'lab/gst': 'lab',
+    'gst/recording': 'recorder', 'gst/ros2': 'bridge', 'gst/support': 'support', 'gst/elements': 'elements', 'gst': 'plugin',
 }
 
 # What each room may include of the project's own headers, besides itself.
@@ -54,6 +54,7 @@ MAY = {
     'painter': {'public', 'kernels'},
     'exchange': {'public'},
     'recording': {'public', 'exchange', 'metric'},
+    'ros2': {'public', 'recording'},
     'scene': {'public'},
     'reference': {'public'},
     'tools': {'public', 'exchange', 'metric', 'meta'},
@@ -62,6 +63,7 @@ MAY = {
     'support': {'public', 'painter', 'exchange', 'metric', 'scene', 'meta'},
     'elements': {'public', 'painter', 'exchange', 'metric', 'scene', 'meta', 'support'},
     'recorder': {'public', 'exchange', 'metric', 'recording', 'meta', 'support'},
+    'bridge': {'public', 'exchange', 'metric', 'recording', 'ros2', 'recorder', 'meta', 'support'},
     'plugin': {'support', 'elements', 'meta'},
 }
 CORE = {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'paper', 'cues', 'curve', 'freespace', 'segmenter'}
