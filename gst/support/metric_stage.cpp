@@ -25,6 +25,7 @@ std::optional<SettingFlaw> MetricStage::start(const std::string& camera_info, co
   camera_.reset();
   mount_.reset();
   fits_ = false;
+  result_.fan = {};
   monitor_.clear();
   std::fill(std::begin(told_), std::end(told_), false);
   notice_.reset();
@@ -120,7 +121,7 @@ const MetricEstimate* MetricStage::measure(const Estimate& e, GstClockTime runni
     return refuse(GST_CLOCK_TIME_IS_VALID(running_time) ? stale : no_time);
   ranges_.adapt(*camera_, e.frame_width, e.frame_height, e.mask_region, static_cast<int>(e.boundary.size()));
   const double limit =
-      range_max > 0 ? range_max : metric::expected_range_limit(*mount, *camera_, e.frame_height);
+      range_max > 0 ? range_max : metric::expected_range_limit(*mount_, *camera_, e.frame_height);
   const double nearest = ranges_.nearest(*mount);
   if (!(nearest < limit))
     return refuse(short_range);
@@ -131,6 +132,8 @@ const MetricEstimate* MetricStage::measure(const Estimate& e, GstClockTime runni
   result_.bearings = columns.bearings;
   result_.low = columns.low;
   result_.high = columns.high;
+  if (result_.fan.beams == 0)
+    choose_fan(*mount, posed, nearest);
   find_ticks(*mount, limit);
   result_.height = rounded(mount->height, 1);
   result_.pitch = rounded_angle(mount->pitch);
@@ -140,6 +143,30 @@ const MetricEstimate* MetricStage::measure(const Estimate& e, GstClockTime runni
   result_.range_max = rounded(limit, 1);
   result_.flags = (posed ? metric_flag_pose : 0U) | (monitor_.disagrees() ? metric_flag_horizon : 0U);
   return &result_;
+}
+
+/// Once, at the first frame with metres: readers of scans do not take a geometry that changes.
+void MetricStage::choose_fan(const metric::Mount& mount, bool posed, double nearest) {
+  constexpr double sway = 10 * std::numbers::pi / 180; // what rough ground does to an attitude
+  constexpr double slack = 1.25; // a boundary that is no row has columns that are farther apart
+  const auto view = ranges_.view(mount, sway);
+  if (!view)
+    return;
+  if (posed) {
+    metric::Mount lowest = mount;
+    lowest.pitch += sway;
+    nearest = std::min(nearest, ranges_.nearest(lowest));
+  }
+  const double span = view->left - view->right, turn = 2 * std::numbers::pi;
+  const double columns = static_cast<double>(result_.bearings.size());
+  // Under the camera directions have no limit to their distance.
+  const double increment =
+      std::clamp(slack * view->widest_step, turn / most_beams, 4 * std::max(span, 0.01) / columns);
+  if (span > turn - 2 * increment)
+    result_.fan = whole_circle(static_cast<std::uint32_t>(turn / increment), rounded(nearest, 1));
+  else
+    result_.fan = {view->right, increment, static_cast<std::uint32_t>(std::ceil(span / increment)) + 1,
+                   rounded(nearest, 1)};
 }
 
 /// Whole metres straight ahead that the picture shows.

@@ -47,6 +47,7 @@ class MetricStage {
   enum Notice : std::uint8_t { no_time, stale, short_range, horizon, notices };
   const MetricEstimate* refuse(Notice why);
   std::optional<metric::Mount> attitude(GstClockTime running_time, bool& posed);
+  void choose_fan(const metric::Mount& mount, bool posed, double nearest);
   void find_ticks(const metric::Mount& mount, double range_max);
   void watch_horizon(const Estimate& estimate, const metric::Mount& mount, GstClockTime running_time);
 

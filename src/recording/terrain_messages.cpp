@@ -84,15 +84,13 @@ MessageType type_of(Topic topic) {
 
 bool TerrainMessages::add_metric(MessageOutlet& out, const Header& body, const MetricEstimate& m) {
   beams_.take(m);
-  if (beams_.empty())
-    return true;
   const double since =
       last_scan_ && body.time > *last_scan_ ? static_cast<double>(body.time - *last_scan_) / 1e9 : 0;
   last_scan_ = body.time;
   if (out.wants(Topic::scan)) {
-    encode(
-        message_, body,
-        LaserScan{beams_.angle_min(), beams_.increment(), since, m.range_min, m.range_max, beams_.ranges()});
+    encode(message_, body,
+           LaserScan{beams_.fan().angle_min, beams_.fan().increment, since, beams_.fan().range_min,
+                     m.range_max, beams_.ranges()});
     if (!out.put(Topic::scan, body.time, message_))
       return false;
   }

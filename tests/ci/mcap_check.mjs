@@ -74,11 +74,13 @@ function checkScan(scan, metric, where) {
   const value = range => range === null ? Infinity : range
   scan.ranges.forEach((range, i) => {
     const { sure, maybe } = beams[i], least = Math.min(...sure.map(value))
-    expect(sure.length + maybe.length > 0, `${where}: beam ${i} has no column`)
+    if (sure.length === 0 && Number.isNaN(range)) return
+    expect(sure.length + maybe.length > 0, `${where}: beam ${i} is ${range} without a column`)
     expect(Number.isFinite(range) ? range < least + 0.001 && [...sure, ...maybe].some(r => r !== null && near(r, range, 0.001))
       : least === Infinity && (Number.isNaN(range) ? [...sure, ...maybe].includes(null) : !sure.includes(null)),
     `${where}: beam ${i} is ${range}, its columns ${sure} and perhaps ${maybe}`)
   })
+  expect(beams.filter(beam => beam.sure.length + beam.maybe.length > 0).length > 0.8 * beams.length, `${where}: the fan is wider than the view`)
   expect(near(scan.range_min, metric.range_min, 0.001) && near(scan.range_max, metric.range_max, 0.001), `${where}: limits`)
   expect(near(scan.angle_max, scan.angle_min + (scan.ranges.length - 1) * scan.angle_increment, 1e-4) && scan.intensities.length === 0, `${where}: angles`)
 }
@@ -168,6 +170,17 @@ async function checkSeek(topics, size) {
 
 const bytes = new Uint8Array(await readFile(file))
 const { topics, kinds, done } = stream(bytes)
+/// What a topic's messages have in common for as long as the stream goes on.
+const geometry = {
+  '/terrain/scan': m => [m.angle_min, m.angle_max, m.angle_increment, m.range_min, m.range_max, m.ranges.length],
+  '/terrain/grid': m => [m.info.resolution, m.info.width, m.info.height, m.info.origin.position.x, m.info.origin.position.y],
+  '/terrain/mask': m => [m.width, m.height], '/terrain/points': m => [m.point_step, m.height],
+  '/camera/camera_info': m => [m.width, m.height, ...m.k, ...m.d, ...m.p] }
+for (const [topic, list] of Object.entries(topics)) {
+  const seen = new Set(list.map(m => (geometry[topic]?.(m.message) ?? []).join()))
+  expect(seen.size === 1, `${topic}: ${seen.size} geometries: ${[...seen].slice(0, 2).join(' | ')}`)
+  expect(list.every((m, i) => i === 0 || m.time > list[i - 1].time), `${topic}: time does not rise`)
+}
 const frames = topics['/terrain/mask']?.length ?? 0
 let said = ''
 if (mode === 'prefix') {

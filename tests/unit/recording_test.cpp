@@ -450,62 +450,84 @@ std::vector<float> random_ranges(std::mt19937& random, std::size_t columns) {
   return ranges;
 }
 
+/// Directions by which two angles differ, within half a turn.
+double between(double a, double b) {
+  return std::abs(std::remainder(a - b, 2 * std::numbers::pi));
+}
+
 TEST(Beams, AreTheLeastOfTheirColumns) {
   std::mt19937 random(3);
   for (const double yaw : {0.0, 0.4, std::numbers::pi, -2.0}) // behind: bearings jump from -pi to pi
-    for (const std::size_t columns : {1u, 2u, 3u, 20u, 321u}) {
-      const View view(yaw + 0.6, yaw - 0.6, random_ranges(random, columns));
+    for (const ScanFan& fan :
+         {ScanFan{yaw - 0.603, 0.0101, 121, 2.5}, ScanFan{yaw - 0.5, 0.041, 21, 0}, whole_circle(500, 1)}) {
       Beams beams;
-      beams.take(view.metric);
-      const std::vector<float>& ranges = beams.ranges();
-      ASSERT_FALSE(ranges.empty());
-      std::vector<std::vector<float>> inside(ranges.size());
-      for (std::size_t i = 0; i < columns; ++i) {
-        double offset = view.bearings[i] - beams.angle_min();
-        while (offset < -0.01)
-          offset += 2 * std::numbers::pi;
-        while (offset > 2 * std::numbers::pi - 0.01)
-          offset -= 2 * std::numbers::pi;
-        const double beam = columns > 1 ? offset / beams.increment() : 0;
-        ASSERT_LT(beam, static_cast<double>(ranges.size()) - 0.4);
-        inside[static_cast<std::size_t>(beam + 0.5)].push_back(view.ranges[i]);
-        EXPECT_EQ(beams.at(view.bearings[i]), &ranges[static_cast<std::size_t>(beam + 0.5)]);
-      }
-      for (std::size_t i = 0; i < ranges.size(); ++i) {
-        ASSERT_FALSE(inside[i].empty()) << "beam " << i << " of " << ranges.size();
-        float least = inf_value;
-        bool unknown = false;
-        for (const float value : inside[i]) {
-          unknown |= std::isnan(value);
-          least = value < least ? value : least;
+      for (const std::size_t columns : {1u, 2u, 20u, 321u}) {
+        View view(yaw + 0.6, yaw - 0.6, random_ranges(random, columns));
+        view.metric.fan = fan;
+        beams.take(view.metric);
+        ASSERT_EQ(beams.ranges().size(), fan.beams);
+        std::size_t told = 0;
+        for (std::uint32_t beam = 0; beam < fan.beams; ++beam) {
+          const double angle = fan.angle_min + beam * fan.increment;
+          EXPECT_EQ(beams.at(angle), &beams.ranges()[beam]);
+          float least = inf_value;
+          bool unknown = true, any = false;
+          for (std::size_t i = 0; i < columns; ++i)
+            if (between(view.bearings[i], angle) < fan.increment / 2 - 1e-9) {
+              unknown = any ? unknown || std::isnan(view.ranges[i]) : std::isnan(view.ranges[i]);
+              any = true;
+              least = view.ranges[i] < least ? std::max(view.ranges[i], static_cast<float>(fan.range_min))
+                                             : least;
+            }
+          const float range = beams.ranges()[beam];
+          told += any;
+          if (least == inf_value && unknown) {
+            EXPECT_TRUE(std::isnan(range)) << beam << ": " << range;
+          } else {
+            EXPECT_EQ(range, least) << beam;
+          }
         }
-        if (least == inf_value && unknown) {
-          EXPECT_TRUE(std::isnan(ranges[i]));
-        } else {
-          EXPECT_EQ(ranges[i], least);
-        }
+        EXPECT_GE(told, columns == 321 ? 20u : columns == 20 ? 10u : 0u);
       }
-      if (columns > 1) {
+      if (fan.beams < 500) {
         EXPECT_EQ(beams.at(yaw + std::numbers::pi), nullptr) << "behind the camera";
-        EXPECT_EQ(beams.at(yaw + 0.61 + beams.increment()), nullptr) << "beside it";
+        EXPECT_EQ(beams.at(yaw + 0.61 + fan.increment), nullptr) << "beside it";
       }
     }
 }
 
-TEST(Beams, OfAnUnknownFrameAreUnknown) {
+TEST(Beams, KeepTheirGeometryWhateverTheFrameHas) {
   Beams beams;
-  const View nothing(0.5, -0.5, {nan_value, nan_value});
-  MetricEstimate unknown = nothing.metric;
-  unknown.bearings = nothing.ranges; // NaN
-  beams.take(unknown);
-  EXPECT_TRUE(beams.empty()) << "no view was ever known";
-  const View known(0.5, -0.5, {2, 3, 4});
-  beams.take(known.metric);
-  EXPECT_EQ(beams.ranges(), (std::vector<float>{4, 3, 2})) << "from right to left";
-  beams.take(unknown);
-  ASSERT_EQ(beams.ranges().size(), 3u);
-  for (const float range : beams.ranges())
-    EXPECT_TRUE(std::isnan(range));
+  View first(0.5, -0.5, {2, 3, 4});
+  first.metric.fan = {-0.6, 0.02, 61, 1};
+  beams.take(first.metric);
+  EXPECT_EQ(beams.fan(), first.metric.fan);
+  const auto finite = [&] {
+    return std::count_if(beams.ranges().begin(), beams.ranges().end(),
+                         [](float r) { return std::isfinite(r); });
+  };
+  EXPECT_EQ(finite(), 3);
+  EXPECT_EQ(*beams.at(-0.5), 4) << "the right column";
+  View other(0.8, -0.3, {2, 3, 4, 5});
+  other.metric.fan = {-0.1, 0.5, 3, 0};
+  beams.take(other.metric);
+  EXPECT_EQ(beams.fan(), first.metric.fan);
+  EXPECT_EQ(finite(), 3) << "the leftmost column is outside";
+  // Nothing is known of this frame.
+  std::fill(other.ranges.begin(), other.ranges.end(), nan_value);
+  other.metric.bearings = other.ranges;
+  beams.take(other.metric);
+  ASSERT_EQ(beams.ranges().size(), 61u);
+  EXPECT_TRUE(
+      std::all_of(beams.ranges().begin(), beams.ranges().end(), [](float r) { return std::isnan(r); }));
+}
+
+TEST(Beams, AreAllAroundWhereNoFanIsStated) {
+  Beams beams;
+  const View view(0.5, -0.5, {2, 3, 4});
+  beams.take(view.metric);
+  EXPECT_EQ(beams.fan(), whole_circle(720, view.metric.range_min));
+  EXPECT_EQ(*beams.at(0), 3);
 }
 
 TEST(BoundaryPoints, AreWhereTheFreeSpaceEnds) {
@@ -524,7 +546,8 @@ TEST(BoundaryPoints, AreWhereTheFreeSpaceEnds) {
 TEST(FreeSpaceGrid, IsFreeOnlyBetweenTheNearestRowAndTheBoundary) {
   std::mt19937 random(5);
   for (const double yaw : {0.0, 1.0, std::numbers::pi}) {
-    const View view(yaw + 0.6, yaw - 0.6, random_ranges(random, 200));
+    View view(yaw + 0.6, yaw - 0.6, random_ranges(random, 200));
+    view.metric.fan = {yaw - 0.6, 0.01, 121, 1};
     Beams beams;
     beams.take(view.metric);
     FreeSpaceGrid drawer;
@@ -574,7 +597,8 @@ TEST(FreeSpaceGrid, IsFreeOnlyBetweenTheNearestRowAndTheBoundary) {
 }
 
 TEST(FreeSpaceGrid, HasAtMost512CellsASide) {
-  const View view(0.6, -0.6, std::vector<float>(50, 90), 1, 100);
+  View view(0.6, -0.6, std::vector<float>(50, 90), 1, 100);
+  view.metric.fan = {-0.6, 0.01, 121, 1};
   Beams beams;
   beams.take(view.metric);
   FreeSpaceGrid drawer;
@@ -582,6 +606,27 @@ TEST(FreeSpaceGrid, HasAtMost512CellsASide) {
   drawer.draw(view.metric, beams, 0.1);
   EXPECT_LE(std::max(drawer.grid().width, drawer.grid().height), 512u);
   EXPECT_DOUBLE_EQ(drawer.grid().resolution, 0.4);
+}
+
+TEST(FreeSpaceGrid, StaysWhereTheFanIs) {
+  Beams beams;
+  FreeSpaceGrid drawer;
+  std::optional<std::array<double, 5>> geometry;
+  for (const double turn : {0.0, 0.1, -0.3, 3.0}) {
+    View view(turn + 0.5, turn - 0.5, std::vector<float>(50, 5), 1 + std::abs(turn));
+    view.metric.fan = {-0.6, 0.01, 121, 1};
+    if (turn == -0.3) {
+      std::fill(view.ranges.begin(), view.ranges.end(), nan_value);
+      view.metric.bearings = view.ranges;
+    }
+    beams.take(view.metric);
+    drawer.draw(view.metric, beams, 0.1);
+    const OccupancyGrid g = drawer.grid();
+    const std::array<double, 5> now{g.resolution, static_cast<double>(g.width), static_cast<double>(g.height),
+                                    g.x, g.y};
+    EXPECT_EQ(now, geometry.value_or(now)) << turn;
+    geometry = now;
+  }
 }
 
 /// What a quaternion makes of a vector, by its matrix.

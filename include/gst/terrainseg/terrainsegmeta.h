@@ -339,6 +339,27 @@ static inline gdouble gst_terrain_metric_meta_get_range_min(const GstStructure* 
   return gst_terrain_metric_meta_get_double_(meta, "range-min");
 }
 
+/** Geometry of scans made of these metres, the same for every frame of a stream. Number of beams; 0 when the
+ *  meta states no geometry. */
+static inline guint gst_terrain_metric_meta_get_fan_beams(const GstStructure* meta) {
+  return gst_terrain_seg_meta_get_uint_(meta, "fan-beams", 0);
+}
+
+/** Direction of the first beam, the rightmost, radians counter-clockwise from straight ahead. */
+static inline gdouble gst_terrain_metric_meta_get_fan_angle_min(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "fan-angle-min");
+}
+
+/** From one beam to the next, radians counter-clockwise. */
+static inline gdouble gst_terrain_metric_meta_get_fan_increment(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "fan-increment");
+}
+
+/** Metres; a beam is not shorter. */
+static inline gdouble gst_terrain_metric_meta_get_fan_range_min(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "fan-range-min");
+}
+
 /** GstTerrainMetricFlags. */
 static inline guint gst_terrain_metric_meta_get_flags(const GstStructure* meta) {
   return gst_terrain_seg_meta_get_uint_(meta, "flags", 0);
