@@ -41,7 +41,7 @@ bool Outlet::wants(Topic topic) {
   if (topic == Topic::tf_static)
     return !sent_static_;
   if (topic == Topic::grid && open->readers() == 0)
-    return !last_grid_ || g_get_monotonic_time() - *last_grid_ >= G_USEC_PER_SEC;
+    return !last_grid_ || g_get_monotonic_time() - *last_grid_ >= 2 * G_USEC_PER_SEC;
   return open->readers() > 0;
 }
 

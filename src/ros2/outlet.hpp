@@ -14,8 +14,8 @@
 
 namespace terrainseg::ros2 {
 
-/// A topic without a reader is not encoded, but two that late readers get at once: the grid goes out once a
-/// second, the transform of the mount once.
+/// A topic without a reader is not encoded, but two that late readers get at once: the grid goes out every
+/// two seconds, the transform of the mount once.
 class Outlet : public recording::MessageOutlet {
  public:
   explicit Outlet(const Participant& participant) : participant_(participant) {}

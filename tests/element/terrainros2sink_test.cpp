@@ -228,7 +228,7 @@ TEST_F(Ros2Sink, WhatNobodyReadsIsNotEncoded) {
     EXPECT_EQ(pipeline.statistic("written", topic), 0u) << topic;
   EXPECT_EQ(pipeline.statistic("written", "tf-static"), 1u);
   EXPECT_GE(pipeline.statistic("written", "grid"), 1u);
-  EXPECT_LE(pipeline.statistic("written", "grid"), 20u) << "once a second";
+  EXPECT_LE(pipeline.statistic("written", "grid"), 20u) << "every two seconds";
 }
 
 TEST_F(Ros2Sink, LateReadersGetTheGridAndTheTransform) {
