@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs the Debian packages that a purpose needs and that are missing; asks nothing, does nothing when all are there.
-# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | process | build | run | preview | tune | test | browser | slow | container | fleet | list
+# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | process | build | run | preview | tune | test | browser | ros2 | slow | container | fleet | list
 set -euo pipefail
 . "$(dirname "$0")/examples/heartbeat.sh"
 
 # What compiling the plugin and the library takes; what the tools take on top.
 plugin=(build-essential meson ninja-build pkg-config libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev libhwy-dev libyaml-cpp-dev)
-build=("${plugin[@]}" libopencv-dev libeigen3-dev nlohmann-json3-dev libzstd-dev)
+build=("${plugin[@]}" libopencv-dev libeigen3-dev nlohmann-json3-dev libzstd-dev cyclonedds-dev)
 # What terrainseg-process takes on top of the plugin; its recordings take zstd.
 process=(nlohmann-json3-dev libzstd-dev)
 # What the contact sheet of the quickstart takes.
@@ -24,6 +24,8 @@ test=(libgtest-dev libgmock-dev libbenchmark-dev clang libclang-rt-14-dev llvm c
       mosquitto mosquitto-clients python3-paho-mqtt xvfb xdotool "${tune[@]}")
 # What the check in a real browser takes on top.
 browser=(chromium gstreamer1.0-nice gir1.2-gst-plugins-bad-1.0)
+# What tests/ros2.sh takes on top: the other implementation of DDS, network namespaces.
+ros2=(libfastrtps-dev libfastcdr-dev libasio-dev libtinyxml2-dev iproute2)
 # What the slow checks take on top.
 slow=(debootstrap devscripts debhelper lintian fakeroot dpkg-dev gstreamer1.0-opencv
       g++-aarch64-linux-gnu qemu-user linux-perf)
@@ -52,9 +54,10 @@ for purpose in "$@"; do
     browser) wanted+=("${run[@]}" "${browser[@]}") ;;
     fleet) wanted+=("${run[@]}" "${fleet[@]}") ;;
     container) wanted+=("${container[@]}") ;;
+    ros2) wanted+=("${build[@]}" "${run[@]}" "${ros2[@]}") ;;
     slow) wanted+=("${browser[@]}" "${slow[@]}") ;;
-    list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${browser[@]}" "${slow[@]}" "${container[@]}" "${fleet[@]}"; exit 0 ;;
-    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, process, build, run, preview, tune, test, browser, slow, container, fleet, list" >&2; exit 2 ;;
+    list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${browser[@]}" "${ros2[@]}" "${slow[@]}" "${container[@]}" "${fleet[@]}"; exit 0 ;;
+    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, process, build, run, preview, tune, test, browser, ros2, slow, container, fleet, list" >&2; exit 2 ;;
   esac
 done
 

@@ -32,8 +32,8 @@ ROOMS = {
     'src/freespace/holes': 'holes', 'src/freespace/answer': 'answer', 'src/freespace': 'freespace',
     'src/segmenter': 'segmenter', 'src/metric': 'metric', 'src/painter': 'painter', 'src/exchange': 'exchange',
     'src/pch': 'precompiled',
-    'src/recording': 'recording', 'src/scene': 'scene', 'src/tools': 'tools', 'lab/reference': 'reference', 'lab/eval': 'eval', 'lab/gst': 'lab',
-    'gst/recording': 'recorder', 'gst/support': 'support', 'gst/elements': 'elements', 'gst': 'plugin',
+    'src/recording': 'recording', 'src/ros2': 'ros2', 'src/scene': 'scene', 'src/tools': 'tools', 'lab/reference': 'reference', 'lab/eval': 'eval', 'lab/gst': 'lab',
+    'gst/recording': 'recorder', 'gst/ros2': 'bridge', 'gst/support': 'support', 'gst/elements': 'elements', 'gst': 'plugin',
 }
 
 # What each room may include of the project's own headers, besides itself.
@@ -60,6 +60,7 @@ MAY = {
     'painter': {'public', 'kernels'},
     'exchange': {'public'},
     'recording': {'public', 'exchange', 'metric'},
+    'ros2': {'public', 'recording'},
     'scene': {'public'},
     'reference': {'public'},
     'tools': {'facade', 'public', 'exchange', 'metric', 'meta'},
@@ -68,6 +69,7 @@ MAY = {
     'support': {'facade', 'public', 'painter', 'exchange', 'metric', 'scene', 'meta'},
     'elements': {'facade', 'public', 'painter', 'exchange', 'metric', 'scene', 'meta', 'support'},
     'recorder': {'public', 'exchange', 'metric', 'recording', 'meta', 'support'},
+    'bridge': {'public', 'exchange', 'metric', 'recording', 'ros2', 'recorder', 'meta', 'support'},
     'plugin': {'support', 'elements', 'meta'},
 }
 CORE = {'facade', 'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'paper', 'look', 'score', 'learn', 'curve', 'holes', 'answer',

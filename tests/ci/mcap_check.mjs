@@ -15,7 +15,8 @@ const decompressHandlers = { zstd: (bytes, size) => decompress(bytes, new Uint8A
 const types = {
   '/terrain/scan': 'sensor_msgs/msg/LaserScan', '/terrain/points': 'sensor_msgs/msg/PointCloud2', '/terrain/grid': 'nav_msgs/msg/OccupancyGrid',
   '/terrain/mask': 'sensor_msgs/msg/Image', '/camera/camera_info': 'sensor_msgs/msg/CameraInfo', '/camera/video': 'foxglove_msgs/msg/CompressedVideo',
-  '/tf': 'tf2_msgs/msg/TFMessage' }
+  '/tf': 'tf2_msgs/msg/TFMessage', '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray' }
+const perFrame = Object.keys(types).filter(topic => topic !== '/diagnostics')
 
 /// Every message by topic, in the order of the file; throws where a record or a checksum is wrong.
 function stream(bytes) {
@@ -190,8 +191,9 @@ if (mode === 'prefix') {
   const [linesFile, least] = rest
   const lines = (await readFile(linesFile, 'utf8')).trim().split('\n').map(line => JSON.parse(line))
   expect(done && kinds.Footer === 1 && kinds.Statistics === 1 && kinds.ChunkIndex > 1, `records ${JSON.stringify(kinds)}`)
-  for (const topic of Object.keys(types))
+  for (const topic of perFrame)
     expect(topics[topic]?.length === lines.length, `${topic}: ${topics[topic]?.length} messages, ${lines.length} lines`)
+  expect(topics['/diagnostics']?.every(({ message }) => message.status.length === 1 && message.status[0].values.length === 5), 'diagnostics')
   expect(lines.length >= Number(least), `${lines.length} lines`)
   let drivable = 0
   if (wrong.length === 0)
@@ -199,7 +201,7 @@ if (mode === 'prefix') {
       const at = topic => topics[topic][i].message
       // The clock of the recording: the time of day, told to the microsecond by the line, or the line's stream time.
       const time = line.utc ? BigInt(Date.parse(line.utc.slice(0, 19) + 'Z')) * 1000000n + BigInt(line.utc.slice(20, 26)) * 1000n : BigInt(line.pts)
-      for (const topic of Object.keys(types))
+      for (const topic of perFrame)
         expect(line.utc ? topics[topic][i].time / 1000n === time / 1000n : topics[topic][i].time === time, `${topic} ${i}: time ${topics[topic][i].time}, not ${time}`)
       expect(stamp(at('/terrain/scan').header.stamp) === topics['/terrain/scan'][i].time && stamp(at('/camera/video').timestamp) === topics['/camera/video'][i].time, `stamp ${i}`)
       checkPoints(at('/terrain/points'), line.metric, `points ${i}`)

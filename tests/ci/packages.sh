@@ -36,7 +36,7 @@ rm -f "$root"/packages/*dbgsym*
 check "the plugin installs alone" in_root "$root" sh -c \
   'apt-get update && apt-get install -y --no-install-recommends /packages/gstreamer1.0-terrainseg_*.deb gstreamer1.0-tools'
 check "gst-inspect finds every element" in_root "$root" sh -c \
-  'for e in terrainseg terrainoverlay terrainextract terraincombine terrainstamp terrainscenesrc terrainmcapsink; do gst-inspect-1.0 $e >/dev/null || exit 1; done'
+  'for e in terrainseg terrainoverlay terrainextract terraincombine terrainstamp terrainscenesrc terrainmcapsink terrainros2sink; do gst-inspect-1.0 $e >/dev/null || exit 1; done'
 check "the plugin names its package as its origin" in_root "$root" sh -c \
   'gst-inspect-1.0 terrainseg | grep -q "Origin URL  *Debian package terrainseg [0-9]"'
 check "the filter runs" in_root "$root" sh -c \

@@ -11,6 +11,7 @@
 #include <map>
 #include <numbers>
 #include <random>
+#include <set>
 
 #include "recording/free_space_shapes.hpp"
 #include "recording/h264_unit.hpp"
@@ -661,7 +662,7 @@ ReadTransform read_transform(const Bytes& data) {
 }
 
 /// One frame of a small recording, read back by topic.
-std::map<std::string, Bytes> record_one(const RecordedFrame& frame, RecordingOptions options,
+std::map<std::string, Bytes> record_one(const MessageFrame& frame, MessageOptions options,
                                         std::string* yaml = nullptr) {
   Disk disk;
   TerrainRecording recording(disk.sink(), std::move(options));
@@ -680,9 +681,9 @@ std::map<std::string, Bytes> record_one(const RecordedFrame& frame, RecordingOpt
 }
 
 TEST(TerrainRecording, TransformIsThatOfTheProjection) {
-  RecordingOptions options;
+  MessageOptions options;
   options.mount = metric::Mount{0.7, 0.2, 0.1, 0.3, 0.4, -0.1};
-  RecordedFrame frame;
+  MessageFrame frame;
   frame.time = 5;
   const ReadTransform t = read_transform(record_one(frame, options).at("/tf"));
   EXPECT_EQ(t.parent, "base_link\0"s);
@@ -701,13 +702,13 @@ TEST(TerrainRecording, TransformIsThatOfTheProjection) {
 }
 
 TEST(TerrainRecording, TheAttitudeOfTheMomentReplacesTheMounts) {
-  RecordingOptions options;
+  MessageOptions options;
   options.mount = metric::Mount{0.7, 0.2};
   View view(0.5, -0.5, {2, 3, 4});
   view.metric.pitch = 0.5;
   view.metric.yaw = 0;
   view.metric.height = 0.9;
-  RecordedFrame frame;
+  MessageFrame frame;
   frame.metric = &view.metric;
   const ReadTransform t = read_transform(record_one(frame, options).at("/tf"));
   const auto forward = rotated(t.rotation, {0, 0, 1}), right = rotated(t.rotation, {1, 0, 0});
@@ -717,8 +718,132 @@ TEST(TerrainRecording, TheAttitudeOfTheMomentReplacesTheMounts) {
   EXPECT_EQ(t.translation[2], 0.9);
 }
 
+/// Keeps the messages of the topics that it wants.
+struct Kept : MessageOutlet {
+  std::set<Topic> wanted;
+  std::vector<std::pair<Topic, Bytes>> messages;
+  bool wants(Topic topic) override { return wanted.count(topic) != 0; }
+  bool put(Topic topic, std::uint64_t, ByteView message) override {
+    messages.emplace_back(topic, Bytes(message.begin(), message.end()));
+    return true;
+  }
+};
+
+TEST(TerrainMessages, TheAttitudeSaysWhichTransformItIs) {
+  MessageOptions options;
+  options.mount = metric::Mount{0.7, 0.2};
+  TerrainMessages messages(options);
+  Kept kept;
+  kept.wanted = {Topic::tf, Topic::tf_static};
+  View view(0.5, -0.5, {2, 3, 4});
+  MessageFrame frame;
+  EXPECT_TRUE(messages.add(frame, kept));
+  frame.metric = &view.metric;
+  EXPECT_TRUE(messages.add(frame, kept));
+  view.metric.flags = metric_flag_pose;
+  EXPECT_TRUE(messages.add(frame, kept));
+  ASSERT_EQ(kept.messages.size(), 3u);
+  EXPECT_EQ(kept.messages[0].first, Topic::tf_static);
+  EXPECT_EQ(kept.messages[1].first, Topic::tf_static);
+  EXPECT_EQ(kept.messages[2].first, Topic::tf);
+}
+
+TEST(TerrainMessages, AScanIsTheSameWhetherTheOthersAreWantedOrNot) {
+  std::vector<Bytes> scans;
+  for (const bool alone : {false, true}) {
+    TerrainMessages messages{MessageOptions()};
+    Kept kept;
+    kept.wanted = {Topic::scan};
+    View view(0.5, -0.5, {2, 3, 4});
+    for (std::uint64_t i = 0; i < 3; ++i) {
+      if (!alone && i < 2)
+        kept.wanted = i == 0 ? std::set{Topic::points, Topic::grid} : std::set<Topic>();
+      else
+        kept.wanted = {Topic::scan};
+      MessageFrame frame;
+      frame.time = i * 100'000'000;
+      frame.metric = &view.metric;
+      EXPECT_TRUE(messages.add(frame, kept));
+    }
+    scans.push_back(kept.messages.back().second);
+  }
+  EXPECT_EQ(scans[0], scans[1]) << "scan_time counts frames, not messages";
+}
+
+TEST(TerrainMessages, DiagnosticsComeWithAChangeAndOnceASecond) {
+  TerrainMessages messages{MessageOptions()};
+  Kept kept;
+  kept.wanted = {Topic::diagnostics};
+  Estimate e;
+  e.frame_width = e.frame_height = 8;
+  MessageFrame frame;
+  frame.estimate = &e;
+  const auto add = [&](std::uint64_t milliseconds, std::uint32_t flags, std::optional<bool> near_clear) {
+    e.flags = flags;
+    e.confidence = static_cast<std::uint8_t>(milliseconds % 251);
+    frame.time = milliseconds * 1'000'000;
+    frame.near_clear = near_clear;
+    const std::size_t before = kept.messages.size();
+    EXPECT_TRUE(messages.add(frame, kept));
+    return kept.messages.size() - before;
+  };
+  EXPECT_EQ(add(0, flag_unknown, {}), 1u);
+  EXPECT_EQ(add(33, flag_unknown, {}), 0u) << "only the confidence is another";
+  EXPECT_EQ(add(66, flag_learned, {}), 1u);
+  EXPECT_EQ(add(99, flag_learned, false), 1u);
+  EXPECT_EQ(add(1098, flag_learned, false), 0u);
+  EXPECT_EQ(add(1099, flag_learned, false), 1u) << "a second";
+  EXPECT_EQ(add(50, flag_learned, false), 1u) << "time went back";
+  Reader r(kept.messages[2].second);
+  r.view(4 + 8);
+  EXPECT_EQ(r.string(), "base_link\0"s);
+  r.align(4);
+  EXPECT_EQ(r.take<std::uint32_t>(), 1u);
+  EXPECT_EQ(r.take<std::uint8_t>(), DiagnosticStatus::ok);
+  std::vector<std::string> texts;
+  for (int i = 0; i < 3; ++i) {
+    r.align(4);
+    texts.push_back(r.string());
+  }
+  EXPECT_EQ(texts, (std::vector{"terrainseg: terrain\0"s, "terrain is known\0"s, "\0"s}));
+  r.align(4);
+  const auto count = r.take<std::uint32_t>();
+  std::map<std::string, std::string> values;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    r.align(4);
+    const std::string key = r.string();
+    r.align(4);
+    values[key] = r.string();
+  }
+  EXPECT_TRUE(r.over());
+  EXPECT_EQ(values.at("learning\0"s), "learning\0"s);
+  EXPECT_EQ(values.at("near_clear\0"s), "false\0"s);
+  EXPECT_EQ(values.at("confidence\0"s), "99\0"s);
+}
+
+TEST(TerrainMessages, APictureIsTheFileItself) {
+  TerrainMessages messages{MessageOptions()};
+  Kept kept;
+  kept.wanted = {Topic::picture};
+  const Bytes file = {0xff, 0xd8, 1, 2, 3, 0xff, 0xd9};
+  MessageFrame frame;
+  frame.time = 7;
+  frame.picture = file;
+  EXPECT_TRUE(messages.add(frame, kept));
+  ASSERT_EQ(kept.messages.size(), 1u);
+  Reader r(kept.messages[0].second);
+  r.view(4 + 8);
+  EXPECT_EQ(r.string(), "camera_optical\0"s);
+  r.align(4);
+  EXPECT_EQ(r.string(), "jpeg\0"s);
+  r.align(4);
+  const ByteView data = r.view(r.take<std::uint32_t>());
+  EXPECT_EQ(Bytes(data.begin(), data.end()), file);
+  EXPECT_TRUE(r.over());
+}
+
 TEST(TerrainRecording, WritesOnlyWhatIsKnown) {
-  RecordedFrame frame;
+  MessageFrame frame;
   EXPECT_EQ(record_one(frame, {}).size(), 0u);
   std::vector<std::uint8_t> pixels(6 * 4, 255); // four columns of a stride of six
   Estimate e;
@@ -727,10 +852,10 @@ TEST(TerrainRecording, WritesOnlyWhatIsKnown) {
   e.mask = {{pixels.data(), 6}, 4, 4};
   frame.estimate = &e;
   const auto plain = record_one(frame, {});
-  ASSERT_EQ(plain.size(), 1u);
-  EXPECT_EQ(plain.begin()->first, "/terrain/mask");
-  EXPECT_EQ(plain.begin()->second.size() % 4, 0u);
-  RecordingOptions options;
+  ASSERT_EQ(plain.size(), 2u);
+  EXPECT_EQ(plain.begin()->first, "/diagnostics");
+  EXPECT_EQ(plain.at("/terrain/mask").size() % 4, 0u);
+  MessageOptions options;
   options.camera = metric::Camera{16, 16, 10, 10, 7.5, 7.5, {}, {}};
   options.mount = metric::Mount{1};
   const View view(0.5, -0.5, {2, 3, 4});
@@ -740,7 +865,7 @@ TEST(TerrainRecording, WritesOnlyWhatIsKnown) {
   frame.time = 1'700'000'000'123'456'789;
   std::string yaml;
   const auto all = record_one(frame, options, &yaml);
-  EXPECT_EQ(all.size(), 7u);
+  EXPECT_EQ(all.size(), 8u);
   // Scaled to the frame: half of the calibration's picture.
   Reader info(all.at("/camera/camera_info"));
   info.view(4);
@@ -759,8 +884,8 @@ TEST(TerrainRecording, WritesOnlyWhatIsKnown) {
 
   const YAML::Node bag = YAML::Load(yaml)["rosbag2_bagfile_information"];
   EXPECT_EQ(bag["storage_identifier"].as<std::string>(), "mcap");
-  EXPECT_EQ(bag["message_count"].as<int>(), 7);
-  EXPECT_EQ(bag["topics_with_message_count"].size(), 7u);
+  EXPECT_EQ(bag["message_count"].as<int>(), 8);
+  EXPECT_EQ(bag["topics_with_message_count"].size(), 8u);
   EXPECT_EQ(bag["starting_time"]["nanoseconds_since_epoch"].as<std::uint64_t>(), frame.time);
   EXPECT_EQ(bag["duration"]["nanoseconds"].as<std::uint64_t>(), 0u);
   EXPECT_EQ(bag["relative_file_paths"][0].as<std::string>(), "a \"b\"\n.mcap");
