@@ -103,6 +103,34 @@ struct CombineState {
     gst_segment_init(&meta_segment, GST_FORMAT_TIME);
   }
   Clock::duration latency() const { return std::chrono::milliseconds(latency_ms); }
+  /// Why nothing more is taken; OK when it is.
+  GstFlowReturn state_of_flow() const TERRAINSEG_REQUIRES(mutex) {
+    return flushing ? GST_FLOW_FLUSHING : flow;
+  }
+  bool takes_frames() const TERRAINSEG_REQUIRES(mutex) {
+    return !queue.is_full(static_cast<Time>(latency_ms) * GST_MSECOND, frame_duration);
+  }
+  bool takes_events() const TERRAINSEG_REQUIRES(mutex) { return queue.has_room(); }
+  bool is_drained() const TERRAINSEG_REQUIRES(mutex) { return queue.empty() && !pushing; }
+  bool lacks_room() const TERRAINSEG_REQUIRES(mutex) {
+    return !matcher.has_room() && !meta_flushing && flow == GST_FLOW_OK;
+  }
+  /// Something of the units has come.
+  void note_meta() TERRAINSEG_REQUIRES(mutex) {
+    meta_thread = std::this_thread::get_id();
+    matcher.note_unit_side(Clock::now());
+  }
+  /// Waits until `done`, or until there is no reason to wait. Where this thread brings the units too, the
+  /// task does not wait for them meanwhile.
+  void wait_for_task(Lock& lock, bool (CombineState::*done)() const) TERRAINSEG_REQUIRES(mutex) {
+    if (state_of_flow() != GST_FLOW_OK || (this->*done)())
+      return;
+    feeder_waits = meta_thread == std::this_thread::get_id();
+    changed.notify_all();
+    while (state_of_flow() == GST_FLOW_OK && !(this->*done)())
+      lock.wait(changed);
+    feeder_waits = false;
+  }
 };
 static_assert(std::is_nothrow_default_constructible_v<UnitStore> &&
               std::is_nothrow_default_constructible_v<UnitClock> &&
@@ -226,21 +254,31 @@ Time tolerance_of(const GstVideoInfo& info, GstBuffer* frame) {
   return duration > 0 ? std::min(duration / 2, most_tolerance) : default_tolerance;
 }
 
-/// Whether one of the two upstreams is live; one that does not answer is taken for live, so that no frame
-/// waits longer than `latency` in it.
-Live ask_live(GstTerrainCombine* self) {
-  bool live = false, answered = false;
+/// What the two upstreams say together.
+struct Upstream {
+  bool answered = false; ///< the video's
+  bool live = false;
+  GstClockTime least = 0, most = GST_CLOCK_TIME_NONE;
+};
+
+Upstream ask_upstream(GstTerrainCombine* self) {
+  Upstream all;
   for (GstPad* pad : {self->sink, self->meta}) {
     GstQuery* query = gst_query_new_latency();
     if (gst_pad_peer_query(pad, query)) {
-      gboolean pad_live = FALSE;
-      gst_query_parse_latency(query, &pad_live, nullptr, nullptr);
-      live = live || pad_live;
-      answered = answered || pad == self->sink;
+      gboolean live = FALSE;
+      GstClockTime least = 0, most = GST_CLOCK_TIME_NONE;
+      gst_query_parse_latency(query, &live, &least, &most);
+      all.answered = all.answered || pad == self->sink;
+      if (live) {
+        all.live = true;
+        all.least = std::max(all.least, least);
+        all.most = std::min(all.most, most); // NONE is the largest number
+      }
     }
     gst_query_unref(query);
   }
-  return live || !answered ? Live::yes : Live::no;
+  return all;
 }
 
 /// What leaves next.
@@ -287,9 +325,10 @@ std::optional<Taken> take_next(GstTerrainCombine* self) {
   if (s.queue.front().is_frame()) {
     if (std::exchange(s.live_is_old, false)) {
       lock.unlock();
-      const Live live = ask_live(self);
+      const Upstream upstream = ask_upstream(self);
       lock.lock();
-      s.matcher.set_live(live);
+      // One that does not answer is taken for live, so that no frame waits longer than `latency`.
+      s.matcher.set_live(upstream.live || !upstream.answered ? Live::yes : Live::no);
       return std::nullopt;
     }
     frame = s.queue.front().frame;
@@ -388,41 +427,6 @@ void guarded_loop(gpointer data) {
 
 // ---- the video's side ------------------------------------------------------------------------------------
 
-/// Waits until `done`, or until there is no reason to wait. Where this thread brings the units too, the task
-/// does not wait for them meanwhile.
-void wait_for_task(CombineState& s, Lock& lock, bool (*done)(const CombineState&))
-    TERRAINSEG_REQUIRES(s.mutex);
-void wait_for_task(CombineState& s, Lock& lock, bool (*done)(const CombineState&)) {
-  if (s.flushing || s.flow != GST_FLOW_OK || done(s))
-    return;
-  s.feeder_waits = s.meta_thread == std::this_thread::get_id();
-  s.changed.notify_all();
-  while (!s.flushing && s.flow == GST_FLOW_OK && !done(s))
-    lock.wait(s.changed);
-  s.feeder_waits = false;
-}
-
-bool takes_frames(const CombineState& s) TERRAINSEG_REQUIRES(s.mutex);
-bool takes_frames(const CombineState& s) {
-  return !s.queue.is_full(static_cast<Time>(s.latency_ms) * GST_MSECOND, s.frame_duration);
-}
-
-bool takes_events(const CombineState& s) TERRAINSEG_REQUIRES(s.mutex);
-bool takes_events(const CombineState& s) {
-  return s.queue.has_room();
-}
-
-bool is_drained(const CombineState& s) TERRAINSEG_REQUIRES(s.mutex);
-bool is_drained(const CombineState& s) {
-  return s.queue.empty() && !s.pushing;
-}
-
-/// Why nothing more is taken; OK when it is.
-GstFlowReturn state_of_flow(const CombineState& s) TERRAINSEG_REQUIRES(s.mutex);
-GstFlowReturn state_of_flow(const CombineState& s) {
-  return s.flushing ? GST_FLOW_FLUSHING : s.flow;
-}
-
 GstFlowReturn take_frame(GstTerrainCombine* self, GstBuffer* frame) {
   CombineState& s = *self->state;
   std::list<Item> item;
@@ -435,9 +439,9 @@ GstFlowReturn take_frame(GstTerrainCombine* self, GstBuffer* frame) {
   if (times.match != Match::automatic)
     times.stamp.reset();
   s.video_thread = std::this_thread::get_id();
-  wait_for_task(s, lock, takes_frames);
-  if (state_of_flow(s) != GST_FLOW_OK)
-    return state_of_flow(s);
+  s.wait_for_task(lock, &CombineState::takes_frames);
+  if (s.state_of_flow() != GST_FLOW_OK)
+    return s.state_of_flow();
   if (GST_BUFFER_DURATION_IS_VALID(frame) && GST_BUFFER_DURATION(frame) > 0)
     s.frame_duration = static_cast<Time>(
         std::min(GST_BUFFER_DURATION(frame), static_cast<GstClockTime>(2 * most_tolerance)));
@@ -482,8 +486,8 @@ GstFlowReturn queue_event(GstTerrainCombine* self, GstEvent* event) {
   const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
   {
     Lock lock(s.mutex);
-    wait_for_task(s, lock, takes_events);
-    flow = state_of_flow(s);
+    s.wait_for_task(lock, &CombineState::takes_events);
+    flow = s.state_of_flow();
     // After an end the next stream begins; the task has paused.
     if (GST_EVENT_TYPE(event) == GST_EVENT_STREAM_START) {
       s.live_is_old = true;
@@ -563,23 +567,17 @@ GstFlowReturn video_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   return guarded(self, GST_FLOW_ERROR, [&] { return queue_event(self, event); });
 }
 
-/// Frames that wait here at most: they are not in the hands of downstream, but not upstream's either.
-guint held_frames(const CombineState& s, GstQuery* query) {
+/// Adds the frames that wait here to what downstream wants of a pool.
+gboolean query_allocation(GstTerrainCombine* self, GstQuery* query) {
+  gst_pad_peer_query(self->src, query); // without an answer there are no pools
   GstCaps* caps = nullptr;
   gst_query_parse_allocation(query, &caps, nullptr);
   GstVideoInfo info;
-  Time duration = 0;
-  if (caps && gst_video_info_from_caps(&info, caps))
-    duration = duration_of(info);
-  if (duration <= 0)
-    duration = 2 * default_tolerance;
-  return static_cast<guint>(static_cast<Time>(s.latency_ms) * GST_MSECOND / duration + 2);
-}
-
-/// Adds the frames that wait here to what downstream wants of a pool.
-gboolean query_allocation(GstTerrainCombine* self, GstQuery* query) {
-  gst_pad_peer_query(self->src, query); // nobody's answer is an answer without pools
-  const guint held = held_frames(*self->state, query);
+  const bool known = caps && gst_video_info_from_caps(&info, caps);
+  const Time duration = known ? duration_of(info) : 0;
+  const auto held = static_cast<guint>(static_cast<Time>(self->state->latency_ms) * GST_MSECOND /
+                                           (duration > 0 ? duration : 2 * default_tolerance) +
+                                       2);
   const guint pools = gst_query_get_n_allocation_pools(query);
   for (guint i = 0; i < pools; ++i) {
     GstBufferPool* pool = nullptr;
@@ -588,14 +586,9 @@ gboolean query_allocation(GstTerrainCombine* self, GstQuery* query) {
     gst_query_set_nth_allocation_pool(query, i, pool, size, least + held, most > 0 ? most + held : 0);
     gst_clear_object(&pool);
   }
-  if (pools == 0) {
-    GstCaps* caps = nullptr;
-    gst_query_parse_allocation(query, &caps, nullptr);
-    GstVideoInfo info;
-    const guint size =
-        caps && gst_video_info_from_caps(&info, caps) ? static_cast<guint>(GST_VIDEO_INFO_SIZE(&info)) : 0;
-    gst_query_add_allocation_pool(query, nullptr, size, held, 0);
-  }
+  if (pools == 0)
+    gst_query_add_allocation_pool(query, nullptr, known ? static_cast<guint>(GST_VIDEO_INFO_SIZE(&info)) : 0,
+                                  held, 0);
   return TRUE;
 }
 
@@ -607,8 +600,8 @@ gboolean video_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   {
     // In order: what came before it has left.
     Lock lock(s.mutex);
-    wait_for_task(s, lock, is_drained);
-    if (state_of_flow(s) != GST_FLOW_OK)
+    s.wait_for_task(lock, &CombineState::is_drained);
+    if (s.state_of_flow() != GST_FLOW_OK)
       return FALSE;
   }
   if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION)
@@ -630,30 +623,18 @@ gboolean video_activate(GstPad*, GstObject* parent, GstPadMode mode, gboolean ac
 
 // ---- the units' side -------------------------------------------------------------------------------------
 
-/// Something of the units has come.
-void note_meta(CombineState& s) TERRAINSEG_REQUIRES(s.mutex);
-void note_meta(CombineState& s) {
-  s.meta_thread = std::this_thread::get_id();
-  s.matcher.note_unit_side(Clock::now());
-}
-
-bool lacks_room(const CombineState& s) TERRAINSEG_REQUIRES(s.mutex);
-bool lacks_room(const CombineState& s) {
-  return !s.matcher.has_room() && !s.meta_flushing && s.flow == GST_FLOW_OK;
-}
-
 /// Waits for room as long as the video moves on (live: for a moment), then drops the oldest units.
 void make_room(CombineState& s, Lock& lock) TERRAINSEG_REQUIRES(s.mutex);
 void make_room(CombineState& s, Lock& lock) {
   const bool alone = s.video_thread == std::thread::id() || s.video_thread == std::this_thread::get_id();
   bool moves_on = !alone;
-  while (moves_on && lacks_room(s)) {
+  while (moves_on && s.lacks_room()) {
     const bool live = s.matcher.live() != Live::no;
     const Clock::time_point until =
         Clock::now() + (live ? std::max<Clock::duration>(s.latency(), std::chrono::seconds(1))
                              : Clock::duration(Matcher::stall_limit));
     const std::uint64_t frames = s.frames_left;
-    while (lacks_room(s) && s.frames_left == frames && Clock::now() < until)
+    while (s.lacks_room() && s.frames_left == frames && Clock::now() < until)
       lock.wait_until(s.changed, until);
     moves_on = !live && s.frames_left != frames;
   }
@@ -677,7 +658,7 @@ void keep_unit(GstTerrainCombine* self, OwnedBuffer unit) {
   bool timeless = false;
   {
     Lock lock(s.mutex);
-    note_meta(s);
+    s.note_meta();
     if (verdict == KlvVerdict::ok) {
       times.precision = s.checked.time_us();
       times.frame = s.checked.estimate().frame;
@@ -736,7 +717,7 @@ gboolean meta_event(GstPad*, GstObject* parent, GstEvent* event) {
   CombineState& s = *self->state;
   {
     const Lock lock(s.mutex);
-    note_meta(s);
+    s.note_meta();
   }
   switch (GST_EVENT_TYPE(event)) {
   case GST_EVENT_FLUSH_START:
@@ -795,33 +776,16 @@ gboolean src_activate(GstPad* pad, GstObject* parent, GstPadMode mode, gboolean 
 }
 
 gboolean query_latency(GstTerrainCombine* self, GstQuery* query) {
-  gboolean live = FALSE;
-  GstClockTime least = 0, most = GST_CLOCK_TIME_NONE;
-  bool answered = false;
-  for (GstPad* pad : {self->sink, self->meta}) {
-    GstQuery* upstream = gst_query_new_latency();
-    if (gst_pad_peer_query(pad, upstream)) {
-      gboolean pad_live = FALSE;
-      GstClockTime pad_least = 0, pad_most = GST_CLOCK_TIME_NONE;
-      gst_query_parse_latency(upstream, &pad_live, &pad_least, &pad_most);
-      answered = answered || pad == self->sink;
-      if (pad_live) {
-        live = TRUE;
-        least = std::max(least, pad_least);
-        most = std::min(most, pad_most); // NONE is the largest number
-      }
-    }
-    gst_query_unref(upstream);
-  }
-  if (!answered)
+  Upstream all = ask_upstream(self);
+  if (!all.answered)
     return FALSE;
   const GstClockTime own = self->state->latency_ms * GST_MSECOND;
-  if (live) {
-    least += own;
-    if (GST_CLOCK_TIME_IS_VALID(most))
-      most += own;
+  if (all.live) {
+    all.least += own;
+    if (GST_CLOCK_TIME_IS_VALID(all.most))
+      all.most += own;
   }
-  gst_query_set_latency(query, live, least, most);
+  gst_query_set_latency(query, all.live, all.least, all.most);
   return TRUE;
 }
 
