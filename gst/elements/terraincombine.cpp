@@ -55,17 +55,16 @@ struct CombineSettings {
 GType match_type() {
   static const GEnumValue values[] = {
       {static_cast<int>(Match::automatic),
-       "By precision time, to the microsecond, where frames carry a stamp (terrainstamp); else by time "
-       "stamps",
+       "By precision time, to the microsecond, if frames carry a stamp (terrainstamp), else by time stamps",
        "auto"},
-      {static_cast<int>(Match::time_stamps), "By time stamps, whatever stamps frames carry", "time-stamps"},
+      {static_cast<int>(Match::time_stamps), "By time stamps only", "time-stamps"},
       {0, nullptr, nullptr}};
   static const GType type = g_enum_register_static("GstTerrainMatch", values);
   return type;
 }
 
 const Property<CombineSettings> combine_table[] = {
-    {"match", "Match", "What a frame and its KLV unit find each other by", property_playing,
+    {"match", "Match", "How KLV units are matched to frames", property_playing,
      TERRAINSEG_CHOICE(CombineSettings, match, match_type)},
 };
 
@@ -239,7 +238,7 @@ void tell_silence(GstTerrainCombine* self, const std::string& reason) {
     return;
   GST_ELEMENT_WARNING(
       self, STREAM, FAILED,
-      ("No frame has met its KLV unit for %u frames: %s.", Matcher::silence_frames, reason.c_str()),
+      ("No KLV unit matched the last %u frames: %s.", Matcher::silence_frames, reason.c_str()),
       ("%s", reason.c_str()));
 }
 
@@ -671,13 +670,14 @@ void keep_unit(GstTerrainCombine* self, OwnedBuffer unit) {
   if (verdict != KlvVerdict::ok)
     return reject(self, verdict == KlvVerdict::foreign ? "foreign" : "damaged", s.checked.error());
   if (timeless)
-    GST_ELEMENT_WARNING(
-        self, STREAM, FORMAT,
-        ("The KLV units carry no time stamps: they are matched by the times in themselves, the first with "
-         "the "
-         "first frame. Where the two streams do not begin together, masks lie on wrong frames: mux them with "
-         "time stamps (mpegtsmux keeps those of terrainextract; \"ffmpeg -c copy\" loses them)."),
-        ("units without PTS, or in a segment that is not in time"));
+    GST_ELEMENT_WARNING(self, STREAM, FORMAT,
+                        ("The KLV units carry no time stamps. They are matched by the precision times in "
+                         "them, starting with the "
+                         "first frame and the first unit. If the two streams do not start together, masks "
+                         "appear on wrong frames: "
+                         "mux the units with time stamps (mpegtsmux keeps those of terrainextract; \"ffmpeg "
+                         "-c copy\" drops them)."),
+                        ("units without PTS, or in a segment that is not in time"));
 }
 
 GstFlowReturn meta_chain(GstPad*, GstObject* parent, GstBuffer* buffer) {
@@ -892,18 +892,17 @@ static void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
       object_class, property_latency,
       g_param_spec_uint(
           "latency", "Latency",
-          "Milliseconds that a frame of a live pipeline waits at most for its KLV unit, by which the "
-          "pipeline is "
-          "delayed; in others how much video may wait",
+          "Longest time in milliseconds that a frame of a live pipeline waits for its KLV unit, which adds "
+          "this latency; in other pipelines the amount of video that may wait",
           0, 60000, default_latency,
           static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
   g_object_class_install_property(
       object_class, property_stats,
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "Counts since the start: frames matched (of those, by precision time: matched-precisely) and lost, "
-          "KLV units rejected and unused",
-          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+      g_param_spec_boxed("stats", "Statistics",
+                         "Counts since the start: frames matched (matched-precisely: by precision time) and "
+                         "lost, KLV units rejected and unused",
+                         GST_TYPE_STRUCTURE,
+                         static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   install_properties<CombineSettings>(object_class, property_match, combine_table);
   mark_enums_as_plugin_api(object_class);
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
@@ -913,7 +912,7 @@ static void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Terrain combiner", "Combiner/Metadata/Video",
-      "Attaches the terrain metadata in KLV units to the video they belong to", "terrainseg maintainers");
+      "Attaches the terrain metadata in KLV units to the video they belong to", "The terrainseg developers");
 }
 
 static void gst_terrain_combine_init(GstTerrainCombine* self) {

@@ -111,7 +111,7 @@ gboolean start(GstBaseTransform* transform) {
 gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   GstVideoInfo info;
   if (!gst_video_info_from_caps(&info, caps)) {
-    GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("The video format cannot be understood."),
+    GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("Unsupported video format."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     return FALSE;
   }
@@ -158,11 +158,9 @@ GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buff
     warn_bare(transform, s);
   if (!reader) {
     if (reader.error() && s.damaged.first())
-      GST_ELEMENT_WARNING(
-          transform, STREAM, FAILED,
-          ("Metadata that makes no sense was not drawn: %s. Frames like this pass as they are.",
-           reader.error()),
-          ("buffer %" GST_PTR_FORMAT ": %s", printable(buffer), reader.error()));
+      GST_ELEMENT_WARNING(transform, STREAM, FAILED,
+                          ("Invalid terrain metadata, frame passed through undrawn: %s.", reader.error()),
+                          ("buffer %" GST_PTR_FORMAT ": %s", printable(buffer), reader.error()));
     return GST_FLOW_OK;
   }
   const bool invisible = style.style != OverlayStyle::mask && (style.alpha == 0 || style.color >> 24 == 0);

@@ -188,7 +188,7 @@ gboolean on_save_model(GstTerrainSeg* self, const gchar* path) {
     const auto terrain = shared_of(self).learned.learned();
     if (!terrain) {
       GST_ELEMENT_WARNING(self, RESOURCE, WRITE,
-                          ("Nothing is learned yet that could be saved as \"%s\".", path),
+                          ("\"%s\" was not saved: there is no learned terrain yet.", path),
                           ("save-model(\"%s\"): no learned models", path));
       return FALSE;
     }
@@ -214,7 +214,7 @@ gboolean on_load_model(GstTerrainSeg* self, const gchar* path) {
     }
     GST_ELEMENT_WARNING(
         self, RESOURCE, READ,
-        ("The learned terrain \"%s\" was not loaded, the running one stays: %s", path, error.c_str()),
+        ("The terrain file \"%s\" was not loaded, the current one is kept: %s", path, error.c_str()),
         ("load-model(\"%s\"): %s", path, error.c_str()));
     return FALSE;
   });
@@ -268,7 +268,7 @@ bool start_metres(gpointer object, Streaming& s) {
   }
   if (set.camera_info.empty() != set.mount.empty())
     GST_ELEMENT_WARNING(GST_ELEMENT(object), LIBRARY, SETTINGS,
-                        ("There are no metres: they need camera-info and mount, and %s is not set.",
+                        ("Ranges are disabled: set both camera-info and mount (%s is missing).",
                          set.mount.empty() ? "mount" : "camera-info"),
                         ("camera-info \"%s\", mount \"%s\"", set.camera_info.c_str(), set.mount.c_str()));
   return true;
@@ -335,12 +335,12 @@ bool check_terrain(GstBaseTransform* transform, Streaming& s, const ColorSpace& 
   if (!s.space) { // what the user asked for cannot be had; later it is the stream that changed
     if (s.misfit.first())
       GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
-                        ("%s Convert the video in front of terrainseg, or learn anew.", foreign->c_str()),
+                        ("%s Convert the video before terrainseg, or use another terrain.", foreign->c_str()),
                         ("caps %" GST_PTR_FORMAT, printable(caps)));
     return false;
   }
   GST_ELEMENT_WARNING(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
-                      ("%s It is learned anew.", foreign->c_str()),
+                      ("%s The terrain is discarded and learning starts again.", foreign->c_str()),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
   learned.discard_loaded();
   return true;
@@ -351,7 +351,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
     Streaming& s = streaming_of(transform);
     GstVideoInfo info;
     if (!gst_video_info_from_caps(&info, caps)) {
-      GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, FORMAT, ("The video format cannot be understood."),
+      GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, FORMAT, ("Unsupported video format."),
                         ("caps %" GST_PTR_FORMAT, printable(caps)));
       return FALSE;
     }
@@ -492,7 +492,7 @@ Supervision read_training(gpointer object, Streaming& s, GstBuffer* buffer) {
       s.training.read(buffer, GST_VIDEO_INFO_WIDTH(&s.info), GST_VIDEO_INFO_HEIGHT(&s.info));
   if (s.training.error() && s.training_flaw.first())
     GST_ELEMENT_WARNING(GST_ELEMENT(object), STREAM, FAILED,
-                        ("Training pixels were ignored: %s.", s.training.error()),
+                        ("Invalid training pixels, ignored: %s.", s.training.error()),
                         ("%s", s.training.error()));
   return supervision;
 }
@@ -570,7 +570,7 @@ bool label(GstBaseTransform* transform, GstBuffer* buffer, const MappedFrame& ma
   const MappedBuffer mask(outcome.mask.get(), GST_MAP_WRITE);
   const MappedBuffer boundary(outcome.boundary.get(), GST_MAP_WRITE);
   if (!mask.data() || !boundary.data()) {
-    GST_ELEMENT_ERROR(GST_ELEMENT(transform), RESOURCE, NO_SPACE_LEFT, ("There is no memory for the mask."),
+    GST_ELEMENT_ERROR(GST_ELEMENT(transform), RESOURCE, NO_SPACE_LEFT, ("Out of memory for the mask."),
                       ("a mask of %d x %d cannot be allocated", width, height));
     return false;
   }
@@ -632,7 +632,7 @@ bool check_shape(GstBaseTransform* transform, Streaming& s) {
     return false;
   }
   GST_ELEMENT_WARNING(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
-                      ("There are no metres of this stream: %s.", s.shape_flaw.c_str()), (nullptr));
+                      ("Ranges are disabled for this stream: %s.", s.shape_flaw.c_str()), (nullptr));
   s.shape_flaw.clear();
   return true;
 }
@@ -701,22 +701,21 @@ static void gst_terrain_seg_class_init(GstTerrainSegClass* klass) {
   SettingsBook::install(object_class);
   g_object_class_install_property(
       object_class, stats_id(),
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "Counts of frames and of skipped updates by cause, and the median and 99th percentile of each "
-          "stage in microseconds",
-          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+      g_param_spec_boxed("stats", "Statistics",
+                         "Number of frames, of skipped updates by cause, and the median and 99th percentile "
+                         "of the time of each stage in microseconds",
+                         GST_TYPE_STRUCTURE,
+                         static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
-  NameProperty::install(
-      object_class, instance_id(), "instance", "Instance",
-      "Name that goes with the metadata, so that several terrainseg in one chain keep theirs "
-      "apart, none = replaces other metadata without a name");
+  NameProperty::install(object_class, instance_id(), "instance", "Instance",
+                        "Name stored in the metadata, which tells several terrainseg elements in one chain "
+                        "apart; none = replaces other metadata without a name");
   g_object_class_install_property(
       object_class, navigation_id(),
       g_param_spec_boolean(
           "navigation", "Navigation",
-          "Whether the pointer in a video window behind draws: the left button the training "
-          "window, the right one regions that are ignored",
+          "Let the pointer in a video window downstream edit rectangles: the left button draws the training "
+          "window, the right button ignored regions",
           FALSE,
           static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
 

@@ -378,7 +378,7 @@ static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_set_static_metadata(element_class, "Terrain recorder", "Sink/File/Metadata/Video",
                                         "Records video and terrain metadata as MCAP, for Foxglove and ROS 2",
-                                        "terrainseg maintainers");
+                                        "The terrainseg developers");
   GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
   sink_class->start = start;
   sink_class->stop = stop;

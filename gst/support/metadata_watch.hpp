@@ -32,8 +32,8 @@ class MetadataWatch {
   Warning warning(const std::string& element, const char* consequence, const char* source) const {
     const std::string named = *source ? std::string(" of source=") + source : "";
     return {"No terrain metadata" + named + " on the first " + counted(bare_frames_, "frame") + ", so " +
-                consequence + ". Put terrainseg in front of " + element +
-                ", and no element between them that drops metadata (videocrop, videobox, videoflip, "
+                consequence + ". Put terrainseg before " + element +
+                ", without an element between them that drops metadata (videocrop, videobox, videoflip, "
                 "compositor).",
             "no GstTerrainSegMeta" + named};
   }

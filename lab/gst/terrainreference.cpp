@@ -246,7 +246,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   return guarded<gboolean>(transform, FALSE, [&]() -> gboolean {
     ReferenceState& s = state_of(transform);
     if (!gst_video_info_from_caps(&s.info, caps)) {
-      GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("The video format cannot be understood."),
+      GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("Unsupported video format."),
                         ("caps %" GST_PTR_FORMAT, printable(caps)));
       return FALSE;
     }
@@ -303,7 +303,7 @@ const cv::Mat& training_pixels(gpointer object, GstBuffer* buffer) {
   const int width = s.info.width, height = s.info.height;
   const Supervision supervision = s.training.read(buffer, width, height);
   if (const char* error = s.training.error(); error && s.training_flaw.first()) {
-    GST_ELEMENT_WARNING(GST_ELEMENT(object), STREAM, FORMAT, ("Training pixels are ignored: %s.", error),
+    GST_ELEMENT_WARNING(GST_ELEMENT(object), STREAM, FORMAT, ("Invalid training pixels, ignored: %s.", error),
                         ("said once a run"));
   }
   if (supervision.empty())
@@ -367,7 +367,7 @@ void configure(gpointer object, ReferenceState& s, const ReferenceSettings& want
   }
   if (std::exchange(s.refused, refused) != refused && !refused.empty())
     GST_ELEMENT_WARNING(GST_ELEMENT(object), LIBRARY, SETTINGS,
-                        ("%s. The values before stay in force.", refused.c_str()),
+                        ("%s. The previous values are kept.", refused.c_str()),
                         ("settings refused while playing"));
 }
 

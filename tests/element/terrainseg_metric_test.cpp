@@ -229,8 +229,8 @@ TEST_F(Metric, NoCalibrationNoMetres) {
       continue;
     }
     ASSERT_EQ(warnings.size(), 1u) << half;
-    EXPECT_TRUE(warnings[0].contains(half.find("mount") == half.npos ? "mount is not set"
-                                                                     : "camera-info is not set"));
+    EXPECT_TRUE(warnings[0].contains(half.find("mount") == half.npos ? "mount is missing"
+                                                                     : "camera-info is missing"));
   }
 }
 

@@ -327,7 +327,7 @@ TEST(Settings, ChangesRaceWithTheStreamingThread) {
   b.join();
   EXPECT_GE(rounds, 50);
   for (const Report& warning : rig.warnings()) // first: to look for errors throws other messages away
-    EXPECT_TRUE(warning.contains("Set without effect")) << warning.user;
+    EXPECT_TRUE(warning.contains("without effect")) << warning.user;
 }
 
 // ---- stages ----------------------------------------------------------------------------------------------

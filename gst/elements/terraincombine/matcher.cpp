@@ -22,7 +22,7 @@ std::string seconds_text(Time time) {
 std::string late_units(Time behind, Matcher::Clock::duration latency) {
   const auto more = std::chrono::milliseconds(std::min<Time>(behind / GST_MSECOND, 60000));
   const auto enough = std::chrono::duration_cast<std::chrono::milliseconds>(latency) + more;
-  return "the units come " + seconds_text(behind) + " behind their frames: set latency to " +
+  return "units arrive " + seconds_text(behind) + " after their frames: set latency to " +
          std::to_string(enough.count()) + " or more";
 }
 
@@ -190,31 +190,32 @@ std::string Matcher::precise_silence_reason(PrecisionTime frame, Clock::duration
   const PrecisionTime newest = units_.precision_progress().value_or(0);
   if (newest < frame && frame - newest <= most_delay && live_ != Live::no)
     return late_units(static_cast<Time>(frame - newest) * static_cast<Time>(GST_USECOND), latency);
-  return "the frames' precision times (now " + std::to_string(frame) + " us) are none of the units' (now " +
-         std::to_string(newest) +
-         " us): do the sender's terrainstamp and terrainextract see the same frames? match=time-stamps does "
-         "without the stamps";
+  return "the precision times of the frames (now " + std::to_string(frame) +
+         " us) differ from those of the units (now " + std::to_string(newest) +
+         " us): check that the sender's terrainstamp and terrainextract see the same frames, or set "
+         "match=time-stamps";
 }
 
 std::string Matcher::silence_reason(const Frame& frame, Clock::duration latency) const {
   if (silence_.units == 0)
-    return "no KLV unit has come: is the sender's branch with terrainextract linked to the muxer, and the "
-           "demuxer's meta/x-klv pad to this element?";
+    return "no KLV unit was received: check that the sender's terrainextract is linked to the muxer, and the "
+           "demuxer's meta/x-klv pad to this element";
   if (frame.stamp)
     return precise_silence_reason(*frame.stamp, latency);
   if (frame.time == never)
-    return "the frames carry no time stamps: put an element that sets them (a parser, or appsrc with "
-           "do-timestamp=true) in front";
+    return "the frames carry no time stamps: add an element that sets them (a parser, or appsrc with "
+           "do-timestamp=true)";
   if (newest_unit_ == never)
-    return "neither time stamps nor contents of the units tell their times: send them with time stamps";
+    return "the units carry neither time stamps nor precision times: send them with time stamps";
   const Time ahead = newest_unit_ - frame.time;
   if (ahead < -frame.tolerance && live_ != Live::no)
     return late_units(-ahead, latency);
   if (ahead < -frame.tolerance || ahead > frame.tolerance)
-    return "the units' time stamps lie " + seconds_text(ahead < 0 ? -ahead : ahead) +
+    return "the units' time stamps are " + seconds_text(ahead < 0 ? -ahead : ahead) +
            (ahead < 0 ? " before" : " after") + " the video's: both streams need the same clock and segment";
-  return "the units lie between the frames, more than half a frame away: is a videorate between the sender's "
-         "terrainextract and the encoder?";
+  return "the units are more than half a frame away from any frame: check for a videorate between the "
+         "sender's "
+         "terrainextract and encoder";
 }
 
 } // namespace terrainseg

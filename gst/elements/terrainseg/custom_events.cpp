@@ -20,7 +20,7 @@ bool take_near_event(GstElement* element, Shared& shared, GstEvent* event) {
   if (!gst_structure_get_boolean(fields, "clear", &clear)) {
     GST_ELEMENT_WARNING(
         element, STREAM, FAILED,
-        ("An event %s without the boolean field \"clear\" was ignored.", GST_TERRAIN_SEG_NEAR_EVENT),
+        ("Invalid event %s, ignored: it lacks the boolean field \"clear\".", GST_TERRAIN_SEG_NEAR_EVENT),
         ("event %" GST_PTR_FORMAT, printable(event)));
     return false;
   }
@@ -46,7 +46,7 @@ bool take_pose_event(GstElement* element, Shared& shared, MetricStage& metres, G
   const char* flaw = metres.take_pose(fields);
   if (flaw && is_first_pose_flaw(shared))
     GST_ELEMENT_WARNING(element, STREAM, FAILED,
-                        ("An event %s was ignored: %s.", GST_TERRAIN_SEG_POSE_EVENT, flaw),
+                        ("Invalid event %s, ignored: %s.", GST_TERRAIN_SEG_POSE_EVENT, flaw),
                         ("event %" GST_PTR_FORMAT, printable(event)));
   return !flaw;
 }

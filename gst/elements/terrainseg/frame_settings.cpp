@@ -37,7 +37,7 @@ bool read_file(GstElement* element, Shared& shared) {
 void warn_unused(GstElement* element, const std::string& names, bool free_space) {
   if (!names.empty())
     GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
-                        ("Set without effect: %s. The %s pipeline does not use it.", names.c_str(),
+                        ("Properties without effect: %s. The %s pipeline does not use them.", names.c_str(),
                          free_space ? "default" : "paper's"),
                         ("properties %s", names.c_str()));
 }
@@ -97,7 +97,7 @@ void FrameSettings::refresh(GstElement* element, Shared& shared) {
   warn_unused(element, unused, values_.core.free_space);
   if (error)
     GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
-                        ("Property %s cannot be %s: %s. The values before stay in force.",
+                        ("Property %s cannot be %s: %s. The previous values are kept.",
                          error->property.c_str(), error->value.c_str(), error->reason.c_str()),
                         ("property %s, value %s, rule: %s", error->property.c_str(), error->value.c_str(),
                          error->reason.c_str()));
@@ -115,10 +115,9 @@ void FrameSettings::fit_window(GstElement* element, int width, int height) {
   configured_sequence_ = 0; // the segmenter has older ones
   fitted_ = with_fitting_window(set, width, height);
   if (fitted_ != set && misfit_.first(request))
-    TERRAINSEG_POST_WARNING(element, LIBRARY, SETTINGS,
-                            window_warning(request, fitted_,
-                                           " Set window-rect for a window that follows the size of "
-                                           "the frame."));
+    TERRAINSEG_POST_WARNING(
+        element, LIBRARY, SETTINGS,
+        window_warning(request, fitted_, " Use window-rect for a window that scales with the frame."));
 }
 
 void FrameSettings::check_vanishing_row(GstElement* element, int height) {
@@ -127,8 +126,8 @@ void FrameSettings::check_vanishing_row(GstElement* element, int height) {
     return;
   GST_ELEMENT_WARNING(
       element, LIBRARY, SETTINGS,
-      ("vanishing-row = %d lies below a frame of %d rows and is not used: it is the row of the "
-       "frame in which level ground would end.",
+      ("vanishing-row = %d is below the last of %d rows and is ignored: set the row of the frame at "
+       "which level ground would end.",
        row, height),
       ("property vanishing-row, value %d", row));
 }

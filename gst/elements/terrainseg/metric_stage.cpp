@@ -51,11 +51,11 @@ std::string MetricStage::fit(int width, int height) {
     frame_camera_ = metric::scaled(*camera_, width, height);
     return {};
   }
-  return "the camera was calibrated on pictures of " + std::to_string(camera_->width) + " x " +
-         std::to_string(camera_->height) + " and these are " + std::to_string(width) + " x " +
+  return "the camera was calibrated with pictures of " + std::to_string(camera_->width) + " x " +
+         std::to_string(camera_->height) + " but the frames are " + std::to_string(width) + " x " +
          std::to_string(height) +
-         ", which is another shape: calibrate on pictures of this shape, for a part of a picture is no "
-         "scaled one";
+         ", another aspect ratio: calibrate with pictures of this aspect ratio (a cropped picture "
+         "is not a scaled one)";
 }
 
 const char* MetricStage::take_pose(const GstStructure* fields) {
@@ -211,25 +211,22 @@ std::optional<std::string> MetricStage::take_notice() {
   told_[notice] = true;
   switch (notice) {
   case no_time:
-    return "There are no metres while frames have no time stamps: a pose is of a moment. Put "
-           "do-timestamp=true on "
-           "the source.";
+    return "Ranges are disabled: frames have no time stamps, which are needed to find the pose. Set "
+           "do-timestamp=true on the source.";
   case stale:
-    return "There are no metres: the last " GST_TERRAIN_SEG_POSE_EVENT
-           " event is more than 100 ms away from the frame. Metres come back with the next pose; does its "
-           "running-time have the pipeline's clock?";
+    return "Ranges are disabled: the last " GST_TERRAIN_SEG_POSE_EVENT
+           " event is more than 100 ms away from the frame. They resume with the next pose; check that its "
+           "running-time uses the pipeline's clock.";
   case short_range:
-    return "There are no metres: the nearest ground in the picture is beyond range-max. Tilt the camera "
-           "down, set "
-           "range-max higher, or check height and pitch of the mount.";
+    return "Ranges are disabled: the nearest ground in the frame is beyond range-max. Tilt the camera down, "
+           "increase range-max, or check height and pitch of the mount.";
   default: {
     const double degrees = monitor_.median().value_or(0) * 180 / std::numbers::pi;
     char text[200];
-    g_snprintf(
-        text, sizeof text,
-        "For ten seconds the horizon in the picture has been %.1f degrees %s than the mount has it: is the "
-        "mount's pitch still right? Ranges may be wrong.",
-        std::abs(degrees), degrees > 0 ? "higher" : "lower");
+    g_snprintf(text, sizeof text,
+               "For ten seconds the horizon in the frame has been %.1f degrees %s than the mount predicts. "
+               "Check the pitch of the mount: ranges may be wrong.",
+               std::abs(degrees), degrees > 0 ? "higher" : "lower");
     return text;
   }
   }

@@ -24,8 +24,8 @@ GType registered(GType type) {
 
 GType preset_type() {
   static const GEnumValue values[] = {
-      {static_cast<int>(Preset::standard), "The pipeline with all stages", "default"},
-      {static_cast<int>(Preset::paper), "The paper's algorithm and parameters, nothing else", "paper"},
+      {static_cast<int>(Preset::standard), "The default pipeline with all stages", "default"},
+      {static_cast<int>(Preset::paper), "The paper's algorithm and parameters only", "paper"},
       enum_end};
   static const GType type = registered(g_enum_register_static("GstTerrainSegPreset", values));
   return type;
@@ -33,10 +33,10 @@ GType preset_type() {
 
 GType reset_on_type() {
   static const GEnumValue values[] = {
-      {static_cast<int>(ResetOn::never), "Only by the reset signal or another colour space", "never"},
-      {static_cast<int>(ResetOn::stream), "With a new stream and when the element goes to READY", "stream"},
-      {static_cast<int>(ResetOn::discont), "As stream, and with every discontinuity", "discont"},
-      {static_cast<int>(ResetOn::per_stream), "Not forgotten: each stream id has a terrain of its own",
+      {static_cast<int>(ResetOn::never), "Only by the reset signal or a change of colour space", "never"},
+      {static_cast<int>(ResetOn::stream), "At a new stream, and when the element goes to READY", "stream"},
+      {static_cast<int>(ResetOn::discont), "As stream, and at every discontinuity", "discont"},
+      {static_cast<int>(ResetOn::per_stream), "Never: a separate terrain is kept for each stream id",
        "per-stream"},
       enum_end};
   static const GType type = registered(g_enum_register_static("GstTerrainSegResetOn", values));
@@ -84,50 +84,45 @@ GType stages_type() {
 
 /// The element's own, which no preset touches.
 const Property<ElementSettings> own_table[] = {
-    {"reset-on", "Reset on", "When the learned terrain is forgotten by itself", property_playing,
+    {"reset-on", "Reset on", "When the learned terrain is reset automatically", property_playing,
      TERRAINSEG_CHOICE(ElementSettings, reset_on, reset_on_type)},
-    {"overlay", "Overlay", "Whether the result is drawn into the frame, which then has to be written",
+    {"overlay", "Overlay", "Draw the result onto the frame; the frame is then written to",
      property_controllable, PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, overlay)}},
     {"post-messages", "Post messages",
-     "Whether an element message 'terrainseg' is posted on the bus when the result changes, and once a "
-     "second",
+     "Post an element message 'terrainseg' on the bus when the result changes, and once a second",
      property_playing, PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, post_messages)}},
     {"model-location", "Model location",
-     "Path of a file of learned terrain that is read at start, a missing or damaged one is an error",
+     "Path of a learned-terrain file to read at start; a missing or damaged file is an error",
      property_before_start,
      PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, model_location)}},
     {"settings-location", "Settings location",
-     "Path of a key file whose group [terrainseg] gives properties their values at start, those set "
-     "explicitly excepted; one that is missing or wrong is an error",
+     "Path of a key file whose group [terrainseg] sets properties at start, except those set explicitly; a "
+     "missing or invalid file is an error",
      property_before_start,
      PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, settings_location)}},
     {"camera-info", "Camera info",
-     "Path of the camera's calibration (ROS camera_info, Kalibr or OpenCV YAML), which together with mount "
-     "gives "
-     "ranges in metres, one that is missing or wrong is an error",
+     "Path of the camera's calibration file (ROS camera_info, Kalibr or OpenCV YAML); with mount it enables "
+     "ranges in metres. A missing or invalid file is an error",
      property_before_start,
      PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, camera_info)}},
     {"mount", "Mount",
-     "How the camera stands over the ground, as the path of a YAML file or as height=0.5,pitch=10deg (also "
-     "roll, "
-     "yaw, x, y, pitch-error) in metres and radians or degrees",
+     "Pose of the camera over the ground: the path of a YAML file, or text such as height=0.5,pitch=10deg "
+     "(also roll, yaw, x, y, pitch-error) in metres, and in radians or degrees",
      property_before_start,
      PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, mount)}},
     {"range-max", "Range maximum",
-     "Metres up to which ranges are told, beyond them a column is free, 0 = where the expected error reaches "
-     "20 %",
+     "Largest range in metres; a column that is free beyond it is reported as free, 0 = the distance at "
+     "which the expected error reaches 20 %",
      property_controllable,
      NumberField<ElementSettings, double>{TERRAINSEG_FIELD(ElementSettings, range_max), 0, 10000}},
     {"start-time", "Start time",
-     "Wall clock of PTS 0 for frames that carry none, as ISO 8601 (2026-11-21T20:00:00Z) or nanoseconds "
-     "since "
-     "1970, which frames get as a reference time stamp",
+     "Time of day of PTS 0, as ISO 8601 (2026-11-21T20:00:00Z) or nanoseconds since 1970; frames without a "
+     "time of day get it as a reference time stamp",
      property_before_start,
      PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, start_time)}},
 #ifdef TERRAINSEG_ANALYTICS
-    {"analytics-meta", "Analytics metadata",
-     "Whether the standard GstAnalytics segmentation metadata is attached as well", property_playing,
-     PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, analytics)}},
+    {"analytics-meta", "Analytics metadata", "Also attach the standard GstAnalytics segmentation metadata",
+     property_playing, PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, analytics)}},
 #endif
 };
 
@@ -324,8 +319,8 @@ void SettingsBook::install(GObjectClass* object_class) {
     add(i + 1, spec_of(rows()[i]));
   add(id_of(special_preset),
       g_param_spec_enum("preset", "Preset",
-                        "Values of the filter's settings that are not set explicitly (drawing, metres and "
-                        "files have none): the full pipeline's or those of the paper's algorithm",
+                        "Chooses the pipeline and the values of all settings that are not set explicitly "
+                        "(not of drawing, ranges and files)",
                         preset_type(), static_cast<int>(Preset::standard), property_playing));
   add(id_of(special_stages),
       g_param_spec_flags("stages", "Stages",
@@ -333,15 +328,14 @@ void SettingsBook::install(GObjectClass* object_class) {
                          stages_type(), stages_of(Settings{}), property_playing));
   add(id_of(special_window_rect),
       g_param_spec_string("window-rect", "Window rectangle",
-                          "The training window as x,y,w,h in fractions of the frame, which holds for every "
-                          "size; empty = window-width, window-height, window-bottom and window-x in pixels",
+                          "Training window as x,y,w,h in fractions of the frame, for frames of any size; "
+                          "empty = window-width, window-height, window-bottom and window-x in pixels",
                           nullptr, property_playing));
   add(id_of(special_ignore_regions),
-      gst_param_spec_array(
-          "ignore-regions", "Ignore regions",
-          "Rectangles <<x, y, width, height>, ...> in pixels that are neither learned nor scored, "
-          "such as a bonnet or burnt-in text",
-          nullptr, property_playing));
+      gst_param_spec_array("ignore-regions", "Ignore regions",
+                           "Rectangles <<x, y, width, height>, ...> in pixels to exclude from learning and "
+                           "scoring, such as a bonnet or burnt-in text",
+                           nullptr, property_playing));
   install_overlay_properties(object_class, first_overlay_id());
   install_properties<ElementSettings>(object_class, first_own_id(), own_table);
 
