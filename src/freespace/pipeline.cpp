@@ -6,10 +6,17 @@
 namespace terrainseg {
 namespace {
 
-/// Whether the frame continues the last one: what that has left is averaged with it, and held.
-bool continues(const FrameTask& task, const LastPicture& last, const Grid& grid) {
-  const Temporal mode = task.settings.temporal;
-  return mode != Temporal::off && shows_same_place(last, grid, task.frame.pts, mode);
+const GridCurve no_curve;
+
+/// How a frame follows the last one.
+struct Continuity {
+  bool same_place; ///< that one's boundary says where this one's ground is
+  bool continued;  ///< scores are averaged with that one's, and its horizon is held
+};
+Continuity continuity_of(const View& view, const LastPicture& last) {
+  const Temporal mode = view.task.settings.temporal;
+  const bool same = shows_same_place(last, view.grid, view.task.frame.pts, mode);
+  return {same, same && mode != Temporal::off};
 }
 
 /// What is known of the ground's vanishing line before the frame is seen. A setting that lies below the frame
@@ -41,8 +48,9 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
                                 StageClock& clock) {
   const View view = reader_.read(task, terrain.exposure_mean, clock);
   answer_.start(view, out);
-  const bool continued = continues(task, memory_.last, view.grid);
-  const WindowLesson lesson = teacher_.learn(view, memory_.boundary, memory_.guard, tables_, terrain, clock);
+  const auto [same_place, continued] = continuity_of(view, memory_.last);
+  const WindowLesson lesson =
+      teacher_.learn(view, same_place ? memory_.boundary : no_curve, memory_.guard, tables_, terrain, clock);
   out.estimate().flags = lesson.flags;
   if (!lesson.known)
     return AnswerWriter::write_unknown(out, clock);
