@@ -4,8 +4,7 @@
 
 #include "base/quantities.hpp"
 #include "freespace/answer/horizon_row.hpp"
-#include "freespace/holes/standing_things.hpp"
-#include "freespace/holes/stone_field.hpp"
+#include "freespace/holes/hole_finders.hpp"
 #include "freespace/learn/window_guard.hpp"
 #include "freespace/score/temporal.hpp"
 
@@ -19,8 +18,7 @@ struct Memory {
   CellScores average; ///< of the scores
   GridCurve boundary; ///< of the last frame; empty = none
   HorizonHold horizon;
-  StoneField::Watch stones;
-  MotionTrack motion;
+  HoleMemory holes;
 };
 
 } // namespace terrainseg

@@ -216,7 +216,7 @@ def broken_links(page, text):
 def self_check(describer):
     """The check must see a changed default, a lost row, a lost part and links that lead nowhere."""
     readme = TOP / 'README.md'
-    links = {'docs/house.md': 0, '#elements': 0, 'docs/absent.md': 1, '#no-such-heading': 1, 'docs/house.md#no-such': 1}
+    links = {'docs/architecture.md': 0, '#elements': 0, 'docs/absent.md': 1, '#no-such-heading': 1, 'docs/architecture.md#no-such': 1}
     if any(len(list(broken_links(readme, f'[a]({link})'))) != count for link, count in links.items()):
         return False
     wanted = parts(describer, 'terrainseg')

@@ -287,5 +287,40 @@ TEST(FreeSpacePipeline, AnotherSizeKeepsTheTerrain) {
   EXPECT_TRUE(s.estimate().flags & flag_unknown);
 }
 
+/// Another place: all but the lower quarter upside down.
+scene::Picture cut_to(const scene::Picture& picture) {
+  scene::Picture other = picture;
+  const Frame from = picture.frame();
+  const MutableFrame to = other.mutable_frame();
+  for (std::size_t p = 0; p < 3; ++p) {
+    const int width = p == 0 ? 320 : 160, height = p == 0 ? 240 : 120;
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x)
+        to.planes[p].row(y)[x] = from.planes[p].row(y < height * 3 / 4 ? height - 1 - y : y)[x];
+  }
+  return other;
+}
+
+// The boundary of another place says nothing of this one's ground.
+TEST(FreeSpacePipeline, NegativesAreSplitByTheSamePlacesBoundaryOnly) {
+  const scene::Picture other = cut_to(drive()[5]);
+  for (const Temporal temporal : {Temporal::automatic, Temporal::off}) {
+    Settings split;
+    split.negatives = Negatives::split;
+    split.temporal = temporal;
+    Segmenter cut = after_drive(split), fresh = after_drive(split);
+    fresh.reset_temporal();
+    ASSERT_TRUE(cut.process(other.frame()).ok());
+    ASSERT_TRUE(fresh.process(other.frame()).ok());
+    EXPECT_TRUE(cut.terrain().negative_colors == fresh.terrain().negative_colors);
+    // Where the place stays the same it does.
+    Segmenter on = after_drive(split), off = after_drive(split);
+    off.reset_temporal();
+    ASSERT_TRUE(on.process(drive()[5].frame()).ok());
+    ASSERT_TRUE(off.process(drive()[5].frame()).ok());
+    EXPECT_TRUE(on.terrain().negative_colors != off.terrain().negative_colors);
+  }
+}
+
 } // namespace
 } // namespace terrainseg

@@ -31,7 +31,8 @@ struct Scene {
     curves.safe = curves.boundary;
   }
   bool find() {
-    return spots.find(pyramid, color_transform_of(false, owned.frame().colorimetry), curves, view);
+    return spots.find(pyramid, color_transform_of(false, owned.frame().colorimetry), curves, view,
+                      found.holes);
   }
   std::uint8_t oddness(int row, int column) const {
     return spots.oddness().values[static_cast<std::size_t>(row * spots.width() + column)];
@@ -45,6 +46,7 @@ struct Scene {
   FreeSpaceCurves curves;
   GroundView view;
   OddSpots spots;
+  Detection found;
 };
 
 /// The definition with doubles: every box summed by itself, deviations by square roots.
@@ -335,12 +337,12 @@ TEST(OddSpots, AreDoubtfulInTheMaskAndEndTheFreeSpace) {
   ASSERT_TRUE(s.find());
   Bytes mask(160 * 120, mask_traversable);
   mask[65 * 160 + 66] = mask_not_traversable;
-  const std::uint64_t turned = s.spots.mark({mask.data(), 160}, 160, 120, 0);
+  const std::uint64_t turned = mark(s.found, {mask.data(), 160}, 160, 120, 0);
   EXPECT_EQ(turned, static_cast<std::uint64_t>(std::count(mask.begin(), mask.end(), mask_doubtful)));
   EXPECT_EQ(mask[65 * 160 + 66], mask_not_traversable);
   FrameCurve rows;
   rows.assign(160, 36);
-  s.spots.lower(0, rows);
+  lower_below(s.found, 0, rows);
   for (int x = 0; x < 160; ++x) {
     int lowest = 35;
     for (int y = 0; y < 120; ++y)
@@ -363,9 +365,9 @@ TEST(OddSpots, ThatMoveAsTheGroundAllOverAreDropped) {
     EXPECT_TRUE(s.find());
     std::fill(evidence.begin(), evidence.end(), static_cast<std::int16_t>(everywhere));
     evidence[16 * 40 + 16] = static_cast<std::int16_t>(of_one);
-    const bool left = s.spots.drop_flat(motion);
+    const bool left = s.spots.drop_flat(motion, s.found.holes);
     Bytes mask(160 * 120, mask_traversable);
-    EXPECT_EQ(s.spots.mark({mask.data(), 160}, 160, 120, 0) > 0, left);
+    EXPECT_EQ(mark(s.found, {mask.data(), 160}, 160, 120, 0) > 0, left);
     return left;
   };
   EXPECT_FALSE(left_with(-90, -90));
@@ -374,7 +376,7 @@ TEST(OddSpots, ThatMoveAsTheGroundAllOverAreDropped) {
   EXPECT_TRUE(left_with(-39, -39)) << "not clearly flat";
   EXPECT_TRUE(left_with(0, -192));
   ASSERT_TRUE(s.find());
-  EXPECT_TRUE(s.spots.drop_flat({})) << "nothing is known of motion";
+  EXPECT_TRUE(s.spots.drop_flat({}, s.found.holes)) << "nothing is known of motion";
   EXPECT_TRUE(s.spot(32, 33));
 }
 

@@ -31,12 +31,13 @@ struct Scene {
     curves.safe = curves.boundary;
   }
   bool find() {
-    return field.find(pyramid, color_transform_of(view.rgb, owned.frame().colorimetry), curves, view, watch);
+    return field.find(pyramid, color_transform_of(view.rgb, owned.frame().colorimetry), curves, view, watch,
+                      found.holes);
   }
   /// Another picture of the same size, the same search.
   bool find_in(Scene& other) {
     return field.find(other.pyramid, color_transform_of(false, other.owned.frame().colorimetry), other.curves,
-                      other.view, watch);
+                      other.view, watch, found.holes);
   }
   bool stone(int row, int column) const {
     return field.oddness().values[static_cast<std::size_t>(row * field.width() + column)] != 0;
@@ -53,6 +54,7 @@ struct Scene {
   StoneView view;
   StoneField field;
   StoneField::Watch watch;
+  Detection found;
 };
 
 /// The definition, every box summed by itself.
@@ -430,11 +432,11 @@ TEST(StoneField, AreHolesInTheMaskAndEndTheFreeSpace) {
     ASSERT_TRUE(s.find());
     const int width = subsampled(320, mask_level), height = subsampled(240, mask_level);
     std::vector<std::uint8_t> mask(static_cast<std::size_t>(width * height), mask_traversable);
-    const std::uint64_t turned = s.field.mark({mask.data(), width}, width, height, mask_level);
+    const std::uint64_t turned = mark(s.found, {mask.data(), width}, width, height, mask_level);
     EXPECT_EQ(turned, static_cast<std::uint64_t>(std::count(mask.begin(), mask.end(), mask_doubtful)));
     EXPECT_GT(turned, 0u);
     FrameCurve rows(static_cast<std::size_t>(width), 60);
-    s.field.lower(mask_level, rows);
+    lower_below(s.found, mask_level, rows);
     for (int x = 0; x < width; ++x) {
       int lowest = 60;
       for (int y = 0; y < 240; ++y)

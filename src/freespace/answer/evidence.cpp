@@ -123,7 +123,7 @@ void Evidence::start(const Grid& grid, const CellScores& score, const GridCurve&
 
 // A cell of the grid has what the strongest one in it has: `strength` grows with the value, and is 0 up to 0.
 template <typename Value, typename Strength>
-void Evidence::subtract(const FinerCells<Value>& cells, Strength strength) {
+void Evidence::subtract_cells(const FinerCells<Value>& cells, Strength strength) {
   const int half = 1 << level_ >> 1;
   const auto cell_of = [&](int index, int count) {
     return std::min(((index << cells.level) + cells.middle + half) >> level_, count - 1);
@@ -151,12 +151,12 @@ void Evidence::subtract(const FinerCells<Value>& cells, Strength strength) {
   }
 }
 
-void Evidence::subtract_oddness(const FinerCells<std::uint8_t>& oddness) {
-  subtract(oddness, [](int odd) { return std::max(odd - usual_oddness, 0) / 2; });
-}
-
-void Evidence::subtract_standing(const FinerCells<std::int16_t>& standing) {
-  subtract(standing, [](int stands) { return std::clamp(stands * standing_weight, 0, most_standing); });
+void Evidence::subtract(const Detection& found) {
+  if (!found.oddness.values.empty())
+    subtract_cells(found.oddness, [](int odd) { return std::max(odd - usual_oddness, 0) / 2; });
+  if (!found.standing.values.empty())
+    subtract_cells(found.standing,
+                   [](int stands) { return std::clamp(stands * standing_weight, 0, most_standing); });
 }
 
 void Evidence::tell(const Grid& grid, const GrayView& mask, int mask_level, std::uint8_t frame_confidence,

@@ -9,7 +9,7 @@
 #include "base/quantities.hpp"
 #include "coarse/grid.hpp"
 #include "freespace/curve/ground_behind.hpp"
-#include "freespace/holes/finer_cells.hpp"
+#include "freespace/holes/hole.hpp"
 #include "terrainseg/frame.hpp"
 
 namespace terrainseg {
@@ -23,10 +23,8 @@ class Evidence {
   void start(const Grid& grid, const CellScores& score, const GridCurve& boundary,
              const GroundBehind& behind);
 
-  /// Cells that differ from the ground beside them (Q4 of a standard deviation).
-  void subtract_oddness(const FinerCells<std::uint8_t>& oddness);
-  /// Cells that move as something that stands (Q8, above least_standing it stands).
-  void subtract_standing(const FinerCells<std::int16_t>& standing);
+  /// What a detector has seen in the open.
+  void subtract(const Detection& found);
 
   /// For every cell of the grid how sure its label in `mask` (2^mask_level smaller than the frame) is: 255 *
   /// (2 p - 1), where p is the share of right labels to expect; 0 where it is no better than a toss, and
@@ -40,7 +38,7 @@ class Evidence {
 
  private:
   template <typename Value, typename Strength>
-  void subtract(const FinerCells<Value>& cells, Strength strength);
+  void subtract_cells(const FinerCells<Value>& cells, Strength strength);
 
   int level_ = 0, width_ = 0, height_ = 0;
   std::vector<std::int16_t> sums_, strongest_;

@@ -5,7 +5,6 @@
 #include <limits>
 
 #include "base/fixed_log.hpp"
-#include "freespace/holes/small_things.hpp"
 #include "kernels/cells.hpp"
 #include "kernels/sides.hpp"
 
@@ -83,7 +82,7 @@ int OddSpots::reach(int sixty_fourths, int row) const {
 }
 
 bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
-                    const GroundView& view) {
+                    const GroundView& view, std::vector<Hole>& holes) {
   view_ = view;
   width_ = pyramid.width(view.level);
   height_ = pyramid.height(view.level);
@@ -97,6 +96,8 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   for (const std::uint32_t cell : candidates_.cells()) // no others belong to spots
     spot_[cell] = 0;
   spot_.resize(size);
+  holes.clear();
+  holes.reserve(size / 2);
   queue_.reserve(size); // now: not in the frame in which something is first found
   seed_.resize(size);
   const bool any_ground =
@@ -121,7 +122,9 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
     return false;
   candidates_.grow(
       seed_.data(), [&](int row) { return reach(growth_reach, row); }, spot_.data());
-  return keep_islands();
+  const bool any = keep_islands();
+  list(holes);
+  return any;
 }
 
 void OddSpots::read_cells(const Pyramid& pyramid, const ColorTransform& transform) {
@@ -284,11 +287,11 @@ bool OddSpots::keep_islands() {
 }
 
 // The foot of a thing moves as the ground does, too: all of a spot has to, and most of it clearly.
-bool OddSpots::drop_flat(const FinerCells<std::int16_t>& motion) {
+bool OddSpots::drop_flat(const FinerCells<std::int16_t>& motion, std::vector<Hole>& holes) {
   if (motion.values.empty())
     return true;
   const auto w = static_cast<std::uint32_t>(width_);
-  return keep_pieces([&](const std::vector<std::uint32_t>& piece) {
+  const bool any = keep_pieces([&](const std::vector<std::uint32_t>& piece) {
     int sum = 0, most = std::numeric_limits<std::int16_t>::min();
     for (const std::uint32_t cell : piece) {
       const int row = static_cast<int>(cell / w), column = static_cast<int>(cell % w);
@@ -298,20 +301,15 @@ bool OddSpots::drop_flat(const FinerCells<std::int16_t>& motion) {
     }
     return most > flat_everywhere || sum > flat_on_average * static_cast<int>(piece.size());
   });
+  list(holes);
+  return any;
 }
 
-void OddSpots::lower(int mask_level, FrameCurve& rows) const {
+void OddSpots::list(std::vector<Hole>& holes) const {
+  holes.clear();
   candidates_.each_stretch(spot_.data(), [&](int row, int from, int to) {
-    lower_below({view_.level, row, from, to}, mask_level, rows);
+    holes.push_back(hole_of_cells(view_.level, row, from, to));
   });
-}
-
-std::uint64_t OddSpots::mark(const MutablePlane& mask, int width, int height, int mask_level) const {
-  std::uint64_t turned = 0;
-  candidates_.each_stretch(spot_.data(), [&](int row, int from, int to) {
-    turned += make_doubtful({view_.level, row, from, to}, mask, width, height, mask_level);
-  });
-  return turned;
 }
 
 } // namespace terrainseg

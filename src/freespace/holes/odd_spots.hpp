@@ -13,8 +13,8 @@
 #include "coarse/pyramid.hpp"
 #include "freespace/curve/frame_curves.hpp"
 #include "freespace/holes/candidate_cells.hpp"
-#include "freespace/holes/finer_cells.hpp"
 #include "freespace/holes/ground_outline.hpp"
+#include "freespace/holes/hole.hpp"
 
 namespace terrainseg {
 
@@ -34,20 +34,14 @@ struct GroundView {
 /// unless something dark lies right below it. No state between frames.
 class OddSpots {
  public:
-  /// Looks for spots in the ground that `curves` tell. False when there are none.
+  /// Looks for spots in the ground that `curves` tell, and lists them. False when there are none.
   bool find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
-            const GroundView& view);
+            const GroundView& view, std::vector<Hole>& holes);
 
   /// Of what find() found drops the spots that are seen to move as the ground does all over: shadows, patches
   /// of another tint. `motion` as StandingThings::evidence(); where that is empty nothing is dropped. False
   /// when none are left.
-  bool drop_flat(const FinerCells<std::int16_t>& motion);
-
-  /// Lowers curve rows (of the frame, one per mask column) to below the lowest spot of their column.
-  void lower(int mask_level, FrameCurve& rows) const;
-
-  /// Turns the traversable pixels of the spots into doubtful ones; returns how many.
-  std::uint64_t mark(const MutablePlane& mask, int width, int height, int mask_level) const;
+  bool drop_flat(const FinerCells<std::int16_t>& motion, std::vector<Hole>& holes);
 
   /// Of the last find(): cells searched (the rows end where it was told to stop), and per cell how odd it is,
   /// Q4 of a standard deviation, 0..96, and whether it belongs to a spot.
@@ -75,6 +69,7 @@ class OddSpots {
   void measure_row(int row);
   bool seed();
   bool keep_islands();
+  void list(std::vector<Hole>& holes) const;
   template <typename Keep> bool keep_pieces(Keep keep);
 
   GroundView view_;

@@ -5,7 +5,6 @@
 
 #include "coarse/grid.hpp"
 #include "coarse/ignored.hpp"
-#include "terrainseg/estimate.hpp"
 
 namespace terrainseg {
 namespace {
@@ -52,16 +51,6 @@ bool outline_standing(const std::uint8_t* __restrict ground, const std::int16_t*
   return any != 0;
 }
 
-unsigned take(std::uint8_t* row, int count) {
-  unsigned taken = 0;
-  for (int x = 0; x < count; ++x) {
-    const bool traversable = row[x] == mask_traversable;
-    row[x] = traversable ? mask_not_traversable : row[x];
-    taken += traversable;
-  }
-  return taken;
-}
-
 } // namespace
 
 /// A cell's middle, which is looked at, is a column of theirs.
@@ -100,7 +89,8 @@ void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesO
 }
 
 bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of,
-                          MotionTrack& track) {
+                          MotionTrack& track, std::vector<Hole>& holes) {
+  holes.clear();
   track.line = {}; // a picture that is too small for motion has none
   track.speed = track.line_offset = 0;
   evidence_ = {};
@@ -124,17 +114,14 @@ bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves,
       static_cast<std::int32_t>(std::clamp<std::int64_t>(view.speed_over_height, INT32_MIN, INT32_MAX));
   evidence_ = view.standing;
   stands_.resize(ground_.size());
-  first_row_ = rows_;
-  end_row_ = 0;
+  holes.reserve(ground_.size() / 2 + 1); // now: not in the frame in which something first stands
   for (int i = 0; i < rows_; ++i) {
     const std::ptrdiff_t at = std::ptrdiff_t{i} * columns_;
     if (outline_standing(ground_.data() + at, view.standing.data() + at, static_cast<std::size_t>(columns_),
-                         stands_.data() + at)) {
-      first_row_ = std::min(first_row_, i);
-      end_row_ = i + 1;
-    }
+                         stands_.data() + at))
+      list(i, pyramid.width(0), pyramid.height(0), holes);
   }
-  return end_row_ > 0;
+  return !holes.empty();
 }
 
 FinerCells<std::int16_t> StandingThings::evidence() const {
@@ -142,48 +129,22 @@ FinerCells<std::int16_t> StandingThings::evidence() const {
   return {evidence_, columns_, rows_, level, 1 << level >> 1};
 }
 
-void StandingThings::lower(int mask_level, FrameCurve& rows) const {
+/// The last row and the last column of cells have the odd rest of the frame, too.
+void StandingThings::list(int row, int frame_width, int frame_height, std::vector<Hole>& holes) const {
+  const int level = level_ + cell_bits;
+  const auto pixel = [](int value) { return static_cast<std::uint16_t>(value); };
+  const std::uint8_t* const cells = stands_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
   for (int j = 0; j < columns_; ++j) {
-    int end = end_row_; // below the lowest cell
-    while (end > first_row_ && !stands_[static_cast<std::size_t>((end - 1) * columns_ + j)])
-      --end;
-    if (end <= first_row_)
+    if (!cells[j])
       continue;
-    const auto row = static_cast<std::uint16_t>(end << (level_ + cell_bits));
-    const auto [first, last] = columns_of(j, mask_level, static_cast<int>(rows.size()));
-    for (int x = first; x < last; ++x)
-      rows[static_cast<std::size_t>(x)] = std::max(rows[static_cast<std::size_t>(x)], row);
+    const int first = j;
+    while (j + 1 < columns_ && cells[j + 1])
+      ++j;
+    const int right = j + 1 == columns_ ? frame_width : (j + 1) << level,
+              bottom = row + 1 == rows_ ? frame_height : (row + 1) << level;
+    holes.push_back(
+        {pixel(first << level), pixel(row << level), pixel(right), pixel(bottom), pixel((row + 1) << level)});
   }
-}
-
-std::uint64_t StandingThings::mark(const MutablePlane& mask, int width, int height, int mask_level) const {
-  std::uint64_t taken = 0;
-  for (int i = first_row_; i < end_row_; ++i) {
-    const std::uint8_t* cells = stands_.data() + i * columns_;
-    const int top = std::min(subsampled(i << (level_ + cell_bits), mask_level), height),
-              bottom = i + 1 == rows_
-                           ? height
-                           : std::min(subsampled((i + 1) << (level_ + cell_bits), mask_level), height);
-    for (int j = 0; j < columns_; ++j) {
-      if (!cells[j])
-        continue;
-      const int first = columns_of(j, mask_level, width).first;
-      while (j + 1 < columns_ && cells[j + 1])
-        ++j;
-      const int last = columns_of(j, mask_level, width).second;
-      for (int y = top; y < bottom; ++y)
-        taken += take(mask.row(y) + first, last - first);
-    }
-  }
-  return taken;
-}
-
-/// Columns of the mask that a column of cells covers; the last one has the odd rest.
-std::pair<int, int> StandingThings::columns_of(int column, int mask_level, int width) const {
-  const auto edge = [&](int cell) {
-    return std::min(subsampled(cell << (level_ + cell_bits), mask_level), width);
-  };
-  return {edge(column), column + 1 == columns_ ? width : edge(column + 1)};
 }
 
 } // namespace terrainseg

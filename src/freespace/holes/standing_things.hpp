@@ -5,13 +5,12 @@
 
 #include <cstdint>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "base/frame_line.hpp"
 #include "coarse/pyramid.hpp"
 #include "freespace/curve/frame_curves.hpp"
-#include "freespace/holes/finer_cells.hpp"
+#include "freespace/holes/hole.hpp"
 #include "motion/motion_obstacles.hpp"
 #include "terrainseg/frame.hpp"
 
@@ -40,27 +39,20 @@ class StandingThings {
   /// something else.
   static int coarsest_columns(const Pyramid& pyramid, int grid_level);
 
-  /// Follows the ground that `curves` tell into this frame. False where nothing stands on it.
+  /// Follows the ground that `curves` tell into this frame, and lists what stands on it. False where nothing
+  /// does.
   bool find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of,
-            MotionTrack& track);
-
-  /// Lowers curve rows (of the frame, one per mask column) to below the lowest cell of their column in which
-  /// something stands.
-  void lower(int mask_level, FrameCurve& rows) const;
-
-  /// Makes traversable pixels where something stands not traversable; returns how many.
-  std::uint64_t mark(const MutablePlane& mask, int width, int height, int mask_level) const;
+            MotionTrack& track, std::vector<Hole>& holes);
 
   /// Of the last find(): evidence in cells of 4 x 4 pixels of motion's level, Q8: above 15 something stands,
   /// the surer the greater; below 0 a cell moves as the ground does. Empty while motion is not looked at.
   FinerCells<std::int16_t> evidence() const;
 
  private:
-  std::pair<int, int> columns_of(int column, int mask_level, int width) const;
+  void list(int row, int frame_width, int frame_height, std::vector<Hole>& holes) const;
   void outline_ground(const FreeSpaceCurves& curves, const CurvesOfFrame& of, int width, int height);
 
   int level_ = 0, columns_ = 0, rows_ = 0;
-  int first_row_ = 0, end_row_ = 0;                             ///< rows of cells in which something stands
   std::vector<std::uint8_t> ground_, stands_;                   ///< per cell
   std::vector<std::uint16_t> safe_, behind_first_, behind_end_; ///< per column, rows of cells
   std::span<const std::int16_t> evidence_;                      ///< per cell, in memory of the track's

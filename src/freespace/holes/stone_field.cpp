@@ -75,7 +75,8 @@ int StoneField::distance(int row) const {
 }
 
 bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
-                      const StoneView& view, Watch& watch) {
+                      const StoneView& view, Watch& watch, std::vector<Hole>& holes) {
+  holes.clear();
   for (const Run& run : runs_) // nothing else is marked
     std::fill_n(&oddness_[static_cast<std::size_t>(run.row) * static_cast<std::size_t>(width_) + run.from],
                 run.to - run.from, std::uint8_t{0});
@@ -88,6 +89,9 @@ bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, c
   watch.in_field = look(pyramid, transform, curves, view);
   watch.looks_in_vain = watch.in_field ? 0 : std::min(watch.looks_in_vain + 1, pauses.size() - 1);
   watch.frames_to_wait = pauses[watch.looks_in_vain];
+  holes.reserve(runs_.capacity());
+  for (const Run& run : runs_)
+    holes.push_back(hole_of_cells(view_.level, run.row, run.from, run.to));
   return watch.in_field;
 }
 
@@ -371,18 +375,6 @@ void StoneField::fill(const Piece& piece) {
       add(row, std::max(from, window.x + window.width + 1), to);
     }
   }
-}
-
-void StoneField::lower(int mask_level, FrameCurve& rows) const {
-  for (const Run& run : runs_)
-    lower_below({view_.level, run.row, run.from, run.to}, mask_level, rows);
-}
-
-std::uint64_t StoneField::mark(const MutablePlane& mask, int width, int height, int mask_level) const {
-  std::uint64_t turned = 0;
-  for (const Run& run : runs_)
-    turned += make_doubtful({view_.level, run.row, run.from, run.to}, mask, width, height, mask_level);
-  return turned;
 }
 
 } // namespace terrainseg

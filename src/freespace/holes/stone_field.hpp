@@ -15,9 +15,8 @@
 #include "coarse/pyramid.hpp"
 #include "freespace/curve/frame_curves.hpp"
 #include "freespace/holes/candidate_cells.hpp"
-#include "freespace/holes/finer_cells.hpp"
 #include "freespace/holes/ground_outline.hpp"
-#include "freespace/holes/small_things.hpp"
+#include "freespace/holes/hole.hpp"
 
 namespace terrainseg {
 
@@ -50,15 +49,9 @@ class StoneField {
     void look_again() { frames_to_wait = 0, looks_in_vain = 0; }
   };
 
-  /// False when there is no field of stones, or none was looked for.
+  /// Lists the stones. False when there is no field of them, or none was looked for.
   bool find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
-            const StoneView& view, Watch& watch);
-
-  /// Lowers curve rows (of the frame, one per mask column) to below the lowest stone of their column.
-  void lower(int mask_level, FrameCurve& rows) const;
-
-  /// Turns the traversable pixels of the stones into doubtful ones; returns how many.
-  std::uint64_t mark(const MutablePlane& mask, int width, int height, int mask_level) const;
+            const StoneView& view, Watch& watch, std::vector<Hole>& holes);
 
   /// Of the last find(): per cell how far the stone it belongs to stands out (Q4 of a deviation, 0..96), 0
   /// where there is none.
