@@ -72,7 +72,11 @@ if [ "$(id -u)" -ne 0 ]; then
   command -v sudo >/dev/null || { echo "install-dependencies.sh: missing packages: ${missing[*]}; run this as root or install sudo" >&2; exit 1; }
   root=(sudo)
 fi
-echo "installing ${#missing[@]} Debian packages: ${missing[*]}"
+# With what they depend on; not known while the list of packages is absent.
+all=$(apt-get install -s --no-install-recommends "${missing[@]}" 2>/dev/null | grep -c '^Inst') || all=0
+with=""
+[ "$all" -le "${#missing[@]}" ] || with=" and $((all - ${#missing[@]})) that they depend on"
+echo "installing ${#missing[@]} Debian packages$with: ${missing[*]}"
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 install() {

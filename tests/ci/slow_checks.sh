@@ -16,6 +16,7 @@ slow_checks=(
   "3|lab/eval lab/reference lab/evaluation src/paper|env BUILD=build-release OUT=build-release/paper LIMIT=5 lab/evaluation/reproduce.sh"
   "8|debian meson.build meson_options.txt install-dependencies.sh tests/ci/packages.sh|tests/ci/packages.sh"
   "11|tests/ci/debian13.sh tests/ci/debian_root.sh|tests/ci/debian13.sh"
+  "20|examples install-dependencies.sh tools/after_install.sh meson.build tests/ci/installs.sh|tests/ci/installs.sh"
   "9|Containerfile install-dependencies.sh tests/ci/containerfile.sh|tests/ci/containerfile.sh"
   "4|tests/ci/soak.sh tests/stress/soak.cpp|tests/ci/soak.sh"
 )
