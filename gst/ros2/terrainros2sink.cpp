@@ -598,7 +598,7 @@ static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
       g_param_spec_boxed(
           "stats", "Statistics",
           "frames, messages-taken and messages-refused since the start; of each open topic readers "
-          "(matched now), written and dropped (the readers had no room for 5 ms)",
+          "(matched now), written and dropped (not taken by DDS within 5 ms)",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   install_topics(object_class);
   install_properties<SinkSettings>(object_class, property_table, table);

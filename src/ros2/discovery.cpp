@@ -96,11 +96,8 @@ std::string cyclone_config(const Discovery& discovery) {
       finding += "<Peer address=\"" + escaped(peer) + "\"/>";
     finding += "</Peers>";
   }
-  // A reader that stands still holds the last messages of a topic back, not all writers: they may wait for
-  // more bytes than the 500 kB that are the default, or a large mask stops all topics.
   return "<CycloneDDS><Domain><General>" + general + "</General><Discovery>" + finding +
-         "</Discovery><Internal><Watermarks><WhcHigh>16 MB</WhcHigh><WhcHighInit>16 MB</WhcHighInit>"
-         "</Watermarks></Internal></Domain></CycloneDDS>";
+         "</Discovery></Domain></CycloneDDS>";
 }
 
 } // namespace terrainseg::ros2

@@ -39,7 +39,8 @@ class Participant {
 
 enum class Durability : std::uint8_t { volatile_data, transient_local };
 
-/// Writes a topic reliably. A message that readers have no room for within 5 ms is dropped.
+/// Writes a topic reliably. A message replaces the oldest of `depth` that readers have not acknowledged; one
+/// that DDS does not take within 5 ms is dropped.
 class Writer {
  public:
   /// `depth` messages are kept for readers that are slow, and for late ones of a transient local topic.

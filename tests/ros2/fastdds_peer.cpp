@@ -2,7 +2,8 @@
 // A program on Fast DDS, the other implementation of DDS, for tests/ci/ros2.sh: it reads a topic into a file
 // or writes poses. It knows a type by name only, as the sink does. usage: fastdds_peer read DOMAIN TOPIC TYPE
 // SECONDS FILE [best-effort | late]
-//          messages, each behind its length (4 bytes), until SECONDS are over; says how many
+//          messages, each behind its length (4 bytes), for SECONDS from the first on, PATIENCE seconds
+//          (environment, 60) without any; says how many
 //        fastdds_peer pose DOMAIN TOPIC SECONDS
 //          geometry_msgs/msg/PoseStamped, 20 a second, pitch 0.1
 //        fastdds_peer compare RECORDING.mcap TOPIC FILE LEAST
@@ -94,7 +95,8 @@ int read(unsigned domain, const char* topic, const char* type, double seconds, c
   dds::DataReader* reader =
       node.participant->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT)->create_datareader(node.topic, qos);
   std::ofstream out(file, std::ios::binary);
-  const auto end = Clock::now() + std::chrono::duration<double>(seconds);
+  const char* patience = std::getenv("PATIENCE");
+  auto end = Clock::now() + std::chrono::duration<double>(patience ? std::atof(patience) : 60);
   int count = 0;
   while (Clock::now() < end) {
     reader->wait_for_unread_message({0, 100'000'000});
@@ -102,6 +104,8 @@ int read(unsigned domain, const char* topic, const char* type, double seconds, c
     dds::SampleInfo info;
     while (reader->take_next_sample(&message, &info) == eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK)
       if (info.valid_data) {
+        if (count == 0)
+          end = Clock::now() + std::chrono::duration<double>(seconds);
         const auto size = static_cast<std::uint32_t>(message.size());
         out.write(reinterpret_cast<const char*>(&size), 4);
         out.write(reinterpret_cast<const char*>(message.data()), size);
