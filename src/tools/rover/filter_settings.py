@@ -12,9 +12,9 @@ from gi.repository import GLib, GObject, Gst  # noqa: E402
 # The ten properties that both programs offer, and the step of one press of + or -.
 KEYS = (('preset', 1), ('caution', 2), ('doubtful', 4), ('window-sigma', 0.25), ('forget-shift', 1), ('connected-ground', 1),
         ('odd-spots', 1), ('motion', 1), ('temporal', 1), ('overlay-style', 1))
-# Properties that are not saved: display, place in the pipeline, state of the moment, and mirrors of other properties.
+# Properties that are not saved: display, place in the pipeline, state of the moment or of one run, and mirrors of other properties.
 NOT_KEPT = {'name', 'parent', 'overlay', 'navigation', 'post-messages', 'settings-location', 'model-location', 'instance',
-            'stages', 'qos', 'learning', 'near-clear', 'n-threads', 'ignore-regions'}
+            'stages', 'qos', 'learning', 'near-clear', 'n-threads', 'ignore-regions', 'start-time'}
 WINDOW_IN_PIXELS = ('window-x', 'window-bottom', 'window-width', 'window-height')
 FLAGS = ((1, 'learned'), (2, 'frozen'), (4, 'starved'), (8, 'unknown'), (16, 'horizon held'), (32, 'blocked'))
 
