@@ -103,7 +103,7 @@ const percent = share => `${Math.round(100 * share)} %`;
 function show() {
   const s = status;
   if (s.free !== undefined) {
-    const ahead = s.free === null ? 'nothing known' : `free ahead: ${s.metres ? `${s.metres.free ? 'over ' : ''}${s.metres.value} m` : `${percent(s.free)} of view`}`;
+    const ahead = s.free === null ? 'nothing known' : `free ahead: ${s.metres ? `${s.metres.free ? 'over ' : ''}${s.metres.value.toFixed(1)} m` : `${percent(s.free)} of view`}`;
     $('free').textContent = s.flags.includes('blocked') ? `BLOCKED, ${ahead}` : ahead;
     $('free').className = s.flags.includes('blocked') ? 'blocked' : '';
     $('confidence').textContent = percent(s.confidence);
