@@ -16,6 +16,7 @@ TOP = pathlib.Path(__file__).resolve().parent.parent
 ROVER = str(TOP / 'src/tools/rover/terrainseg-rover')
 RAW = 'video/x-raw,format=I420,width=320,height=180,framerate=30/1'
 LIVE_SCENE = f'terrainscenesrc is-live=true ! {RAW}'
+CHEAP = f'videotestsrc is-live=true ! {RAW}'  # a scene takes a third of a core
 
 
 def settled(check, wait=10):

@@ -16,7 +16,7 @@ gi.require_version('Gst', '1.0')
 gi.require_version('GstApp', '1.0')
 from gi.repository import GLib, GObject, Gst, GstApp  # noqa: E402,F401 (GstApp: methods of appsrc and appsink)
 
-from filter_settings import (FLAGS, KEYS, WINDOW_IN_PIXELS, fields_of, read_group, rect_text, rectangles_of,  # noqa: E402
+from filter_settings import (FLAGS, KEYS, NOT_KEPT, WINDOW_IN_PIXELS, fields_of, read_group, rect_text, rectangles_of,  # noqa: E402
                              regions_text, set_text, settings_of, stock_of, text_of, write_settings)
 
 SCENE = 'terrainscenesrc is-live=true ! video/x-raw,format=I420,width=640,height=360,framerate=30/1'
@@ -135,9 +135,9 @@ class Rover:
         """Ends what depends on the camera, and the camera."""
         if self.recording:
             self.end_recording()
+        self.pipeline.set_state(Gst.State.NULL)
         for name in list(self.feeds):
             self.drop_feed(name)
-        self.pipeline.set_state(Gst.State.NULL)
         if self.camera:
             self.pipeline.remove(self.camera)
             self.camera = None
@@ -429,14 +429,16 @@ class Rover:
     def load_settings(self):
         """From the file, then what the command line says."""
         kept = read_group(self.options.settings)
-        self.terrain.emit('unset-property', None)
         self.regions = []
+        for spec in self.terrain.list_properties():
+            if spec.name not in NOT_KEPT:
+                self.terrain.emit('unset-property', spec.name)
         for name, text in [*kept.items(), *self.options.properties]:
-            if name == 'ignore-regions':  # the bindings cannot read its value
+            regions = name == 'ignore-regions'  # the bindings cannot read its value
+            if regions or not self.terrain.find_property(name) or text_of(self.terrain, name) != text:  # some can be set before the start only
+                set_text(self.terrain, name, text)
+            if regions:
                 self.regions = rectangles_of(text)
-            elif self.terrain.find_property(name) and text_of(self.terrain, name) == text:
-                continue  # some can be set before the start only
-            set_text(self.terrain, name, text)
         if not self.regions:
             self.put_regions([])
 
