@@ -196,6 +196,44 @@ def without_mcap_a_recording_is_lines_with_masks(folder):
         assert len(lines) > 5 and all(line['mask']['runs'] for line in lines), len(lines)
 
 
+def webrtc(run):
+    return json.loads(run.ask('settings')[1])['webrtc']
+
+
+@case
+def without_nice_there_is_no_webrtc_and_the_rover_lives(folder):
+    known = pathlib.Path(subprocess.run(['pkg-config', '--variable=pluginsdir', 'gstreamer-1.0'], capture_output=True, text=True, check=True).stdout.strip())
+    (folder / 'system').mkdir()
+    for plugin in known.glob('*.so'):
+        if plugin.name != 'libgstnice.so':
+            (folder / 'system' / plugin.name).symlink_to(plugin)
+    with rover(folder, source=CHEAP, GST_PLUGIN_SYSTEM_PATH=str(folder / 'system'), GST_REGISTRY=str(folder / 'registry.bin')) as run:
+        equal((webrtc(run), run.ask('offer', b'null')[0]), (False, 404), 'WebRTC')
+        viewer = Viewer(run)
+        settled(lambda: at_least(viewer.pictures, 5))
+        viewer.close()
+
+
+@case
+def webrtc_survives_answers_that_are_none(folder):
+    with rover(folder, source=CHEAP) as run:
+        if not webrtc(run):
+            raise Skip('webrtcbin, nicesrc, x264enc or the bindings are missing')
+        for body in None, {}, [1], {'viewer': 'x', 'sdp': ''}, {'viewer': 1}:
+            equal(run.post('answer', body)[0], 404 if not isinstance(body, dict) else 400, f'answer {body}')
+        equal(run.post('answer', {'viewer': 99, 'sdp': 'x'})[0], 200, 'of a viewer that is not there')
+        offers = [json.loads(run.post('offer')[1]) for _ in range(2)]
+        for each in offers:
+            contains(each['sdp'], 'H264/90000')
+            assert each['candidates'], each
+        equal(run.feeds(), ['webrtc'])
+        run.post('answer', {'viewer': offers[0]['viewer'], 'sdp': 'not an sdp'})
+        # The other one never answers. Both are given up, and nothing is encoded any more.
+        settled(lambda: equal((run.status()['viewers'], run.feeds()), (0, [])), 35)
+        run.post('leave', json.loads(run.post('offer')[1])['viewer'])
+        settled(lambda: equal(run.feeds(), []))
+
+
 @case
 def a_recording_that_fails_costs_no_frame(folder):
     with rover(folder, source=CHEAP) as run:

@@ -10,7 +10,7 @@ from gi.repository import GLib, Gst, GstSdp, GstWebRTC  # noqa: E402
 
 from rover import Feed, has  # noqa: E402
 
-ANSWER_LIMIT = 20  # seconds to an offer, and to its answer
+ANSWER_LIMIT = 20  # seconds to an offer, and from there to a connection
 MOST_PEERS = 4
 VIDEO = ('videoscale ! video/x-raw,width=[16,{width}],pixel-aspect-ratio=1/1 ! terrainoverlay name=overlay ! videoconvert ! video/x-raw,format=I420 '
          '! x264enc tune=zerolatency speed-preset=ultrafast bitrate=2000 key-int-max=30 ! video/x-h264,profile=constrained-baseline ! h264parse '
@@ -28,7 +28,7 @@ class Peer:
 
     def __init__(self, peers, feed, number, offered):
         self.peers, self.feed, self.number, self.offered = peers, feed, number, offered
-        self.candidates, self.text, self.answered = [], None, False
+        self.candidates, self.text = [], None
         # A browser that does not keep up loses packets; the others do not wait for it.
         self.queue = Gst.ElementFactory.make('queue')
         for name, value in (('leaky', 2), ('max-size-buffers', 300), ('max-size-bytes', 0), ('max-size-time', 0)):
@@ -66,7 +66,7 @@ class Peer:
             self.offered = None
 
     def on_limit(self):
-        if not self.answered:
+        if self.web.get_property('connection-state') != GstWebRTC.WebRTCPeerConnectionState.CONNECTED:
             self.peers.remove(self)
 
     def answer(self, text):
@@ -74,7 +74,6 @@ class Peer:
         if result != GstSdp.SDPResult.OK:
             self.peers.remove(self)
             return
-        self.answered = True
         self.web.emit('set-remote-description', GstWebRTC.WebRTCSessionDescription.new(GstWebRTC.WebRTCSDPType.ANSWER, sdp), Gst.Promise.new())
 
     def on_state(self):
