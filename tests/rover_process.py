@@ -31,6 +31,12 @@ def settled(check, wait=10):
             time.sleep(0.1)
 
 
+def processor_time(process):
+    """Seconds that a process has taken, its threads together."""
+    fields = pathlib.Path(f'/proc/{process.pid}/stat').read_text().rsplit(')', 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
 class Run:
     def __init__(self, folder, source, arguments, environment):
         self.folder, self.port = folder / 'state', free_port()
@@ -80,10 +86,6 @@ class Run:
     def feeds(self):
         return self.status()['feeds']
 
-    def processor_time(self):
-        """Seconds that the process has taken, its threads together."""
-        fields = pathlib.Path(f'/proc/{self.process.pid}/stat').read_text().rsplit(')', 1)[1].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 @contextlib.contextmanager

@@ -19,10 +19,13 @@ import tempfile
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from rover_process import TOP, rover, sender, settled  # noqa: E402
+from rover_process import TOP, processor_time, rover, sender, settled  # noqa: E402
 from tap import contains, equal, main  # noqa: E402
 
 SHOTS = None
+READER = """import sys, urllib.request as web
+reply = web.urlopen(web.Request(sys.argv[1], headers={'Authorization': sys.argv[2]}))
+while reply.read1(65536): pass"""
 WAIT = 40
 
 
@@ -260,6 +263,38 @@ def h264_plays_at_the_push_of_a_button(folder):
         settled(lambda: equal(run.feeds(), ['pictures'], 'what is encoded'), 30)
 
 
+def nobody_looking_costs_little_and_three_little_more_than_one(folder):
+    """Processor time beside the same filter in gst-launch-1.0, at the same time; a busy machine gets three tries."""
+    subprocess.run('gst-launch-1.0 -q terrainscenesrc num-buffers=60 ! video/x-raw,format=I420,width=640,height=360,framerate=30/1 '
+                   '! filesink location=scene.yuv'.split(), check=True)
+    source = (f'multifilesrc location={folder}/scene.yuv loop=true blocksize=345600 ! rawvideoparse format=i420 width=640 height=360 '
+              'framerate=30/1 ! identity sync=true')
+    alone = subprocess.Popen(['gst-launch-1.0', '-q', *source.split(), '!', 'terrainseg', '!', 'fakesink', 'sync=false'])
+    try:
+        with rover(folder, source=source) as run:
+            def cost(viewers):
+                looking = [subprocess.Popen([sys.executable, '-c', READER, f'{run.base}live', f'Bearer {run.token}'])
+                           for _ in range(viewers)]
+                time.sleep(1)
+                before = processor_time(run.process), processor_time(alone)
+                time.sleep(8)
+                after = processor_time(run.process), processor_time(alone)
+                for each in looking:
+                    each.kill()
+                    each.wait()
+                settled(lambda: equal(run.status()['viewers'], 0))
+                return [100 * (b - a) / 8 for a, b in zip(before, after)]
+            for _ in range(3):
+                (nobody, filter_alone), (one, _), (three, _) = (cost(viewers) for viewers in (0, 1, 3))
+                print(f'# % of a core: filter alone {filter_alone:.1f}, nobody looks {nobody:.1f}, one viewer {one:.1f}, three {three:.1f}')
+                if nobody - filter_alone < 2 and three < 1.5 * one:
+                    return
+        raise AssertionError('too much')
+    finally:
+        alone.kill()
+        alone.wait()
+
+
 if __name__ == '__main__':
     if len(sys.argv) < 2:
         sys.exit(__doc__)
@@ -269,4 +304,5 @@ if __name__ == '__main__':
         SHOTS = pathlib.Path(sys.argv.pop(1)).resolve()
         SHOTS.mkdir(parents=True, exist_ok=True)
     main([two_pages_get_pictures_and_nothing_else_is_asked, mouse_and_finger_draw_and_the_file_is_that_of_tune,
-          a_recording_is_downloaded_and_passes_the_check, a_dead_camera_and_a_dead_rover_are_shown_and_come_back, h264_plays_at_the_push_of_a_button])
+          a_recording_is_downloaded_and_passes_the_check, a_dead_camera_and_a_dead_rover_are_shown_and_come_back, h264_plays_at_the_push_of_a_button,
+          nobody_looking_costs_little_and_three_little_more_than_one])
