@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""terrainseg-rover over HTTP: who may ask, what a page can do, who slows whom, and what systemd hears."""
+"""terrainseg-rover over HTTP: who may ask, what a page can do, slow viewers, lost cameras, and the datagrams to systemd."""
 import contextlib
 import http.client
 import json
@@ -35,7 +35,7 @@ class Viewer(threading.Thread):
         self.connection = http.client.HTTPConnection('127.0.0.1', run.port, timeout=20)
         self.connection.request('GET', f'/{path}', headers={'Authorization': f'Bearer {run.token}'})
         self.reply = self.connection.getresponse()
-        self.pictures, self.told, self.picture, self.ended = 0, {}, b'', False
+        self.pictures, self.status, self.picture = 0, {}, b''
         equal(self.reply.status, 200, path)
         self.start()
 
@@ -48,8 +48,7 @@ class Viewer(threading.Thread):
                     if data.startswith(b'\xff\xd8'):
                         self.pictures, self.picture = self.pictures + 1, data
                     else:
-                        self.told = json.loads(data)
-        self.ended = True
+                        self.status = json.loads(data)
 
     def close(self):
         self.reply.close()
@@ -132,18 +131,18 @@ def settings_terrain_and_recording(folder):
     with rover(folder, 'camera-info=' + camera(folder), 'mount=height=1.35,pitch=2.75deg') as run:
         viewer = Viewer(run)
         settled(lambda: at_least(viewer.pictures, 10))
-        settled(lambda: at_least(viewer.told['metres']['value'], 1, 'metres'))
-        equal((viewer.told['lesson'], viewer.told['size']), ('', [320, 180]))
+        settled(lambda: at_least(viewer.status['metres']['value'], 1, 'metres'))
+        equal((viewer.status['lesson'], viewer.status['size']), ('', [320, 180]))
         keys = json.loads(run.ask('settings')[1])['keys']
         equal(len(keys), 10, 'settings that are offered')
         for path, body in (('set', {'name': 'caution', 'value': '4'}), ('set', {'name': 'overlay-style', 'value': 'contour'}), ('window', [0.3, 0.8, 0.4, 0.15]),
                            ('ignore', [0, 0, 0.25, 0.1]), ('ignore', [0.5, 0, 0.2, 0.1]), ('unignore', [0.6, 0.05]), ('horizon', 0.4), ('learning', False)):
             equal(run.post(path, body), (200, b'null'), path)
-        settled(lambda: equal(viewer.told['window'], [0.3, 0.8, 0.4, 0.15], 'window'))
-        told = run.status()
-        equal((told['regions'], told['changed'], told['settings']['caution']), ([[0, 0, 0.25, 0.1]], ['caution', 'overlay-style'], '4'))
-        contains(told['lesson'], 'switched off')
-        assert abs(told['hint'] - 0.4) < 0.01, told['hint']
+        settled(lambda: equal(viewer.status['window'], [0.3, 0.8, 0.4, 0.15], 'window'))
+        status = run.status()
+        equal((status['regions'], status['changed'], status['settings']['caution']), ([[0, 0, 0.25, 0.1]], ['caution', 'overlay-style'], '4'))
+        contains(status['lesson'], 'switched off')
+        assert abs(status['hint'] - 0.4) < 0.01, status['hint']
         for path in 'settings/save', 'terrain/save', 'record/start', 'terrain/load':
             equal(run.post(path), (200, b'null'), path)
         kept = (run.folder / 'terrainseg.settings').read_text()
@@ -152,15 +151,15 @@ def settings_terrain_and_recording(folder):
         equal(run.ask('settings/file')[1].decode(), kept, 'download of the settings')
         run.post('window', None)
         run.post('set', {'name': 'caution', 'value': None})
-        settled(lambda: equal(viewer.told['window'], [0.35, 0.85, 0.3, 0.15], 'window of the preset'))
+        settled(lambda: equal(viewer.status['window'], [0.35, 0.85, 0.3, 0.15], 'window of the preset'))
         equal(run.post('settings/load'), (200, b'null'))
-        settled(lambda: equal((viewer.told['window'], viewer.told['settings']['caution']), ([0.3, 0.8, 0.4, 0.15], '4')))
-        settled(lambda: at_least(viewer.told['metres']['value'], 1, 'metres'))
+        settled(lambda: equal((viewer.status['window'], viewer.status['settings']['caution']), ([0.3, 0.8, 0.4, 0.15], '4')))
+        settled(lambda: at_least(viewer.status['metres']['value'], 1, 'metres'))
         equal(run.status()['learning'], False, 'loading settings does not switch learning')
         run.post('learning', True)
         run.post('forget')
-        settled(lambda: equal(viewer.told['lesson'], '', 'learning'))
-        settled(lambda: at_least(viewer.told['recording']['seconds'], 2))
+        settled(lambda: equal(viewer.status['lesson'], '', 'learning'))
+        settled(lambda: at_least(viewer.status['recording']['seconds'], 2))
         run.post('record/stop')
         (name, size), = run.status()['recordings']
         data = run.ask(f'recordings/{name}')[1]
@@ -215,7 +214,7 @@ def without_nice_there_is_no_webrtc_and_the_rover_lives(folder):
 
 
 @case
-def webrtc_survives_answers_that_are_none(folder):
+def webrtc_survives_invalid_answers(folder):
     with rover(folder, source=CHEAP) as run:
         if not webrtc(run):
             raise Skip('webrtcbin, nicesrc, x264enc or the bindings are missing')
@@ -249,10 +248,10 @@ def a_recording_that_fails_costs_no_frame(folder):
 
 
 @case
-def nobody_waits_for_a_viewer(folder):
+def a_slow_viewer_delays_no_other(folder):
     # Pictures that cost little, and of which few fill what the kernel keeps for one who does not read.
     with rover(folder, source='videotestsrc is-live=true pattern=snow ! video/x-raw,format=I420,width=640,height=360,framerate=30/1') as run:
-        equal(run.feeds(), [], 'nothing is encoded while nobody looks')
+        equal(run.feeds(), [], 'nothing is encoded without viewers')
         sleeper = socket.create_connection(('127.0.0.1', run.port))
         sleeper.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         sleeper.sendall(f'GET /live HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {run.token}\r\n\r\n'.encode())
@@ -277,24 +276,24 @@ def nobody_waits_for_a_viewer(folder):
 
 
 @case
-def a_camera_that_goes_is_told_and_comes_back(folder):
+def a_lost_camera_shows_and_comes_back(folder):
     with sender() as source, rover(folder, source=source.source) as run:
         viewer = Viewer(run)
-        settled(lambda: equal(viewer.told.get('problem', 'x'), None))
+        settled(lambda: equal(viewer.status.get('problem', 'x'), None))
         run.post('record/start')
-        settled(lambda: at_least(viewer.told['recording']['seconds'], 1))
+        settled(lambda: at_least(viewer.status['recording']['seconds'], 1))
         source.process.send_signal(signal.SIGSTOP)
         stopped = time.monotonic()
-        settled(lambda: at_least(viewer.told['age'], 1), 2)
-        print(f'# told after {time.monotonic() - stopped:.1f} s')
-        settled(lambda: contains(viewer.told['problem'] or '', 'no frame'), 10)
+        settled(lambda: at_least(viewer.status['age'], 1), 2)
+        print(f'# shown after {time.monotonic() - stopped:.1f} s')
+        settled(lambda: contains(viewer.status['problem'] or '', 'no frame'), 10)
         source.kill()
-        settled(lambda: equal(viewer.told['recording'], None, 'the recording ends with the camera'))
+        settled(lambda: equal(viewer.status['recording'], None, 'the recording ends with the camera'))
         source.start()
-        settled(lambda: equal(viewer.told['problem'], None), 20)
+        settled(lambda: equal(viewer.status['problem'], None), 20)
         pictures = viewer.pictures
         settled(lambda: at_least(viewer.pictures, pictures + 5))
-        settled(lambda: at_least(len(viewer.told['recording'] or ()), 2, 'a new recording goes on'))
+        settled(lambda: at_least(len(viewer.status['recording'] or ()), 2, 'a new recording goes on'))
         equal(len(run.status()['recordings']), 1, 'and the first is whole')
         viewer.close()
 
@@ -305,13 +304,13 @@ def without_a_camera_the_page_says_so(folder):
         settled(lambda: contains(run.status()['problem'] or '', "/dev/no-such-camera"))
         equal(run.ask('')[0], 200, 'the page is there')
         contains(run.errors.read_text(), '/dev/no-such-camera')
-    equal(run.errors.read_text().count('no-such-camera'), 1, 'told once')
+    equal(run.errors.read_text().count('no-such-camera'), 1, 'logged once')
 
 
 @case
 def words_that_cannot_be_are_refused(folder):
     (folder / 'rover.conf').write_text('# comment\n\n--source videotestsrc ! nonsense\n--port 0\n--folder state\n')
-    for words, code, reason in ((['@rover.conf'], 2, 'no element "nonsense"'), (['--port', '99999'], 2, 'no port'), (['--key', 'x'], 2, 'both'),
+    for words, code, reason in ((['@rover.conf'], 2, 'no element "nonsense"'), (['--port', '99999'], 2, 'not a port'), (['--key', 'x'], 2, 'both'),
                                 (['caution=99', '--folder', 'state'], 2, 'caution = 99'), (['--source', 'scene', '--folder', '/proc/x'], 1, '/proc/x'),
                                 (['--host', '192.0.2.1', '--folder', 'state'], 1, '192.0.2.1')):
         result = subprocess.run([sys.executable, ROVER, *words], capture_output=True, text=True, timeout=60)
@@ -329,7 +328,7 @@ def tls_with_a_certificate(folder):
     with rover(folder, '--certificate', 'cert.pem', '--key', 'key.pem', first_frame=False) as run:
         contains(run.address, 'https://127.0.0.1')
         context = ssl.create_default_context(cafile='cert.pem')
-        mute = socket.create_connection(('127.0.0.1', run.port))  # no handshake: holds up nobody
+        mute = socket.create_connection(('127.0.0.1', run.port))  # its handshake never comes; others are served
         connection = http.client.HTTPSConnection('127.0.0.1', run.port, context=context, timeout=10)
         connection.request('GET', '/?token=' + run.token)
         contains(connection.getresponse().getheader('Set-Cookie'), 'Secure')
@@ -359,7 +358,7 @@ def notifications(folder, abstract):
 
 
 @case
-def systemd_hears_of_frames_and_of_none(folder):
+def only_frames_feed_the_watchdog(folder):
     for abstract in False, True:
         with notifications(folder, abstract) as (address, came), sender() as source, \
                 rover(folder, source=source.source, NOTIFY_SOCKET=address, WATCHDOG_USEC='2000000') as run:
@@ -395,7 +394,7 @@ def the_unit_is_one_that_systemd_takes(folder):
     for text in given, offered:
         (folder / 'rover.conf').write_text(text)
         result = subprocess.run([sys.executable, ROVER, '@rover.conf', '--port', '99999'], capture_output=True, text=True, timeout=60)
-        contains(result.stderr, '99999 is no port')
+        contains(result.stderr, '99999 is not a port')
 
 
 if __name__ == '__main__':

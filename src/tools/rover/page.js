@@ -63,7 +63,7 @@ async function take(isPicture, body) {
 
 async function stream() {
   for (;;) {
-    if (document.hidden) { // nobody looks: the rover encodes nothing
+    if (document.hidden) { // without viewers the rover encodes nothing
       await new Promise(done => document.addEventListener('visibilitychange', done, {once: true}));
       continue;
     }
@@ -77,7 +77,7 @@ async function stream() {
         if (!$('settings').children.length) await offerSettings();
         await read(reply, take);
       }
-    } catch (error) { /* told by the alarm */ }
+    } catch (error) { /* the alarm shows it */ }
     if (!abort.signal.aborted) await new Promise(done => setTimeout(done, 1000));
   }
 }
@@ -231,7 +231,7 @@ async function connect() {
   if (!peer) return;
   await post('/answer', {viewer: offer.viewer, sdp: peer.localDescription.sdp});
   viewer = offer.viewer;
-  stopStream(); // begins anew as that of this viewer: when it ends the rover knows that the page has gone
+  stopStream(); // reopened with the viewer's number: when it ends, the rover removes the viewer
 }
 function useH264(on) {
   if (peer) peer.close();

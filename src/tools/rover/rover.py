@@ -101,7 +101,7 @@ class Rover:
         self.problem, self.note = 'the camera has not started yet', ''
         self.recording, self.wants_recording = None, False
         self.regions, self.size = [], None
-        self.told, self.told_at, self.rate, self.rate_at = None, 0.0, 0.0, (0, 0.0)
+        self.made, self.made_at, self.rate, self.rate_at = None, 0.0, 0.0, (0, time.monotonic())
         self.warned, self.stock = set(), {}
         self.pipeline = Gst.parse_launch('queue name=start leaky=downstream max-size-buffers=1 max-size-bytes=0 max-size-time=0 '
                                          '! terrainseg name=terrain ! appsink name=out sync=false max-buffers=1 emit-signals=true')
@@ -109,7 +109,7 @@ class Rover:
         self.pipeline.get_by_name('out').connect('new-sample', self.on_frame)
         self.horizon_name = 'horizon-hint' if self.terrain.find_property('horizon-hint') else 'vanishing-row'
         self.load_settings()
-        Gst.parse_bin_from_description(self.source(), True)  # a mistake in it is told at once
+        Gst.parse_bin_from_description(self.source(), True)  # a mistake in it ends the program at the start
         bus = self.pipeline.get_bus()
         bus.add_signal_watch()
         bus.connect('message', self.on_message)
@@ -160,10 +160,11 @@ class Rover:
                 self.log(4, text)
             self.note = text
 
-    def tell(self, level, text):
-        """On the page too."""
+    def report(self, level, text):
+        """To the log and the page; what is repeated is logged once."""
+        if text != self.note:
+            self.log(level, text)
         self.note = text
-        self.log(level, text)
 
     def watch(self):
         """Called four times a second: starts the camera anew when it is gone, and looks after the feeds."""
@@ -188,10 +189,10 @@ class Rover:
                 self.stop_recording(error)
             else:
                 self.drop_feed(name)
-                self.tell(4, f'{name}: {error}')
+                self.report(4, f'{name}: {error}')
         if self.recording and shutil.disk_usage(self.recordings).free < LEAST_DISK:
             self.stop_recording()
-            self.tell(4, 'recording: ended, the disk is nearly full')
+            self.report(4, 'recording: ended, the disk is nearly full')
         if now - self.rate_at[1] >= 2:
             self.rate = (self.frames - self.rate_at[0]) / (now - self.rate_at[1])
             self.rate_at = self.frames, now
@@ -256,33 +257,33 @@ class Rover:
             feed = self.feeds.pop(name, None)
         return feed.end(wait) if feed else None
 
-    # What is told
+    # Status
 
     def status(self):
         """As JSON would have it; made at most five times a second, however many ask."""
         with self.lock:
             now = time.monotonic()
-            if not self.told or now - self.told_at > 0.2:
-                self.told, self.told_at = self.read_status(now), now
-            return self.told
+            if not self.made or now - self.made_at > 0.2:
+                self.made, self.made_at = self.read_status(now), now
+            return self.made
 
     def read_status(self, now):
         values = {name: text_of(self.terrain, name) for name, _ in KEYS}
         if self.stock.get('preset') != values['preset']:
             stock = stock_of(self.terrain)
             self.stock = {name: text_of(stock, name) for name, _ in KEYS}
-        told = {'frames': self.frames, 'age': round(now - self.came, 2) if self.frames else None, 'problem': self.problem, 'note': self.note,
+        status = {'frames': self.frames, 'age': round(now - self.came, 2) if self.frames else None, 'problem': self.problem, 'note': self.note,
                 'rate': round(self.rate, 1), 'viewers': sum(self.watchers.values()), 'feeds': sorted(self.feeds), 'settings': values,
                 'changed': [name for name, value in values.items() if value != self.stock[name]],
                 'learning': self.terrain.get_property('learning'), 'recording': None, 'recordings': self.recorded(),
                 'saved': [name for name, path in (('terrain', self.terrain_file()), ('settings', pathlib.Path(self.options.settings))) if path.exists()]}
         if self.recording:
             path, since = self.recording
-            told['recording'] = {'name': path.name, 'seconds': round(now - since)}
+            status['recording'] = {'name': path.name, 'seconds': round(now - since)}
         fields = self.sample and fields_of(self.sample.get_buffer())
         if fields:
-            told.update(self.read_frame(fields, self.sample.get_buffer()))
-        return told
+            status.update(self.read_frame(fields, self.sample.get_buffer()))
+        return status
 
     def read_frame(self, fields, buffer):
         get, of_stats = fields.get_value, self.terrain.get_property('stats').get_value
@@ -332,14 +333,14 @@ class Rover:
         """What the page needs to offer the settings."""
         for name, step in KEYS:
             spec = self.terrain.find_property(name)
-            told = {'name': name, 'blurb': spec.blurb}
+            entry = {'name': name, 'blurb': spec.blurb}
             if spec.value_type.is_a(GObject.TYPE_ENUM):
-                told['choices'] = [value.value_nick for _, value in sorted(spec.enum_class.__enum_values__.items())]
+                entry['choices'] = [value.value_nick for _, value in sorted(spec.enum_class.__enum_values__.items())]
             elif spec.value_type == GObject.TYPE_BOOLEAN:
-                told['choices'] = ['false', 'true']
+                entry['choices'] = ['false', 'true']
             else:
-                told.update(least=spec.minimum, most=spec.maximum, step=step)
-            yield told
+                entry.update(least=spec.minimum, most=spec.maximum, step=step)
+            yield entry
 
     # What is set
 
@@ -493,7 +494,7 @@ class Rover:
                 feed.get('file').set_property('location', f'{path}.part')
             self.feeds['recording'] = feed.start()
             self.recording = path, time.monotonic()
-        self.tell(6, f'recording: {path.name}')
+        self.report(6, f'recording: {path.name}')
 
     def stop_recording(self, error=None):
         self.wants_recording = False
@@ -506,8 +507,8 @@ class Rover:
         if not ended:
             return
         later = self.drop_feed('recording', 0 if error else 5)
-        error = error or later  # the first one tells the reason
+        error = error or later  # the first one has the reason
         part = pathlib.Path(f'{ended[0]}.part')
         if ended[0].suffix == '.jsonl' and part.exists():
             part.rename(ended[0])
-        self.tell(4 if error else 6, f'recording: {error or "ended"}')
+        self.report(4 if error else 6, f'recording: {error or "ended"}')

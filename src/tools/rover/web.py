@@ -75,7 +75,7 @@ class Server(http.server.ThreadingHTTPServer):
                 self.deadlines.pop(secure, None)
 
     def handle_error(self, request, client_address):
-        """A browser that went, or no TLS, is nothing to tell."""
+        """Closed connections and failed TLS handshakes are not logged."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
@@ -124,7 +124,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             origin = self.headers.get('Origin')
             same = origin is None or urllib.parse.urlsplit(origin).netloc.lower() == said
         except ValueError:
-            raise Refused(403, 'this is no address') from None
+            raise Refused(403, 'Host or Origin is not valid') from None
         here = self.connection.getsockname()[0].removeprefix('::ffff:')
         if host not in self.server.names and host != here:
             raise Refused(403, f'the rover does not go by the name {host[:80]!r}; --name {host[:80]} lets it')
@@ -252,7 +252,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             webrtc.leave(body)
         else:
             raise Refused(404, 'there is nothing here')
-        rover.told = None
+        rover.made = None  # the next status is a fresh one
         self.reply(result)
 
     def send_file(self, path, name):
@@ -272,7 +272,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)  # what waits in the kernel is old when it is seen
             self.begin(200, f'multipart/x-mixed-replace; boundary={BOUNDARY}')
-            told, last = 0.0, time.monotonic()
+            status_at, last = 0.0, time.monotonic()
             while not self.server.closing:
                 if pictures:
                     seen, picture = rover.next_picture(seen, STATUS_EVERY)
@@ -285,13 +285,13 @@ class Handler(http.server.BaseHTTPRequestHandler):
                     last = now
                 elif not status and now - last > PATIENCE:
                     break
-                if status and now - told >= STATUS_EVERY:
-                    told = now
+                if status and now - status_at >= STATUS_EVERY:
+                    status_at = now
                     self.part('application/json', json.dumps(rover.status()).encode())
         finally:
             if pictures:
                 rover.end_watching('pictures')
-            if self.server.webrtc and peer.isdecimal():  # the page has gone, which its WebRTC tells half a minute later
+            if self.server.webrtc and peer.isdecimal():  # the page is closed; webrtcbin notices only after half a minute
                 self.server.webrtc.leave(int(peer))
             self.server.viewers.release()
 

@@ -150,7 +150,7 @@ class Peers:
     def remove(self, peer):
         if not peer or not self.peers.pop(peer.number, None):
             return
-        if self.rover.feeds.get('webrtc') is peer.feed and self.peers:
+        # The last viewer ends the whole feed; a feed that has failed is gone already.
+        if self.rover.feeds.get('webrtc') is peer.feed and self.rover.watchers['webrtc'] > 1:
             peer.close()
-        # With the last one the whole feed goes; what belonged to a feed that has failed went with it.
         self.rover.end_watching('webrtc')
