@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs the Debian packages that a purpose needs and that are missing; asks nothing, does nothing when all are there.
-# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | process | build | run | preview | tune | test | browser | ros2 | slow | container | fleet | list
+# usage: install-dependencies.sh PURPOSE...      PURPOSE: plugin | process | build | run | rover | preview | tune | test | browser | ros2 | slow | container | fleet | list
 set -euo pipefail
 . "$(dirname "$0")/examples/heartbeat.sh"
 
@@ -16,6 +16,8 @@ preview=(ffmpeg)
 run=(gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
      gstreamer1.0-plugins-ugly gstreamer1.0-libav python3-gi gir1.2-gstreamer-1.0 gir1.2-gst-plugins-base-1.0
      python3-numpy)
+# What terrainseg-rover takes on top of run, for its H.264 button.
+rover=(gstreamer1.0-nice gir1.2-gst-plugins-bad-1.0)
 # What examples/tune.sh takes on top of run: a window and letters in it.
 tune=(gstreamer1.0-x)
 # What tests/run.sh takes on top, all its parts: GoogleTest, the second compiler with its sanitizers, style, oracles, a broker, a screen.
@@ -23,7 +25,7 @@ test=(libgtest-dev libgmock-dev libbenchmark-dev clang libclang-rt-14-dev llvm c
       python3-opencv python3-jsonschema python3-yaml binutils abigail-tools procps libgstreamer-plugins-bad1.0-dev libgstrtspserver-1.0-dev
       mosquitto mosquitto-clients python3-paho-mqtt xvfb xdotool "${tune[@]}")
 # What the check in a real browser takes on top.
-browser=(chromium gstreamer1.0-nice gir1.2-gst-plugins-bad-1.0)
+browser=(chromium "${rover[@]}")
 # What tests/ros2.sh takes on top: the other implementation of DDS, network namespaces.
 ros2=(libfastrtps-dev libfastcdr-dev libasio-dev libtinyxml2-dev iproute2)
 # What the slow checks take on top.
@@ -50,6 +52,7 @@ for purpose in "$@"; do
     tune) wanted+=("${run[@]}" "${tune[@]}") ;;
     build) wanted+=("${build[@]}") ;;
     run) wanted+=("${run[@]}") ;;
+    rover) wanted+=("${run[@]}" "${rover[@]}") ;;
     test) wanted+=("${build[@]}" "${run[@]}" "${test[@]}") ;;
     browser) wanted+=("${run[@]}" "${browser[@]}") ;;
     fleet) wanted+=("${run[@]}" "${fleet[@]}") ;;
@@ -57,7 +60,7 @@ for purpose in "$@"; do
     ros2) wanted+=("${build[@]}" "${run[@]}" "${ros2[@]}") ;;
     slow) wanted+=("${browser[@]}" "${slow[@]}") ;;
     list) printf '%s\n' "${build[@]}" "${run[@]}" "${test[@]}" "${browser[@]}" "${ros2[@]}" "${slow[@]}" "${container[@]}" "${fleet[@]}"; exit 0 ;;
-    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, process, build, run, preview, tune, test, browser, ros2, slow, container, fleet, list" >&2; exit 2 ;;
+    *) echo "install-dependencies.sh: unknown purpose '$purpose'; known are plugin, process, build, run, rover, preview, tune, test, browser, ros2, slow, container, fleet, list" >&2; exit 2 ;;
   esac
 done
 

@@ -28,7 +28,7 @@ mkdir "$work/source"
 copy_source "$work/source" || exit 1
 check "dpkg-buildpackage" sh -c "cd '$work/source' && dpkg-buildpackage -b -us -uc"
 check "lintian has no error" sh -c "lintian --fail-on error --no-tag-display-limit --allow-root '$work'/*.changes"
-check "four packages and no more" sh -c "[ \"\$(ls '$work'/*.deb | grep -v dbgsym | wc -l)\" -eq 4 ]"
+check "five packages and no more" sh -c "[ \"\$(ls '$work'/*.deb | grep -v dbgsym | wc -l)\" -eq 5 ]"
 
 debian_root "$VERSION_CODENAME" "$root" || exit 1
 rm -rf "$root/packages" && mkdir "$root/packages" && cp "$work"/*.deb "$root/packages/" 2>/dev/null
@@ -43,6 +43,8 @@ check "the filter runs" in_root "$root" sh -c \
   'gst-launch-1.0 -q terrainscenesrc num-buffers=20 ! terrainseg ! terrainextract ! application/x-ndjson ! filesink location=/tmp/t.jsonl && [ "$(wc -l </tmp/t.jsonl)" -eq 20 ]'
 check "all packages install" in_root "$root" sh -c 'apt-get install -y --no-install-recommends /packages/*.deb'
 check "terrainseg-process answers" in_root "$root" terrainseg-process --version
+check "terrainseg-rover answers" in_root "$root" sh -c \
+  'terrainseg-rover --help && [ -f /etc/terrainseg/rover.conf ] && [ -f /lib/systemd/system/terrainseg-rover.service ]'
 check "terrainseg-eval answers" in_root "$root" terrainseg-eval --help
 check "a program compiles against the library" in_root "$root" sh -c \
   'apt-get install -y --no-install-recommends g++ pkg-config >/dev/null &&

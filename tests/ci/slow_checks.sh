@@ -10,7 +10,7 @@ slow_checks=(
   "2|src/exchange tests/ci/mavlink.sh tests/ci/mavlink_check.mjs|tests/ci/mavlink.sh"
   "2|src/recording gst/recording tests/ci/mcap.sh tests/ci/mcap_check.mjs|tests/ci/mcap.sh"
   "3|src/recording src/ros2 gst/ros2 tests/ros2 tests/ci/ros2.sh|tests/ci/ros2.sh"
-  "4|examples tests/ci/browser.py tests/ci/browser.sh|env BUILD=build-release tests/ci/browser.sh"
+  "4|examples src/tools/rover tests/rover_process.py tests/ci/browser.py tests/ci/browser.sh|env BUILD=build-release tests/ci/browser.sh"
   "5|src/kernels src/coarse src/base src/motion tests/aarch64 tests/ci/aarch64.sh|env BUILD=build-release tests/ci/aarch64.sh"
   "4|gst/elements/terraincombine.cpp tests/transport|meson test -C build-release --no-rebuild --print-errorlogs lying-links lying-links-stamped"
   "3|lab/eval lab/reference lab/evaluation src/paper|env BUILD=build-release OUT=build-release/paper LIMIT=5 lab/evaluation/reproduce.sh"

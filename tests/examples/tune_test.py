@@ -115,8 +115,11 @@ def pointer_and_keys_end_in_a_line_and_a_file(folder):
                 'mousemove 650 30', 'click 3',
                 'key 2', 'key plus', 'key plus', 'key 6', 'key plus', 'key 0', 'key plus', 'key BackSpace', 'key q')
     kept = settings()['terrainseg']
-    for name, wanted in (('window-x', 200), ('window-width', 200), ('window-height', 80), ('window-bottom', 40)):
-        assert abs(int(kept[name]) - wanted) <= 2, (name, kept)
+    # In fractions: in pixels it would lie somewhere else in frames of another size.
+    assert not [name for name in kept if name.startswith('window-') and name != 'window-rect'], kept
+    rect = [float(side) for side in kept['window-rect'].split(',')]
+    for side, wanted, whole in zip(rect, (200, 240, 200, 80), (640, 360) * 2):
+        assert abs(side * whole - wanted) <= 2, kept
     equal({name: kept.get(name) for name in ('caution', 'connected-ground', 'doubtful', 'overlay-style')},
           {'caution': '4', 'connected-ground': 'false', 'doubtful': '-12', 'overlay-style': None}, 'values')
     region = [int(number) for number in kept['ignore-regions'].replace('(int)', '').strip('<>').split(',')]

@@ -118,6 +118,12 @@ def main():
         if str(plugin) not in answer:
             sys.exit('gst-inspect-1.0 answers from another plugin than the installed one')
 
+        # The rover's page, where it is built: it finds its parts.
+        for rover in image.rglob('bin/terrainseg-rover'):
+            run([str(rover), '--help'], **gst)
+            only(image, 'page.html')
+            only(image, 'terrainseg-rover.service')
+
         # The files say where they will be installed; this test looks at them where they are now.
         configs = root / 'pkgconfig'
         configs.mkdir()
