@@ -128,6 +128,8 @@ void Frames::size_known(GstCaps* caps) {
 
 void Frames::frame_done(GstBuffer* buffer) {
   position_ = GST_BUFFER_PTS(buffer);
+  if (labelled_ == 0)
+    graph_.set_start(position_);
   const GstStructure* meta = gst_buffer_get_terrain_seg_structure(buffer);
   if (meta) {
     const guint permille = gst_terrain_seg_meta_get_traversable_permille(meta);

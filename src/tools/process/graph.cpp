@@ -2,10 +2,13 @@
 #include "tools/process/graph.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
+#include <vector>
 
 #include "tools/process/elements.hpp"
 #include "tools/process/handles.hpp"
+#include "tools/process/iso_media.hpp"
 
 namespace terrainseg::process {
 namespace {
@@ -52,6 +55,23 @@ std::string encoded_colorimetry(const GstVideoInfo& info) {
   if (color.primaries == GST_VIDEO_COLOR_PRIMARIES_UNKNOWN || GST_VIDEO_INFO_IS_RGB(&info))
     color.primaries = large ? GST_VIDEO_COLOR_PRIMARIES_BT709 : GST_VIDEO_COLOR_PRIMARIES_SMPTE170M;
   return take(gst_video_colorimetry_to_string(&color));
+}
+
+/// mp4mux begins every file at 0; the other outputs have the times of the input.
+GstPadProbeReturn on_movie_box(GstPad*, GstPadProbeInfo* info, gpointer start) {
+  GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
+  constexpr gsize head = 8;
+  std::uint8_t bytes[head] = {};
+  if (gst_buffer_extract(buffer, 0, bytes, head) < head || std::memcmp(bytes + 4, "moov", 4) != 0)
+    return GST_PAD_PROBE_OK;
+  std::vector<std::uint8_t> movie(gst_buffer_get_size(buffer));
+  gst_buffer_extract(buffer, 0, movie.data(), movie.size());
+  movie = shown_from(movie, *static_cast<const std::atomic<GstClockTime>*>(start));
+  GstBuffer* changed = gst_buffer_new_memdup(movie.data(), movie.size());
+  gst_buffer_copy_into(changed, buffer, GST_BUFFER_COPY_METADATA, 0, G_MAXSIZE);
+  gst_buffer_unref(buffer);
+  GST_PAD_PROBE_INFO_DATA(info) = changed;
+  return GST_PAD_PROBE_OK;
 }
 
 void set_caps(GstElement* filter, GstCaps* caps) {
@@ -114,8 +134,11 @@ void Graph::add_annotated(GstElement* tee, int fd) {
   GstElement* mux = add("mp4mux");
   muxers_[static_cast<std::size_t>(Output::annotated)] = mux;
   // The index in front, where a browser needs it; the frames wait for it in a file without a name.
-  if (scratch_.open(options_.output_dir))
+  if (scratch_.open(options_.output_dir)) {
     g_object_set(mux, "faststart", TRUE, "faststart-file", scratch_.path().c_str(), nullptr);
+    const PadPointer pad(gst_element_get_static_pad(mux, "src"));
+    gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, on_movie_box, &start_, nullptr);
+  }
   g_object_set(scale, "add-borders", TRUE, nullptr);
   gst_element_link_many(queue, overlay_, convert, scale, annotated_caps_, annotated_box_, nullptr);
   GstElement* encoded = encode_h264(annotated_box_, false);

@@ -34,6 +34,8 @@ class Graph {
   GstElement* terrainseg() const { return terrainseg_; }
   /// The size of the outputs: that of the first frame.
   void set_size(const GstVideoInfo& info);
+  /// When the first frame is shown: what the annotated video begins with.
+  void set_start(GstClockTime start) { start_ = start; }
   /// The output that an element writes, if it is a sink or a muxer of one.
   std::optional<Output> output_of(const GstObject* element) const;
   /// True for an element behind the source.
@@ -70,6 +72,7 @@ class Graph {
   GstElement* recording_caps_ = nullptr;
   std::array<GstElement*, output_count> sinks_of_{}, muxers_{};
   std::array<std::atomic<std::uint64_t>, output_count> written_{};
+  std::atomic<GstClockTime> start_{0};
   int sinks_ = 0;
   std::atomic<int> sinks_ended_{0};
 };

@@ -27,6 +27,7 @@ class Bytes {
   std::int32_t signed32() { return static_cast<std::int32_t>(static_cast<std::uint32_t>(number(4))); }
   void skip(std::size_t bytes) { at_ += bytes; }
   bool ended() const { return at_ >= size_; }
+  std::vector<std::uint8_t> rest() const { return {data_ + std::min(at_, size_), data_ + size_}; }
   std::size_t left() const { return ended() ? 0 : size_ - at_; }
   std::uint64_t position() const { return position_ + at_; } ///< in the file
 
@@ -145,15 +146,18 @@ struct Movie {
   int width = 4; ///< bytes of the duration
 };
 
+/// From `first` to the end of the last frame, in the movie's timescale.
+std::uint64_t media_length(const Tables& tables, std::uint64_t timescale, std::int64_t first) {
+  const std::vector<std::int64_t>& times = tables.track.times;
+  const std::int64_t last = times.empty() ? 0 : *std::max_element(times.begin(), times.end());
+  const std::uint64_t ticks = static_cast<std::uint64_t>(std::max<std::int64_t>(last - first, 0)) +
+                              (tables.durations.empty() ? 0 : tables.durations.back().second);
+  return gst_util_uint64_scale_ceil(ticks, timescale, tables.track.timescale);
+}
+
 /// One edit instead of those that are there: from the first tick to the last frame's end.
 void show_all(const Tables& tables, const Movie& movie, IsoTrack& track) {
-  std::int64_t last = 0, longest = 0;
-  for (const auto& [count, ticks] : tables.durations)
-    longest = std::max<std::int64_t>(longest, ticks);
-  for (const std::int64_t time : track.times)
-    last = std::max(last, time + longest);
-  const std::uint64_t length =
-      gst_util_uint64_scale_ceil(static_cast<std::uint64_t>(last), movie.timescale, track.timescale) + 1;
+  const std::uint64_t length = media_length(tables, movie.timescale, 0) + 1;
   const int width = tables.wide ? 8 : 4;
   std::vector<std::uint8_t> list = big_endian(1, 4);
   for (const auto& field : {big_endian(length, width), big_endian(0, width), big_endian(1 << 16, 4)})
@@ -206,7 +210,8 @@ std::vector<std::uint8_t> load(std::ifstream& file, std::uint64_t begin, std::ui
   return file ? bytes : std::vector<std::uint8_t>();
 }
 
-void read_movie(const Bytes& content, std::vector<IsoTrack>& tracks) {
+/// Calls `visit` with the tables of each video track, and the movie around it.
+template <typename Visit> void each_video(const Bytes& content, const Visit& visit) {
   Movie movie;
   each_box(content, [&](Bytes::Box& box) {
     if (box.type == "mvhd") {
@@ -221,9 +226,49 @@ void read_movie(const Bytes& content, std::vector<IsoTrack>& tracks) {
       if (!tables.video)
         return;
       put_together(tables, movie);
-      tracks.push_back(std::move(tables.track));
+      visit(tables, movie);
     }
   });
+}
+
+/// What a movie box gets.
+struct Change {
+  std::uint64_t length = 0;        ///< of the presentation, in the movie's timescale
+  std::vector<std::uint8_t> edits; ///< an edts box
+  std::uint64_t shift = 0;         ///< of what follows the movie box
+};
+
+void put(std::vector<std::uint8_t>& bytes, std::size_t at, std::uint64_t value, int width) {
+  const std::vector<std::uint8_t> field = big_endian(value, width);
+  if (at + field.size() <= bytes.size())
+    std::copy(field.begin(), field.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at));
+}
+
+/// The boxes in `content`, changed.
+std::vector<std::uint8_t> changed(const Bytes& content, const Change& change) {
+  std::vector<std::uint8_t> out;
+  each_box(content, [&](Bytes::Box& box) {
+    const auto is = [&box](const char* type) { return box.type == type; };
+    if (is("edts"))
+      return;
+    if (is("mdia"))
+      out.insert(out.end(), change.edits.begin(), change.edits.end());
+    std::vector<std::uint8_t> inside = box.content.rest();
+    const bool wide = !inside.empty() && inside[0] == 1;
+    if (is("moov") || is("trak") || is("mdia") || is("minf") || is("stbl"))
+      inside = changed(box.content, change);
+    else if (is("mvhd"))
+      put(inside, wide ? 24 : 16, change.length, wide ? 8 : 4);
+    else if (is("tkhd"))
+      put(inside, wide ? 28 : 20, change.length, wide ? 8 : 4);
+    for (const int width : {4, 8}) // the positions of the frames
+      for (std::size_t at = 8; is(width == 4 ? "stco" : "co64") && at + width <= inside.size(); at += width)
+        put(inside, at, Bytes(&inside[at], width, 0).number(width) + change.shift, width);
+    for (const auto& part : {big_endian(8 + inside.size(), 4),
+                             std::vector<std::uint8_t>(box.type.begin(), box.type.end()), inside})
+      out.insert(out.end(), part.begin(), part.end());
+  });
+  return out;
 }
 
 /// The frames of a fragment.
@@ -267,6 +312,46 @@ std::optional<std::uint64_t> IsoTrack::shown_at(std::uint64_t media_time) const 
   return std::nullopt;
 }
 
+std::vector<std::uint8_t> shown_from(const std::vector<std::uint8_t>& movie, std::uint64_t start) {
+  const Bytes all(movie.data(), movie.size(), 0);
+  Bytes at = all;
+  Change change;
+  each_video(at.next().content, [&](const Tables& tables, const Movie& of) {
+    const IsoTrack& track = tables.track;
+    if (track.times.empty())
+      return;
+    const std::int64_t first = *std::min_element(track.times.begin(), track.times.end());
+    const std::uint64_t length = media_length(tables, of.timescale, first),
+                        gap = gst_util_uint64_scale_round(start, of.timescale, GST_SECOND);
+    std::vector<std::uint8_t> list;
+    const auto append = [&list](std::uint64_t value, int width) {
+      const std::vector<std::uint8_t> field = big_endian(value, width);
+      list.insert(list.end(), field.begin(), field.end());
+    };
+    const auto append_edit = [&append](std::uint64_t duration, std::int64_t begin) {
+      append(duration, 8);
+      append(static_cast<std::uint64_t>(begin), 8);
+      append(1 << 16, 4);
+    };
+    constexpr std::uint64_t edit_bytes = 20;
+    const std::uint64_t edits = gap > 0 ? 2 : 1, list_bytes = 16 + edits * edit_bytes;
+    append(8 + list_bytes, 4);
+    append(0x65647473, 4); // "edts"
+    append(list_bytes, 4);
+    append(0x656c7374, 4); // "elst"
+    append(1 << 24, 4);    // 64-bit times
+    append(edits, 4);
+    if (gap > 0)
+      append_edit(gap, -1);
+    append_edit(length, first);
+    change = {gap + length, std::move(list), 0};
+  });
+  if (change.edits.empty())
+    return movie;
+  change.shift = changed(all, change).size() - movie.size();
+  return changed(all, change);
+}
+
 std::vector<IsoTrack> iso_video_tracks(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   std::error_code error;
@@ -287,7 +372,8 @@ std::vector<IsoTrack> iso_video_tracks(const std::filesystem::path& path) {
       const std::vector<std::uint8_t> box = load(file, position, length);
       Bytes all(box.data(), box.size(), position);
       if (Bytes::Box content = all.next(); type == moov)
-        read_movie(content.content, tracks);
+        each_video(content.content,
+                   [&tracks](Tables& tables, const Movie&) { tracks.push_back(std::move(tables.track)); });
       else
         read_fragment(content.content, tracks);
     }

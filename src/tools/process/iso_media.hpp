@@ -40,4 +40,10 @@ struct IsoTrack {
 /// The video tracks; none for other containers and for files that cannot be read.
 std::vector<IsoTrack> iso_video_tracks(const std::filesystem::path& file);
 
+/// A movie box (moov) of one track whose first frame is shown at `start` nanoseconds, and whose edit ends
+/// behind the last frame; mp4mux begins every file at 0 and ends its edit by the sum of the durations. What
+/// follows the box in the file is expected to move by as many bytes as the box grows. The same bytes when it
+/// cannot be read.
+std::vector<std::uint8_t> shown_from(const std::vector<std::uint8_t>& movie, std::uint64_t start);
+
 } // namespace terrainseg::process
