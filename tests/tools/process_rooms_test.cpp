@@ -592,7 +592,7 @@ TEST_F(Outputs, TwoNeverWriteTheSameFile) {
   ASSERT_FALSE(first.open(folder / "out"));
   const auto problem = second.open(folder / "out");
   ASSERT_TRUE(problem);
-  EXPECT_NE(problem->find("another run"), std::string::npos);
+  EXPECT_NE(problem->text.find("another run"), std::string::npos);
   ASSERT_FALSE(first.commit(folder / "out"));
   EXPECT_FALSE(second.open(folder / "out")) << "free again";
 }
@@ -601,7 +601,7 @@ TEST_F(Outputs, FailuresNameTheFile) {
   AtomicFile file;
   const auto missing = file.open(folder / "no" / "out");
   ASSERT_TRUE(missing);
-  EXPECT_NE(missing->find("no/out"), std::string::npos);
+  EXPECT_NE(missing->text.find("no/out"), std::string::npos);
   EXPECT_TRUE(file.open(folder)) << "a folder is no file";
   EXPECT_TRUE(prepare_folder(write("file") / "sub"));
   EXPECT_FALSE(prepare_folder(folder / "a" / "b"));
