@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Own chain functions and a task, not GstAggregator. The same pads on GstAggregator (1.22, latency 200 ms)
-// were measured against this element, and four things that pipelines rely on did not hold:
-// - one thread feeds both pads, not live, ten units of 40 are lost: 10 frames are pushed, then the thread
-// blocks for
-//   ever in the chain function of the video (here: all 40);
-// - downstream is unlinked and linked again: NOT_LINKED from then on (here: all 10 frames that follow come
-// out);
-// - a second stream begins behind the end of the first: EOS (here: it is taken);
-// - stream-start is one of its own, so that the video's stream id is lost (here: it is kept).
-// All four are decided inside of the base class, before any of its virtual functions is called.
+// Own chain functions and a task instead of GstAggregator. The same pads on GstAggregator (1.22, latency
+// 200 ms) were measured against this element, and four things that pipelines rely on did not hold:
+//
+// * One thread feeds both pads, not live, and 10 of 40 units are lost: after 10 frames the thread blocks for
+//   ever in the chain function of the video pad (here: all 40 frames pass).
+// * The source pad is unlinked and linked again: NOT_LINKED from then on (here: the next 10 of 10 frames
+// pass).
+// * A second stream begins after EOS: its frames are refused with EOS (here: they are taken).
+// * The source pad sends a stream-start of its own: the stream id of the video is lost (here: it is kept).
+//
+// Each of them would need code around the base class: other chain functions, masked flow returns, rewritten
+// events.
 #include "elements/terraincombine.hpp"
 
 #include <gst/video/video.h>
@@ -212,7 +214,7 @@ Time duration_of(const GstVideoInfo& info) {
       gst_util_uint64_scale_int(GST_SECOND, GST_VIDEO_INFO_FPS_D(&info), GST_VIDEO_INFO_FPS_N(&info)));
 }
 
-// ---- what the bus hears ----------------------------------------------------------------------------------
+// ---- warnings --------------------------------------------------------------------------------------------
 
 void reject(GstTerrainCombine* self, const char* kind, const std::string& error) {
   CombineState& s = *self->state;
@@ -797,8 +799,7 @@ gboolean src_query(GstPad* pad, GstObject* parent, GstQuery* query) {
 
 gboolean src_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   GstTerrainCombine* self = self_of(parent);
-  // Units must follow where the video goes, also when they come from a source of their own; a source that is
-  // told the latency waits by it.
+  // Seeks also reach a separate source of the units; a source that knows the latency waits for it.
   const GstEventType type = GST_EVENT_TYPE(event);
   if ((type == GST_EVENT_SEEK || type == GST_EVENT_LATENCY) && gst_pad_is_linked(self->meta))
     gst_pad_push_event(self->meta, gst_event_ref(event));

@@ -429,7 +429,7 @@ void warn_once(GstTerrainExtract* self, const char* error) {
   GST_ELEMENT_WARNING(self, STREAM, DECODE, ("Invalid terrain metadata, ignored: %s.", error), ("%s", error));
 }
 
-/// Without a calibration nothing is known, and an autopilot is told so: that must not go unnoticed.
+/// Without a calibration the autopilot receives "unknown" for all directions: the user has to know.
 void warn_unmeasured(GstTerrainExtract* self, const char* error) {
   GST_LOG_OBJECT(self, "no metres: %s", error ? error : "no metadata");
   if (!self->state->unmeasured.first())
@@ -534,7 +534,7 @@ GstBuffer* make_unit(GstTerrainExtract* self, GstBuffer* frame, const EstimateRe
 
 GstFlowReturn push_gap(GstTerrainExtract* self, GstBuffer* frame) {
   GST_LOG_OBJECT(self, "no unit for %" GST_PTR_FORMAT, printable(frame));
-  // Without a time there is nothing to say, and before the caps nobody to say it to.
+  // A gap needs a time, and caps before it.
   if (self->state->negotiated && GST_BUFFER_PTS_IS_VALID(frame))
     gst_pad_push_event(self->src, gst_event_new_gap(GST_BUFFER_PTS(frame), GST_BUFFER_DURATION(frame)));
   return GST_PAD_IS_FLUSHING(self->src) ? GST_FLOW_FLUSHING : GST_FLOW_OK;
@@ -568,7 +568,7 @@ GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
   }
   if (reader.error())
     warn_once(self, reader.error());
-  // An autopilot takes silence for a free way: it hears of frames that nothing is known of, too.
+  // An autopilot treats silence as free: it also receives frames without ranges.
   const bool to_autopilot = s.negotiated && s.output == Output::mavlink;
   if (!to_autopilot && (!reader || !s.negotiated))
     return push_gap(self, frame);
@@ -579,7 +579,7 @@ GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
                  gst_buffer_get_size(unit));
   GST_BUFFER_PTS(unit) = GST_BUFFER_PTS(frame);
   GST_BUFFER_DURATION(unit) = GST_BUFFER_DURATION(frame);
-  // Behind an encoder with B-frames units come in coding order, which muxers need to be told.
+  // Behind an encoder with B-frames units come in coding order, which muxers need to know.
   GST_BUFFER_DTS(unit) = s.output == Output::gray ? GST_CLOCK_TIME_NONE : GST_BUFFER_DTS(frame);
   copy_reference_timestamps(unit, frame);
   if (GST_BUFFER_IS_DISCONT(frame))

@@ -166,7 +166,7 @@ GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buff
   const bool invisible = style.style != OverlayStyle::mask && (style.alpha == 0 || style.color >> 24 == 0);
   if (invisible)
     return GST_FLOW_OK;
-  // Mapping for writing copies the pixels when somebody else holds them too; a frame that is not drawn on is
+  // Mapping for writing copies pixels that are shared; a frame that is not drawn on is
   // never mapped.
   const MappedFrame frame(s.info, buffer, GST_MAP_READWRITE);
   if (!frame) {

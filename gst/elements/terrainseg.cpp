@@ -486,7 +486,7 @@ OwnedBuffer copy_confidence_map(Streaming& s, const GrayView& map) {
   return buffer;
 }
 
-/// Training pixels of the frame; what is wrong with them is told once a stream.
+/// Training pixels of the frame; invalid ones are reported once a stream.
 Supervision read_training(gpointer object, Streaming& s, GstBuffer* buffer) {
   const Supervision supervision =
       s.training.read(buffer, GST_VIDEO_INFO_WIDTH(&s.info), GST_VIDEO_INFO_HEIGHT(&s.info));
@@ -637,8 +637,8 @@ bool check_shape(GstBaseTransform* transform, Streaming& s) {
   return true;
 }
 
-/// Overrides GstBaseTransform and not GstVideoFilter, which would map for writing and so copy every frame
-/// that somebody else holds too.
+/// Overrides GstBaseTransform and not GstVideoFilter, which maps for writing and so copies every frame that
+/// is shared, as after a tee.
 GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
   GST_TRACE_OBJECT(transform, "in: %" GST_PTR_FORMAT, printable(buffer));
   return guarded(transform, GST_FLOW_ERROR, [&] {

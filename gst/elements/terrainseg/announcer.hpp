@@ -32,12 +32,12 @@ inline GstStructure* structure_of(const News& news, const GstSegment& segment, c
       G_TYPE_BOOLEAN, static_cast<gboolean>(news.blocked), nullptr);
 }
 
-/// Tells a change once, and noise not at all: values are compared with what was told last and not with the
-/// frame before. That the way is blocked is told at once, that it is free only when it stays so. Once a
-/// second everything is told anyway: silence means that no frames come.
+/// Reports a change once, and noise not at all: values are compared with the last report and not with the
+/// previous frame. A blocked way is reported at once, a free one when it has been free for some frames. There
+/// is a report each second in any case: silence means that no frames arrive.
 class Announcer {
  public:
-  static constexpr int permille_step = 25;  ///< least change of the traversable share that is told
+  static constexpr int permille_step = 25;  ///< smallest change of the traversable share that is reported
   static constexpr int rows_per_frame = 40; ///< the horizon's least change: this fraction of the frame height
   static constexpr int settled_after =
       5; ///< frames that the way has to stay free, or a horizon there or away
@@ -64,7 +64,7 @@ class Announcer {
       return std::nullopt;
     return tell(next, timestamp);
   }
-  /// The next frame is told whatever it says.
+  /// The next frame is reported in any case.
   void reset() { told_.reset(); }
 
  private:
@@ -80,7 +80,7 @@ class Announcer {
 
   std::optional<News> told_;
   GstClockTime told_at_ = GST_CLOCK_TIME_NONE;
-  int free_for_ = 0, changed_for_ = 0; ///< frames that differ from what was told
+  int free_for_ = 0, changed_for_ = 0; ///< frames that differ from the last report
 };
 
 } // namespace terrainseg

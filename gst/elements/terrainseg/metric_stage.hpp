@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Metres for terrainseg: the calibration and the mount that were asked for, the attitude of the moment, and
-// what has to be told about them.
+// the warnings about them.
 #pragma once
 
 #include <gst/gst.h>
@@ -40,7 +40,7 @@ class MetricStage {
   /// Metres of a frame's boundary, valid until the next call; nullptr when there are none. `running_time` or
   /// NONE; `range_max` in metres, 0 = where the expected error reaches 20 %.
   const MetricEstimate* measure(const Estimate& estimate, GstClockTime running_time, double range_max);
-  /// What the user has to hear after measure(), each of it once until the next start; mostly nothing.
+  /// A warning after measure(), each once until the next start; mostly nothing.
   std::optional<std::string> take_notice();
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Rectangles that somebody draws on the picture with a pointer.
+// Rectangles drawn on the frame with a pointer.
 #pragma once
 
 #include <gst/video/navigation.h>

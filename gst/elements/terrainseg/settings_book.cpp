@@ -480,7 +480,7 @@ bool SettingsBook::unset(const char* name, Ids& changed) {
     for (guint id = only ? only : 1; id <= (only ? only : last_id()); ++id)
       give_back(id);
   });
-  // Those without a number are told when they had been set.
+  // Properties without a number are notified if they had been set.
   Ids others = before.pinned();
   for (guint id = 1; id <= row_count(); ++id)
     others.reset(id);
@@ -535,7 +535,7 @@ std::optional<SettingsError> SettingsBook::take_file(const SettingsFile& file, I
   });
   if (error)
     return error;
-  // Those without a number are told when the file has them.
+  // Properties without a number are notified if the file has them.
   for (guint id = row_count() + 1; id <= last_id(); ++id)
     if (trial.from_file_.test(id) || from_file_.test(id))
       changed.set(id);

@@ -61,7 +61,7 @@ class SettingsBook {
   /// Gives a property back to the preset as if it had never been set; nullptr = all of them. False when there
   /// is none of that name.
   bool unset(const char* name, Ids& changed);
-  /// Takes what a settings file says in place of what the one before said. On an error nothing is taken.
+  /// Takes the values of a settings file instead of those of the previous file. On an error nothing changes.
   std::optional<SettingsError> take_file(const SettingsFile& file, Ids& changed);
 
   const ElementSettings& settings() const { return settings_; }
@@ -70,7 +70,7 @@ class SettingsBook {
   /// The first thing that is wrong with the values, which the owner reports before it uses them.
   std::optional<SettingsError> error() const;
   /// Names of the properties that were set although the running pipeline does not use them, each once until
-  /// forget_told(). Switching off what does not run anyway is no mistake.
+  /// forget_told(). Switching off a stage that does not run is not reported.
   std::string take_unused();
   void forget_told() { told_.reset(); }
 
