@@ -133,7 +133,7 @@ void read_track(const Bytes& content, Tables& tables) {
   });
 }
 
-std::vector<std::uint8_t> big_endian(std::uint64_t value, int bytes) {
+std::vector<std::uint8_t> field_of(std::uint64_t value, int bytes) {
   std::vector<std::uint8_t> out;
   for (int i = bytes - 1; i >= 0; --i)
     out.push_back(static_cast<std::uint8_t>(value >> 8 * i));
@@ -159,10 +159,10 @@ std::uint64_t media_length(const Tables& tables, std::uint64_t timescale, std::i
 void show_all(const Tables& tables, const Movie& movie, IsoTrack& track) {
   const std::uint64_t length = media_length(tables, movie.timescale, 0) + 1;
   const int width = tables.wide ? 8 : 4;
-  std::vector<std::uint8_t> list = big_endian(1, 4);
-  for (const auto& field : {big_endian(length, width), big_endian(0, width), big_endian(1 << 16, 4)})
+  std::vector<std::uint8_t> list = field_of(1, 4);
+  for (const auto& field : {field_of(length, width), field_of(0, width), field_of(1 << 16, 4)})
     list.insert(list.end(), field.begin(), field.end());
-  track.untrimmed = {{tables.list_at, list}, {movie.duration_at, big_endian(length, movie.width)}};
+  track.untrimmed = {{tables.list_at, list}, {movie.duration_at, field_of(length, movie.width)}};
 }
 
 /// The times of all frames; those of negative offsets are moved, as qtdemux does, so that none is negative.
@@ -239,7 +239,7 @@ struct Change {
 };
 
 void put(std::vector<std::uint8_t>& bytes, std::size_t at, std::uint64_t value, int width) {
-  const std::vector<std::uint8_t> field = big_endian(value, width);
+  const std::vector<std::uint8_t> field = field_of(value, width);
   if (at + field.size() <= bytes.size())
     std::copy(field.begin(), field.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at));
 }
@@ -264,7 +264,7 @@ std::vector<std::uint8_t> changed(const Bytes& content, const Change& change) {
     for (const int width : {4, 8}) // the positions of the frames
       for (std::size_t at = 8; is(width == 4 ? "stco" : "co64") && at + width <= inside.size(); at += width)
         put(inside, at, Bytes(&inside[at], width, 0).number(width) + change.shift, width);
-    for (const auto& part : {big_endian(8 + inside.size(), 4),
+    for (const auto& part : {field_of(8 + inside.size(), 4),
                              std::vector<std::uint8_t>(box.type.begin(), box.type.end()), inside})
       out.insert(out.end(), part.begin(), part.end());
   });
@@ -325,7 +325,7 @@ std::vector<std::uint8_t> shown_from(const std::vector<std::uint8_t>& movie, std
                         gap = gst_util_uint64_scale_round(start, of.timescale, GST_SECOND);
     std::vector<std::uint8_t> list;
     const auto append = [&list](std::uint64_t value, int width) {
-      const std::vector<std::uint8_t> field = big_endian(value, width);
+      const std::vector<std::uint8_t> field = field_of(value, width);
       list.insert(list.end(), field.begin(), field.end());
     };
     const auto append_edit = [&append](std::uint64_t duration, std::int64_t begin) {
