@@ -322,5 +322,33 @@ TEST(FreeSpacePipeline, NegativesAreSplitByTheSamePlacesBoundaryOnly) {
   }
 }
 
+// Each detector alone, on a plain with stones: what one switch leaves out another does not find.
+TEST(FreeSpacePipeline, EachDetectorHasASwitchOfItsOwn) {
+  scene::Renderer renderer({scene::Kind::plain, scene::Light::day, scene::Motion::straight, 101}, 640, 360);
+  scene::Picture picture(PixelFormat::I420, 640, 360);
+  renderer.render(40, picture);
+  const auto doubtful_with = [&](bool near, bool far, bool stones, bool any = true) {
+    Settings settings;
+    settings.near_spots = near;
+    settings.far_spots = far;
+    settings.stone_field = stones;
+    settings.odd_spots = any;
+    settings.doubtful = -96; // so that nothing else is
+    Segmenter segmenter(settings);
+    EXPECT_TRUE(segmenter.process(picture.frame()).ok());
+    EXPECT_TRUE(segmenter.process(picture.frame()).ok());
+    const Bytes mask = mask_of(segmenter.estimate());
+    return std::count(mask.begin(), mask.end(), mask_doubtful);
+  };
+  const auto none = doubtful_with(false, false, false), near = doubtful_with(true, false, false),
+             far = doubtful_with(false, true, false), all = doubtful_with(true, true, true);
+  EXPECT_EQ(none, 0);
+  EXPECT_GT(near, 0);
+  EXPECT_GT(far, 0);
+  EXPECT_GE(all, std::max(near, far));
+  EXPECT_LE(all, near + far + doubtful_with(false, false, true));
+  EXPECT_EQ(doubtful_with(true, true, true, false), 0);
+}
+
 } // namespace
 } // namespace terrainseg

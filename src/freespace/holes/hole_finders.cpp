@@ -48,12 +48,13 @@ void SpotFinder::find(OpenGround& open, HoleMemory&) {
   found_.oddness = {};
   const View& view = open.view;
   const SpotLevels levels = spot_levels(view);
+  const Settings& settings = view.task.settings;
   const bool far = reach_ == Reach::far_away;
-  if (!view.task.settings.odd_spots || (far && levels.far == levels.whole))
+  if (!settings.odd_spots || (far ? !settings.far_spots || levels.far == levels.whole : !settings.near_spots))
     return;
   const bool any = spots_.find(view.pyramid, view.transform, open.curves_at(levels.columns),
                                {far ? levels.far : levels.whole, levels.columns, open.horizon, view.window,
-                                view.task.settings.ignore_regions, far ? far_rows : 0},
+                                settings.ignore_regions, far ? far_rows : 0},
                                found_.holes) &&
                    spots_.drop_flat(open.motion, found_.holes);
   if (any)
@@ -67,7 +68,7 @@ void StoneFinder::find(OpenGround& open, HoleMemory& memory) {
     memory.stones.look_again();
   const View& view = open.view;
   const Settings& settings = view.task.settings;
-  if (!settings.odd_spots)
+  if (!settings.odd_spots || !settings.stone_field)
     return;
   const SpotLevels levels = spot_levels(view);
   const bool any =

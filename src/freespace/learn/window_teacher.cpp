@@ -18,7 +18,7 @@ constexpr std::uint32_t least_variance = 180 << 8;
 /// comes from a teacher, needs no guard.
 bool is_foreign(const View& view, WindowGuard& guard, TerrainTables& tables, const Terrain& terrain) {
   const Settings& settings = view.task.settings;
-  return settings.learning && settings.near_clear && view.task.supervision.empty() &&
+  return settings.window_guard && settings.learning && settings.near_clear && view.task.supervision.empty() &&
          heaviest(terrain.models) >= 0 &&
          guard.refuses(view.cells, tables.of(terrain, settings), view.grid.width, view.window_of_grid());
 }

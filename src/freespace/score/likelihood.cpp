@@ -270,7 +270,8 @@ void Likelihood::build(const Terrain& learned, std::span<const TerrainModel> tra
     weigh_other_light(learned, training, favour(taught_q8));
     compare(tables.any_light);
   }
-  refuse_other_chroma(learned, training, tables);
+  if (settings.vivid_colors)
+    refuse_other_chroma(learned, training, tables);
 
   tables.texture.fill(0);
   if (!settings.texture || learned.terrain_texture.size() != texture_bins ||
