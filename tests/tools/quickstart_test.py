@@ -121,6 +121,8 @@ def settings_reach_the_filter_and_a_bonnet_is_named(folder):
     rows = int(re.search(r'try window-bottom=(\d+)', quickstart('car.mp4').stdout)[1])
     assert 50 <= rows <= 60, rows
     assert 'never change' not in quickstart(f'window-bottom={rows}', 'car.mp4').stdout
+    equal(sorted(path.name for path in pathlib.Path('results/earlier-1').iterdir()), list(RESULTS), 'what the first run left')
+    assert pathlib.Path('results/earlier-1/terrain.jsonl').read_bytes() != pathlib.Path('results/terrain.jsonl').read_bytes()
     window = json.loads(open('results/terrain.jsonl').readline())['window']
     equal(window[1] + window[3], 240 - rows, 'the lower edge of the window')
 
