@@ -21,6 +21,8 @@ namespace {
 
 using namespace terrainseg;
 
+constexpr int mask_buffers = 4; ///< as in the pool of a pipeline
+
 std::size_t luma_bytes(int width, int height) {
   return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
 }
@@ -112,13 +114,22 @@ int run(const std::vector<std::uint8_t>& drive, int width, int height, const Set
     std::memcpy(memory.data() + bytes * static_cast<std::size_t>(i),
                 drive.data() + bytes * static_cast<std::size_t>(original), bytes);
   }
+  const int mask_width = mask_extent(width, settings.mask_level),
+            mask_height = mask_extent(height, settings.mask_level);
+  const std::size_t mask_bytes = luma_bytes(mask_width, mask_height);
+  std::vector<std::uint8_t> masks(mask_buffers * mask_bytes);
   Segmenter segmenter(settings);
   Digest digest;
   std::vector<std::array<std::int64_t, stage_count>> times;
   for (int i = 0; i < frames; ++i) {
-    Frame frame = frame_at<Frame>(memory.data() + bytes * static_cast<std::size_t>(i % copies), width, height);
+    Frame frame =
+        frame_at<Frame>(memory.data() + bytes * static_cast<std::size_t>(i % copies), width, height);
     frame.pts = std::int64_t{i} * 1000000000 / 30;
-    if (!segmenter.process(frame).ok())
+    const MaskTarget target{
+        {masks.data() + mask_bytes * static_cast<std::size_t>(i % mask_buffers), mask_width},
+        mask_width,
+        mask_height};
+    if (!segmenter.process(frame, {}, target).ok())
       return 1;
     add(segmenter.estimate(), digest);
     times.push_back(segmenter.stage_times());
