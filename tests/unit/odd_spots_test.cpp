@@ -35,10 +35,10 @@ struct Scene {
                       found.holes);
   }
   std::uint8_t oddness(int row, int column) const {
-    return spots.oddness().values[static_cast<std::size_t>(row * spots.width() + column)];
+    return spots.oddness().values[static_cast<std::size_t>(row * spots.stride() + column)];
   }
   bool spot(int row, int column) const {
-    return spots.spots()[static_cast<std::size_t>(row * spots.width() + column)] != 0;
+    return spots.spots()[static_cast<std::size_t>(row * spots.stride() + column)] != 0;
   }
 
   test::OwnedFrame owned;
@@ -280,7 +280,10 @@ TEST(OddSpots, AreWhatTheDefinitionSays) {
         odd += said >= 24;
         light += !d.dark && d.y > 2;
       }
-    const Bytes said(s.spots.spots().begin(), s.spots.spots().end());
+    Bytes said;
+    for (int i = 0; i < s.spots.height(); ++i)
+      for (int j = 0; j < s.spots.width(); ++j)
+        said.push_back(s.spot(i, j));
     EXPECT_EQ(said, any ? truth.spots() : Bytes(said.size(), 0)) << round;
     EXPECT_EQ(any, std::count(said.begin(), said.end(), 1) > 0);
     spots += static_cast<int>(std::count(said.begin(), said.end(), 1));
@@ -360,7 +363,7 @@ TEST(OddSpots, ThatMoveAsTheGroundAllOverAreDropped) {
   Scene s(160, 120, 1, sand({60, 60, 12, 10}, {50, 120, 136}));
   // Cells of 4 x 4 pixels; the spot lies in columns 15 to 17 and rows 15 to 17 of them.
   std::vector<std::int16_t> evidence(40 * 30, 0);
-  const FinerCells<std::int16_t> motion{evidence, 40, 30, 2, 2};
+  const FinerCells<std::int16_t> motion{evidence, 40, 30, 2, 2, 40};
   const auto left_with = [&](int everywhere, int of_one) {
     EXPECT_TRUE(s.find());
     std::fill(evidence.begin(), evidence.end(), static_cast<std::int16_t>(everywhere));

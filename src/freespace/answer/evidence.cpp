@@ -137,7 +137,7 @@ void Evidence::subtract_cells(const FinerCells<Value>& cells, Strength strength)
     const int row = cell_of(y, height_);
     std::fill(strongest_.begin(), strongest_.end(), std::int16_t{0});
     for (end = y; end < cells.height && cell_of(end, height_) == row; ++end)
-      raise_to(cells.values.data() + static_cast<std::size_t>(end) * static_cast<std::size_t>(cells.width),
+      raise_to(cells.values.data() + static_cast<std::size_t>(end) * static_cast<std::size_t>(cells.stride),
                cells.width, strongest_.data());
     if (!any_of(strongest_.data(), cells.width))
       continue;

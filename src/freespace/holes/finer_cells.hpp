@@ -14,6 +14,7 @@ template <typename Value> struct FinerCells {
   std::span<const Value> values;
   int width = 0, height = 0, level = 0;
   int middle = 0;
+  int stride = 0; ///< from one row to the next
 
   /// Of the cell nearest to a pixel of the frame; there must be one.
   Value nearest(int x, int y) const {
@@ -21,7 +22,7 @@ template <typename Value> struct FinerCells {
       return static_cast<std::size_t>(
           std::clamp((pixel - middle + (1 << level >> 1)) >> level, 0, count - 1));
     };
-    return values[cell(y, height) * static_cast<std::size_t>(width) + cell(x, width)];
+    return values[cell(y, height) * static_cast<std::size_t>(stride) + cell(x, width)];
   }
 };
 

@@ -18,6 +18,7 @@ struct OutlineView {
   /// Of them the one at or before the cell's centre at a multiple of 2^this of the frame is looked at.
   int column_spacing = 0;
   std::span<const Rectangle> ignored; ///< frame pixels
+  int stride = 0; ///< cells of a row in memory, `width` at least: none of the others is ground
 };
 
 class GroundOutline {
@@ -27,11 +28,11 @@ class GroundOutline {
 
   int first() const { return first_; } ///< uppermost row that has ground; the height where none has
   /// 1 = ground, else 0; known from row first() on.
-  const std::uint8_t* row(int i) const { return &cells_[static_cast<std::size_t>(i) * width_]; }
+  const std::uint8_t* row(int i) const { return &cells_[static_cast<std::size_t>(i) * stride_]; }
   bool at(std::uint32_t cell) const { return cells_[cell] != 0; }
 
  private:
-  std::size_t width_ = 0;
+  std::size_t stride_ = 0;
   int first_ = 0;
   std::vector<std::uint16_t> safe_, behind_first_, behind_end_; ///< in rows of cells
   std::vector<std::uint8_t> cells_;

@@ -64,6 +64,13 @@ constexpr auto root_table = [] {
   return table;
 }();
 
+/// Cells of a row in memory: whole vectors of cells, and of blocks behind the first, which has one column.
+/// Those beyond the picture are not ground.
+constexpr int stride_of(int width) {
+  constexpr int vector = 16;
+  return (width + vector - 2) / vector * vector + 1;
+}
+
 /// Blocks of a side at that distance.
 constexpr int side_reach(int distance) {
   return std::max((box_width * distance / 16 + 1) >> 1, 2);
@@ -85,13 +92,14 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
                     const GroundView& view, std::vector<Hole>& holes) {
   view_ = view;
   width_ = pyramid.width(view.level);
+  stride_ = stride_of(width_);
   height_ = pyramid.height(view.level);
   horizon_row_ = static_cast<int>(view.horizon) * height_ >> 8;
   if (view.rows > 0)
     height_ = std::min(height_, horizon_row_ + view.rows);
-  blocks_x_ = (width_ >> 1) + 1;
+  blocks_x_ = (stride_ >> 1) + 1;
   blocks_y_ = (height_ >> 1) + 1;
-  const std::size_t size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  const std::size_t size = static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height_);
   odd_.resize(size);
   for (const std::uint32_t cell : candidates_.cells()) // no others belong to spots
     spot_[cell] = 0;
@@ -100,11 +108,11 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   holes.reserve(size / 2);
   queue_.reserve(size); // now: not in the frame in which something is first found
   seed_.resize(size);
-  const bool any_ground =
-      ground_.draw(curves, {view.level, width_, height_, view.column_level, view.level, view.ignored});
+  const bool any_ground = ground_.draw(
+      curves, {view.level, width_, height_, view.column_level, view.level, view.ignored, stride_});
   first_ = ground_.first();
-  candidates_.start(width_, height_, first_);
-  std::fill_n(odd_.begin(), std::min(first_, height_) * width_, std::uint8_t{0});
+  candidates_.start(stride_, height_, first_);
+  std::fill_n(odd_.begin(), std::min(first_, height_) * stride_, std::uint8_t{0});
   if (!any_ground)
     return false;
   read_cells(pyramid, transform);
@@ -112,7 +120,7 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   const int most_reach = side_reach(is_far() ? std::max(view.rows, far_nearest_rows) : height_);
   for (auto& strip : strips_) // however high the horizon comes to lie
     strip.reserve(static_cast<std::size_t>(blocks_x_ + 1 + 2 * most_reach));
-  nearest_dark_.assign(static_cast<std::size_t>(width_), 30000);
+  nearest_dark_.assign(static_cast<std::size_t>(stride_), 30000);
   for (int block_row = blocks_y_ - 1; 2 * block_row >= first_; --block_row) {
     compare_sides(block_row);
     for (int row = std::min(2 * block_row, height_ - 1); row >= std::max(2 * block_row - 1, first_); --row)
@@ -131,7 +139,7 @@ void OddSpots::read_cells(const Pyramid& pyramid, const ColorTransform& transfor
   for (auto& plane : color_)
     plane.resize(odd_.size());
   for (int i = first_; i < height_; ++i) {
-    const std::size_t row = static_cast<std::size_t>(i) * static_cast<std::size_t>(width_);
+    const std::size_t row = static_cast<std::size_t>(i) * static_cast<std::size_t>(stride_);
     transform_row(transform,
                   {pyramid.plane(view_.level, 0).row(i), pyramid.plane(view_.level, 1).row(i),
                    pyramid.plane(view_.level, 2).row(i)},
@@ -141,7 +149,7 @@ void OddSpots::read_cells(const Pyramid& pyramid, const ColorTransform& transfor
 
 // Block (I, J) holds the cells 2 I - 1, 2 I of the columns 2 J - 1, 2 J: its middle is a cell of the grid.
 void OddSpots::sum_blocks() {
-  const auto w = static_cast<std::size_t>(width_), stride = static_cast<std::size_t>(blocks_x_);
+  const auto w = static_cast<std::size_t>(stride_), stride = static_cast<std::size_t>(blocks_x_);
   const int first_block = (first_ + 1) >> 1;
   for (auto& sums : sums_) {
     sums.resize(stride * (static_cast<std::size_t>(blocks_y_) + 1));
@@ -155,18 +163,12 @@ void OddSpots::sum_blocks() {
       const std::size_t row = static_cast<std::size_t>(i) * w;
       const std::uint8_t* const ground = ground_.row(i);
       const auto add = [&](const std::uint8_t* values, std::uint32_t* sums, std::uint32_t* squares) {
-        // Of the first block one column is in the picture; of an even number of them one of the last, too.
-        const auto add_alone = [&](std::size_t column, std::size_t block) {
-          const std::uint32_t value = ground[column] ? values[column] : 0;
-          sums[block] += value;
-          if (squares)
-            squares[block] += value * value;
-        };
-        add_alone(0, 0);
-        kernels::add_blocks(values + 1, ground + 1, (width_ - 1) / 2, sums + 1,
-                            squares ? squares + 1 : nullptr);
-        if (width_ % 2 == 0)
-          add_alone(w - 1, stride - 1);
+        // Of the first block one column is in the picture.
+        const std::uint32_t value = ground[0] ? values[0] : 0;
+        sums[0] += value;
+        if (squares)
+          squares[0] += value * value;
+        kernels::add_blocks(values + 1, ground + 1, stride_ / 2, sums + 1, squares ? squares + 1 : nullptr);
       };
       add(ground, &sums_[0][here], nullptr);
       for (std::size_t c = 0; c < 3; ++c)
@@ -226,13 +228,13 @@ void OddSpots::compare_sides(int I) {
 }
 
 void OddSpots::measure_row(int row) {
-  const auto w = static_cast<std::size_t>(width_);
+  const auto w = static_cast<std::size_t>(stride_);
   const std::size_t at = static_cast<std::size_t>(row) * w;
   dark_.resize(w);
   for (std::size_t c = 0; c < 3; ++c) {
     deviation_[c].resize(w);
     kernels::deviations(&color_[c][at], sides_.left[c].data() + 1, sides_.right[c].data() + 1,
-                        sides_.inverse[c].data() + 1, width_, deviation_[c].data(),
+                        sides_.inverse[c].data() + 1, stride_, deviation_[c].data(),
                         c == 0 ? dark_.data() : nullptr);
   }
   const std::uint8_t *const ground = ground_.row(row), *const y = deviation_[0].data(),
@@ -240,17 +242,17 @@ void OddSpots::measure_row(int row) {
   // A column wider on both sides.
   shade_.resize(w + 2);
   const kernels::DeviationRow deviations{y, deviation_[1].data(), deviation_[2].data(), ground, dark};
-  kernels::note_dark(deviations, dark_enough, static_cast<std::int16_t>(row), width_, shade_.data(),
+  kernels::note_dark(deviations, dark_enough, static_cast<std::int16_t>(row), stride_, shade_.data(),
                      nearest_dark_.data());
   const auto reached = static_cast<std::int16_t>(row + std::max(shadow_reach * distance(row) / 64, 1));
-  kernels::oddness(deviations, nearest_dark_.data(), reached, most_oddness, width_, &odd_[at]);
+  kernels::oddness(deviations, nearest_dark_.data(), reached, most_oddness, stride_, &odd_[at]);
 }
 
 // Where the mean oddness of the ground around a candidate is enough. The rest of seed_ is 0: keep_islands()
 // leaves nothing of it.
 bool OddSpots::seed() {
   const int enough = is_far() ? far_seed_enough : seed_enough;
-  const std::size_t from = static_cast<std::size_t>(first_) * static_cast<std::size_t>(width_);
+  const std::size_t from = static_cast<std::size_t>(first_) * static_cast<std::size_t>(stride_);
   if (largest(&odd_[from], odd_.size() - from) < enough)
     return false;
   candidates_.list(odd_.data(), odd_enough, window_cells(view_.window, view_.level));
@@ -278,7 +280,7 @@ template <typename Keep> bool OddSpots::keep_pieces(Keep keep) {
 
 // Drops what touches something above it that is not ground: a matter of the boundary.
 bool OddSpots::keep_islands() {
-  const auto w = static_cast<std::uint32_t>(width_);
+  const auto w = static_cast<std::uint32_t>(stride_);
   return keep_pieces([&](const std::vector<std::uint32_t>& piece) {
     return std::all_of(piece.begin(), piece.end(), [&](std::uint32_t cell) {
       return static_cast<int>(cell / w) <= first_ || ground_.at(cell - w);
@@ -290,7 +292,7 @@ bool OddSpots::keep_islands() {
 bool OddSpots::drop_flat(const FinerCells<std::int16_t>& motion, std::vector<Hole>& holes) {
   if (motion.values.empty())
     return true;
-  const auto w = static_cast<std::uint32_t>(width_);
+  const auto w = static_cast<std::uint32_t>(stride_);
   const bool any = keep_pieces([&](const std::vector<std::uint32_t>& piece) {
     int sum = 0, most = std::numeric_limits<std::int16_t>::min();
     for (const std::uint32_t cell : piece) {

@@ -45,9 +45,11 @@ class OddSpots {
 
   /// Of the last find(): cells searched (the rows end where it was told to stop), and per cell how odd it is,
   /// Q4 of a standard deviation, 0..96, and whether it belongs to a spot.
+  /// A row takes stride() cells in memory.
   int width() const { return width_; }
+  int stride() const { return stride_; }
   int height() const { return height_; }
-  FinerCells<std::uint8_t> oddness() const { return {odd_, width_, height_, view_.level, 0}; }
+  FinerCells<std::uint8_t> oddness() const { return {odd_, width_, height_, view_.level, 0, stride_}; }
   std::span<const std::uint8_t> spots() const { return spot_; }
 
  private:
@@ -73,7 +75,7 @@ class OddSpots {
   template <typename Keep> bool keep_pieces(Keep keep);
 
   GroundView view_;
-  int width_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
+  int width_ = 0, stride_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
   int blocks_x_ = 0, blocks_y_ = 0;
   GroundOutline ground_;
   std::array<std::vector<std::uint8_t>, 3> color_;

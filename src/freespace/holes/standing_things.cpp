@@ -126,7 +126,7 @@ bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves,
 
 FinerCells<std::int16_t> StandingThings::evidence() const {
   const int level = level_ + cell_bits;
-  return {evidence_, columns_, rows_, level, 1 << level >> 1};
+  return {evidence_, columns_, rows_, level, 1 << level >> 1, columns_};
 }
 
 /// The last row and the last column of cells have the odd rest of the frame, too.

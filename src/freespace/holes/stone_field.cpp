@@ -108,7 +108,7 @@ bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, c
   runs_.reserve(size / 2);
   row_ends_.reserve(static_cast<std::size_t>(height_));
   const bool any_ground = ground_.draw(
-      curves, {view.level, width_, height_, view.column_level, view.column_spacing, view.ignored});
+      curves, {view.level, width_, height_, view.column_level, view.column_spacing, view.ignored, width_});
   first_ = std::min(ground_.first(), height_);
   candidates_.start(width_, height_, first_);
   if (!any_ground)

@@ -55,7 +55,7 @@ class StoneField {
 
   /// Of the last find(): per cell how far the stone it belongs to stands out (Q4 of a deviation, 0..96), 0
   /// where there is none.
-  FinerCells<std::uint8_t> oddness() const { return {oddness_, width_, height_, view_.level, 0}; }
+  FinerCells<std::uint8_t> oddness() const { return {oddness_, width_, height_, view_.level, 0, width_}; }
 
   /// Of the last find(): per cell how far it stands out (Q4 of a deviation, 0..127), known from the first row
   /// that has ground.
