@@ -26,7 +26,7 @@ COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.S)
 # The folder of each room; files of `src` itself are told by their name.
 ROOMS = {
     'include/terrainseg/segmenter': 'facade', 'include/terrainseg': 'public', 'include/gst': 'meta',
-    'src/kernels': 'kernels', 'src/base': 'base', 'src/coarse': 'coarse', 'src/learning': 'learning',
+    'src/kernels': 'kernels', 'src/base/tuning': 'tuning', 'src/base': 'base', 'src/coarse': 'coarse', 'src/learning': 'learning',
     'src/motion': 'motion', 'src/paper': 'paper',
     'src/freespace/look': 'look', 'src/freespace/score': 'score', 'src/freespace/learn': 'learn', 'src/freespace/curve': 'curve',
     'src/freespace/holes': 'holes', 'src/freespace/answer': 'answer', 'src/freespace': 'freespace',
@@ -43,18 +43,19 @@ MAY = {
     'precompiled': set(),
     'meta': set(),
     'kernels': set(),
+    'tuning': set(),
     'base': {'public', 'kernels'},
     'coarse': {'public', 'kernels', 'base'},
     'learning': {'public', 'kernels', 'base', 'coarse'},
-    'motion': {'public', 'kernels', 'base', 'coarse'},
+    'motion': {'tuning', 'public', 'kernels', 'base', 'coarse'},
     'paper': {'public', 'kernels', 'base', 'coarse', 'learning'},
-    'look': {'public', 'kernels', 'base', 'coarse', 'learning'},
-    'score': {'public', 'kernels', 'base', 'coarse', 'learning', 'look'},
-    'learn': {'public', 'kernels', 'base', 'coarse', 'learning', 'look', 'score'},
-    'curve': {'public', 'kernels', 'base', 'coarse', 'learning', 'look', 'score'},
-    'holes': {'public', 'kernels', 'base', 'coarse', 'motion', 'look', 'curve'},
-    'answer': {'public', 'kernels', 'base', 'coarse', 'look', 'score', 'learn', 'curve', 'holes'},
-    'freespace': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'look', 'score', 'learn', 'curve', 'holes', 'answer'},
+    'look': {'tuning', 'public', 'kernels', 'base', 'coarse', 'learning'},
+    'score': {'tuning', 'public', 'kernels', 'base', 'coarse', 'learning', 'look'},
+    'learn': {'tuning', 'public', 'kernels', 'base', 'coarse', 'learning', 'look', 'score'},
+    'curve': {'tuning', 'public', 'kernels', 'base', 'coarse', 'learning', 'look', 'score'},
+    'holes': {'tuning', 'public', 'kernels', 'base', 'coarse', 'motion', 'look', 'curve'},
+    'answer': {'tuning', 'public', 'kernels', 'base', 'coarse', 'look', 'score', 'learn', 'curve', 'holes'},
+    'freespace': {'tuning', 'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'look', 'score', 'learn', 'curve', 'holes', 'answer'},
     'segmenter': {'facade', 'public', 'base', 'coarse', 'learning', 'paper', 'freespace'},
     'metric': {'public', 'kernels'},
     'painter': {'public', 'kernels'},
@@ -62,14 +63,14 @@ MAY = {
     'recording': {'public', 'exchange', 'metric'},
     'scene': {'public'},
     'reference': {'public'},
-    'tools': {'facade', 'public', 'painter', 'exchange', 'metric', 'scene', 'reference', 'meta'},
+    'tools': {'tuning', 'facade', 'public', 'painter', 'exchange', 'metric', 'scene', 'reference', 'meta'},
     'support': {'facade', 'public', 'painter', 'exchange', 'metric', 'scene', 'meta'},
     'elements': {'facade', 'public', 'painter', 'exchange', 'metric', 'scene', 'reference', 'meta', 'support'},
     'recorder': {'public', 'exchange', 'metric', 'recording', 'meta', 'support'},
     'plugin': {'support', 'elements', 'meta'},
 }
 REFERENCE_ELEMENT = 'terrainreference'  # the only element that may include the reference
-CORE = {'facade', 'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'paper', 'look', 'score', 'learn', 'curve', 'holes', 'answer',
+CORE = {'facade', 'public', 'kernels', 'tuning', 'base', 'coarse', 'learning', 'motion', 'paper', 'look', 'score', 'learn', 'curve', 'holes', 'answer',
         'freespace', 'segmenter'}
 INTEGER_ROOMS = CORE | {'painter'}
 LONGEST_CHAIN = 11  # files, from a source down to a header that includes none of ours

@@ -9,6 +9,7 @@
 #include <opencv2/core/utils/logger.hpp>
 
 #include "tools/eval/comparison.hpp"
+#include "tools/eval/engines.hpp"
 #include "tools/eval/evaluation.hpp"
 #include "tools/eval/metres.hpp"
 #include "tools/eval/options.hpp"
@@ -38,6 +39,8 @@ void run(const std::vector<std::string>& words) {
     run_metres(rest);
   else if (command == "compare")
     compare_files(rest);
+  else if (command == "tuning")
+    list_tuning(std::cout);
   else
     evaluate(parse_eval_options(words));
 }
