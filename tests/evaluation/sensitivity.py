@@ -19,7 +19,7 @@ import tempfile
 CONSTANTS = '''
 boundary: edge_limit edge_per_octave shadow_limit shadow_per_grey step_price least_step_price upright_per_octave upright_floor
   leave_price behind_price edgeless_price
-color_bins: noise_floor brightness_slope bins_per_octave
+color_bins: bins_per_octave
 connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma vouched_darker least_texture
 exposure: target_mean
 geodesic: free_distance most greatest_own_step
@@ -52,7 +52,7 @@ stone_field: box_reach trim odd_enough seed_enough seed_reach stone_peak sure_wi
 OF_RENDERED = '''
 boundary: leave_price edgeless_price
 connected_ground: taught_chroma vouched_chroma
-motion_obstacles: near_rows far_rows memory still_memory most_coasted settling least_information
+motion_obstacles: far_rows memory still_memory most_coasted settling least_information
 odd_spots: odd_enough seed_enough far_seed_enough flat_everywhere flat_on_average
 parallax: most_left
 row_prior: denied most_below
