@@ -26,6 +26,7 @@ constexpr const char* summary =
     "Accuracy on labelled sequences.\n\n"
     "Other commands:\n"
     "  terrainseg-eval compare FIRST.json SECOND.json   whether a change helps\n"
+    "  terrainseg-eval tuning                           the tuned constants of the default pipeline\n"
     "  terrainseg-eval metres [--help]                  how right ranges in metres are\n"
     "  terrainseg-eval paper|figures [--help]           the paper's experiments\n\n"
     "A SEQUENCE is a folder with frames/NNNN.{png,jpg}, labels/NNNN.png (0 obstacle, 1 terrain driven on, 2 "

@@ -4,15 +4,20 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
 /// Rows on both sides of the boundary whose scores say how sure it is of its place, their limit (Q4) and
 /// weight. Without them the rank correlation with the error is -0.19 on rendered scenes in place of -0.38.
-constexpr int near_rows = 3, near_limit = 24 * 16, near_weight = 3;
-constexpr int full_separation = 130 * 16; ///< Q4: of 168, what the best frames reach
-constexpr int half_at_jumps = 200;        ///< percent of the grid's width: rows jumped at which half is left
-constexpr int spread_weight = 16;         ///< a sixteenth of the height apart: half is left
+TERRAINSEG_TUNED(int, confidence, near_rows, 3);
+TERRAINSEG_TUNED(int, confidence, near_limit, 24 * 16);
+TERRAINSEG_TUNED(int, confidence, near_weight, 3);
+TERRAINSEG_TUNED(int, confidence, full_separation, 130 * 16); ///< Q4: of 168, what the best frames reach
+TERRAINSEG_TUNED(int, confidence, half_at_jumps,
+                 200); ///< percent of the grid's width: rows jumped at which half is left
+TERRAINSEG_TUNED(int, confidence, spread_weight, 16); ///< a sixteenth of the height apart: half is left
 
 std::uint8_t of_separation(std::int64_t separation) {
   return static_cast<std::uint8_t>(std::clamp<std::int64_t>(separation * 255 / full_separation, 0, 255));

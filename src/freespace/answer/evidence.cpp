@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 
+#include "base/tuning.hpp"
 #include "terrainseg/estimate.hpp"
 
 namespace terrainseg {
@@ -11,17 +12,22 @@ namespace {
 
 /// Cells of one colour are wrong together: what a score (Q4) says counts for a third of it, a logistic
 /// regression over 23 sets of pictures says. How often the sum is right is measured in docs/metadata.md.
-constexpr int score_weight = 5, score_shift = 8, score_limit = 96 * 16;
+TERRAINSEG_TUNED(int, evidence, score_weight, 5);
+TERRAINSEG_TUNED(int, evidence, score_shift, 8);
+TERRAINSEG_TUNED(int, evidence, score_limit, 96 * 16);
 /// A row of cells between a cell and the boundary, 32 = 1 nat, and the most rows that count.
-constexpr int row_weight = 10, most_rows = 8;
+TERRAINSEG_TUNED(int, evidence, row_weight, 10);
+TERRAINSEG_TUNED(int, evidence, most_rows, 8);
 /// A cell as odd as its surroundings often are (Q4 of a deviation) says nothing; 32 more are half a nat.
-constexpr int usual_oddness = 24;
+TERRAINSEG_TUNED(int, evidence, usual_oddness, 24);
 /// What stands: 16 of 256 are a nat, and this is the most.
-constexpr int standing_weight = 2, most_standing = 8 * 32;
+TERRAINSEG_TUNED(int, evidence, standing_weight, 2);
+TERRAINSEG_TUNED(int, evidence, most_standing, 8 * 32);
 /// Cells of spots and of motion are finer than the grid's by so many levels at most.
-constexpr int most_levels_finer = 2;
+TERRAINSEG_TUNED(int, evidence, most_levels_finer, 2);
 /// Of the whole picture: a label without any other evidence, and 255 of the mask's confidence.
-constexpr int without_confidence = -45, full_confidence = 80;
+TERRAINSEG_TUNED(int, evidence, without_confidence, -45);
+TERRAINSEG_TUNED(int, evidence, full_confidence, 80);
 
 /// 255 * tanh(x / 2) for x = 0, 1/2, 1 .. 6 nats.
 constexpr int step_bits = 4;

@@ -4,14 +4,15 @@
 #include <algorithm>
 
 #include "base/percentile.hpp"
+#include "base/tuning.hpp"
 #include "coarse/grid.hpp"
 #include "freespace/answer/confidence.hpp"
 
 namespace terrainseg {
 namespace {
 
-constexpr int horizon_percent = 5;   ///< of the columns lie higher: outliers
-constexpr int least_confidence = 48; ///< of the mask, for the horizon to mean anything
+TERRAINSEG_TUNED(int, horizon_row, horizon_percent, 5);   ///< of the columns lie higher: outliers
+TERRAINSEG_TUNED(int, horizon_row, least_confidence, 48); ///< of the mask, for the horizon to mean anything
 
 } // namespace
 

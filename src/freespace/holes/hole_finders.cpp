@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "base/tuning.hpp"
 #include "freespace/look/view.hpp"
 
 namespace terrainseg {
@@ -11,7 +12,7 @@ namespace {
 /// Rows of cells below the slow horizon that are searched for odd spots in cells half as large: a fifth of
 /// the usual picture. Of what stands on rendered plains 76 % is called ground without them, with 24 rows 58,
 /// with 32 51, 36 46, 48 45, 60 43; the drives' mean error grows by 0.01 with 36, by 0.02 with 48.
-constexpr int far_rows = 36;
+TERRAINSEG_TUNED(int, hole_finders, far_rows, 36);
 
 /// Levels of the pyramid in which spots are searched: of a mask that is smaller than their cells the columns
 /// are too few.

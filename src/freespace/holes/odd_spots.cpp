@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "base/fixed_log.hpp"
+#include "base/tuning.hpp"
 #include "kernels/cells.hpp"
 #include "kernels/sides.hpp"
 
@@ -13,33 +14,38 @@ namespace {
 
 /// No distance from the horizon is less, nor where only what is far away is searched: a box of its own
 /// distance holds few cells there, and those of the thing itself.
-constexpr int nearest_rows = 2, far_nearest_rows = 24;
+TERRAINSEG_TUNED(int, odd_spots, nearest_rows, 2);
+TERRAINSEG_TUNED(int, odd_spots, far_nearest_rows, 24);
 /// Boxes beside a block: width and height in sixteenths of the distance. 9..16 and 12..16 are as good.
-constexpr int box_width = 12, box_height = 16;
+TERRAINSEG_TUNED(int, odd_spots, box_width, 12);
+TERRAINSEG_TUNED(int, odd_spots, box_height, 16);
 /// Share of a side that must be ground for it to say anything, as its inverse.
-constexpr int least_side = 8;
+TERRAINSEG_TUNED(int, odd_spots, least_side, 8);
 /// Added to the deviation of luma and of both chromas, grey levels.
 constexpr std::array<int, 3> deviation_floor{5, 2, 2};
 /// Rows below light in which something dark makes it a stone, sixty-fourths of the distance.
-constexpr int shadow_reach = 10;
-constexpr int dark_enough = 16; ///< Q4: one deviation
-constexpr int most_oddness = 96;
+TERRAINSEG_TUNED(int, odd_spots, shadow_reach, 10);
+TERRAINSEG_TUNED(int, odd_spots, dark_enough, 16); ///< Q4: one deviation
+TERRAINSEG_TUNED(int, odd_spots, most_oddness, 96);
 /// Q4 of a deviation: of a cell, and of the mean of a box around a seed. 40 finds a tenth more of the things
 /// that stand on rendered trails and plains, for half a point of error on trails and 0.05 in town.
-constexpr int odd_enough = 31, seed_enough = 48;
+TERRAINSEG_TUNED(int, odd_spots, odd_enough, 31);
+TERRAINSEG_TUNED(int, odd_spots, seed_enough, 48);
 /// Of a seed far away. With this and far_nearest_rows 32 % of the things on rendered plains are called ground
 /// in place of 39 by day, 53 in place of 62 at dusk, for 0.01 of error on the drives. 12 rows find half of
 /// that, 42 flickers more.
-constexpr int far_seed_enough = 44;
+TERRAINSEG_TUNED(int, odd_spots, far_seed_enough, 44);
 /// Half the size of the boxes around seeds, and around cells that a seed must be near to, sixty-fourths of
 /// the distance. Of the former 2 or 4 find as many things; at 4 twice as much of each stays unseen. Of the
 /// latter 8 takes in the ground around things; 3 is as good in error, but a tenth more of the things on
 /// rendered plains is called ground.
-constexpr int seed_reach = 3, growth_reach = 4;
+TERRAINSEG_TUNED(int, odd_spots, seed_reach, 3);
+TERRAINSEG_TUNED(int, odd_spots, growth_reach, 4);
 /// Most evidence of something that stands (Q8) that any cell of a flat spot has, and most of their mean; what
 /// moves as ground has down to -192. On 24 rendered trails 5.02 -> 4.82 % error, with one of 261 things more
 /// called ground. With -5 and -20 4.68 %, but five more, and six of 381 on plains.
-constexpr int flat_everywhere = -20, flat_on_average = -40;
+TERRAINSEG_TUNED(int, odd_spots, flat_everywhere, -20);
+TERRAINSEG_TUNED(int, odd_spots, flat_on_average, -40);
 
 std::uint8_t largest(const std::uint8_t* values, std::size_t count) {
   std::uint8_t most = 0;

@@ -3,13 +3,14 @@
 
 #include <algorithm>
 
+#include "base/tuning.hpp"
 #include "coarse/grid.hpp"
 #include "coarse/ignored.hpp"
 
 namespace terrainseg {
 namespace {
 
-constexpr int cell_bits = 2; ///< a cell is 4 x 4 pixels of motion's level
+TERRAINSEG_TUNED(int, standing_things, cell_bits, 2); ///< a cell is 4 x 4 pixels of motion's level
 
 int level_of(const Pyramid& pyramid, int grid_level) {
   return std::max(motion_level(pyramid.width(0), pyramid.height(0)), texture_level(grid_level));

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "base/tuning.hpp"
 #include "kernels/deviation.hpp"
 
 namespace terrainseg {
@@ -11,33 +12,41 @@ namespace {
 /// Cells of a block, each way; the ground is measured in every fourth row of them.
 constexpr int block_shift = 4, block = 1 << block_shift, row_step = 4;
 /// No distance from the horizon is less, for boxes.
-constexpr int nearest_rows = 30;
+TERRAINSEG_TUNED(int, stone_field, nearest_rows, 30);
 /// The box around a block reaches that much of the distance, in sixteenths; at most so many blocks, whose
 /// sums of squares fit.
-constexpr int box_reach = 8, most_reach = 15;
+TERRAINSEG_TUNED(int, stone_field, box_reach, 8);
+TERRAINSEG_TUNED(int, stone_field, most_reach, 15);
 /// Share of a box that must be ground for it to say anything, as its inverse.
-constexpr int least_ground = 4;
+TERRAINSEG_TUNED(int, stone_field, least_ground, 4);
 /// Deviations beyond which a cell does not count as ground; and grey levels: no deviation is less.
-constexpr int trim = 2, deviation_floor = 5;
+TERRAINSEG_TUNED(int, stone_field, trim, 2);
+TERRAINSEG_TUNED(int, stone_field, deviation_floor, 5);
 /// Q4 of a deviation: of a cell, and of the mean of the box around a seed.
-constexpr int odd_enough = 24, seed_enough = 31;
+TERRAINSEG_TUNED(int, stone_field, odd_enough, 24);
+TERRAINSEG_TUNED(int, stone_field, seed_enough, 31);
 /// Half of that box, and of the one in which pieces grow around a seed, 1024ths of the distance.
-constexpr int seed_reach = 20;
+TERRAINSEG_TUNED(int, stone_field, seed_reach, 20);
 /// Of a stone: largest width and height in 64ths of the distance, and what its clearest cell must have. A
 /// piece of three cells is never too large: far away nothing is smaller.
-constexpr int stone_width = 51, stone_height = 38, stone_peak = 48, always_small = 3;
+TERRAINSEG_TUNED(int, stone_field, stone_width, 51);
+TERRAINSEG_TUNED(int, stone_field, stone_height, 38);
+TERRAINSEG_TUNED(int, stone_field, stone_peak, 48);
+TERRAINSEG_TUNED(int, stone_field, always_small, 3);
 /// Likewise of those that tell a field.
-constexpr int sure_width = 19, sure_height = 16, sure_peak = 80;
+TERRAINSEG_TUNED(int, stone_field, sure_width, 19);
+TERRAINSEG_TUNED(int, stone_field, sure_height, 16);
+TERRAINSEG_TUNED(int, stone_field, sure_peak, 80);
 /// A field has so many of them, and they are a sixth of all that stands out.
-constexpr int least_sure = 16;
-constexpr int least_share = 6;
+TERRAINSEG_TUNED(int, stone_field, least_sure, 16);
+TERRAINSEG_TUNED(int, stone_field, least_share, 6);
 /// Half of both is enough where the frame before showed one.
-constexpr int less_in_a_field = 2;
+TERRAINSEG_TUNED(int, stone_field, less_in_a_field, 2);
 /// Frames that are not looked at after so many looks in vain, in a row.
 constexpr std::array<int, 4> pauses{0, 2, 4, 8};
 /// Of the distance that sizes are compared with.
-constexpr int least_distance = 12;
-constexpr int most_oddness = 96;
+TERRAINSEG_TUNED(int, stone_field, least_distance, 12);
+TERRAINSEG_TUNED(int, stone_field, most_oddness, 96);
 
 std::uint32_t root(std::uint32_t square) {
   std::uint32_t result = 0;

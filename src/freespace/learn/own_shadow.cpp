@@ -6,26 +6,30 @@
 #include <cstdint>
 #include <cstdlib>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
 /// Fewer cells have no two kinds.
-constexpr std::size_t fewest = 32;
+TERRAINSEG_TUNED(std::size_t, own_shadow, fewest, 32);
 /// Percent of the cells. A crate or paint that is brighter than the ground and fills less than two fifths of
 /// the window is no lit ground. With 25 what is measured is the same, with 50 the rocks of Mars whose shadows
 /// cover more than half of the window are 6.0 % wrong in place of 2.6.
-constexpr int least_lit = 40;
+TERRAINSEG_TUNED(int, own_shadow, least_lit, 40);
 /// Percent: less changes little, but a stone's shadow on the Moon has 10 (60.1 % of the stones are called
 /// ground in place of 59.6). Flat from 12 to 25.
-constexpr int least_dark = 12;
+TERRAINSEG_TUNED(int, own_shadow, least_dark, 12);
 /// The lit kind's mean luma is at least this many percent of the dark one's, and so many levels. With 130
 /// snow is 5.1 % wrong in place of 5.4, but a drive by day takes part too; with 180 Mars is 5.1.
-constexpr int least_ratio = 150, least_step = 8;
-constexpr int most_chroma = 12; ///< U and V together: shade is bluer; with 24 snow is 6.2 % wrong
+TERRAINSEG_TUNED(int, own_shadow, least_ratio, 150);
+TERRAINSEG_TUNED(int, own_shadow, least_step, 8);
+TERRAINSEG_TUNED(int, own_shadow, most_chroma,
+                 12); ///< U and V together: shade is bluer; with 24 snow is 6.2 % wrong
 /// Percent of the cells in the middle 3/10 between both. A slope of light across the window has 15, as a lamp
 /// by night makes it: no edge, no shadow. With 14 a stone's shadow in the window takes part and the Moon
 /// is 15.1 % wrong in place of 14.5, with 8 Mars is 5.1 in place of 2.6.
-constexpr int most_between = 12;
+TERRAINSEG_TUNED(int, own_shadow, most_between, 12);
 
 /// Of cells up to a luma.
 struct Sum {

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
@@ -14,8 +16,8 @@ struct Limits {
   int gap, inside;
 };
 constexpr Limits to_enter{20, 16}, to_stay{8, 24};
-constexpr int score_limit = 48;
-constexpr int patience = 64; ///< frames
+TERRAINSEG_TUNED(int, window_guard, score_limit, 48);
+TERRAINSEG_TUNED(int, window_guard, patience, 64); ///< frames
 
 } // namespace
 

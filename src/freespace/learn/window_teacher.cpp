@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "freespace/learn/window_teacher.hpp"
 
+#include "base/tuning.hpp"
 #include "freespace/learn/own_shadow.hpp"
 #include "freespace/look/connected_ground.hpp"
 #include "freespace/look/view.hpp"
@@ -10,9 +11,9 @@ namespace terrainseg {
 namespace {
 
 /// Even ground of one colour keeps its noise (Q8).
-constexpr std::uint32_t prefilter_floor = 41 << 8;
+TERRAINSEG_TUNED(std::uint32_t, window_teacher, prefilter_floor, 41 << 8);
 /// Of a training model, per component (Q8).
-constexpr std::uint32_t least_variance = 180 << 8;
+TERRAINSEG_TUNED(std::uint32_t, window_teacher, least_variance, 180 << 8);
 
 /// Whether the window holds something that is not the terrain to its left and right. What is not learned, or
 /// comes from a teacher, needs no guard.

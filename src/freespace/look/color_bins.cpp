@@ -5,6 +5,7 @@
 #include <array>
 
 #include "base/fixed_log.hpp"
+#include "base/tuning.hpp"
 #include "kernels/cells.hpp"
 
 namespace terrainseg {
@@ -17,7 +18,7 @@ constexpr int noise_floor = 112;
 constexpr int brightness_slope = 320;
 constexpr int middle_grey = 1664; ///< log2(90) Q8
 /// 24 bins over 10 octaves, Q16.
-constexpr int bins_per_octave = 614;
+TERRAINSEG_TUNED(int, color_bins, bins_per_octave, 614);
 
 // What a luma takes off the roughness, log2 Q8.
 constexpr std::array<std::int16_t, 256> brightness = [] {

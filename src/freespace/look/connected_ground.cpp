@@ -4,23 +4,26 @@
 #include <algorithm>
 #include <limits>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
 /// What is smoother than the seeds by this is sky: 1024ths of an octave.
-constexpr int sky_is_smoother = 1600;
+TERRAINSEG_TUNED(int, connected_ground, sky_is_smoother, 1600);
 /// Chroma of cells that are taught and of those that seeds vouch for, both together, quarters of a grey
 /// level. Taught without a limit an indoor floor takes walls along: 3.47 % wrong, 3.33 with, 3.18 with 36.
-constexpr int taught_chroma = 48, vouched_chroma = 32;
+TERRAINSEG_TUNED(int, connected_ground, taught_chroma, 48);
+TERRAINSEG_TUNED(int, connected_ground, vouched_chroma, 32);
 /// They are darker by one part in so many at most: off the road 16.4 % unsafe, 17.3 without.
-constexpr int vouched_darker = 6;
+TERRAINSEG_TUNED(int, connected_ground, vouched_darker, 6);
 /// Least texture of the seeds: night shows less. Without it a smooth car in the window at dusk vouches for
 /// cars.
-constexpr int least_texture = 56;
+TERRAINSEG_TUNED(int, connected_ground, least_texture, 56);
 /// Rows above and below a boundary in which an edge explains it: the curve is smooth, edges are not.
-constexpr int edge_reach = 3;
+TERRAINSEG_TUNED(int, connected_ground, edge_reach, 3);
 /// Added to the sum of two lumas, quarters of a grey level: in the dark all is noise.
-constexpr int dark_luma = 32;
+TERRAINSEG_TUNED(int, connected_ground, dark_luma, 32);
 
 // Four times the value, the ends repeated.
 template <typename In> void smooth_columns(const In* in, int width, std::int16_t* out) {

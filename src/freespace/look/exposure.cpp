@@ -3,12 +3,15 @@
 
 #include <algorithm>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
-constexpr int follow_shift = 4;
-constexpr int target_mean = 110;
-constexpr std::uint32_t darkest_mean = 8 << 8; ///< Q8: below it a gain shows the sensor's noise only
+TERRAINSEG_TUNED(int, exposure, follow_shift, 4);
+TERRAINSEG_TUNED(int, exposure, target_mean, 110);
+TERRAINSEG_TUNED(std::uint32_t, exposure, darkest_mean,
+                 8 << 8); ///< Q8: below it a gain shows the sensor's noise only
 
 } // namespace
 

@@ -4,12 +4,13 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "base/tuning.hpp"
 #include "kernels/cells.hpp"
 
 namespace terrainseg {
 namespace {
 
-constexpr int bands_wanted = 3;
+TERRAINSEG_TUNED(int, texture, bands_wanted, 3);
 
 // The columns' sums of |right - left|: of every pair, or where there are no pairs of every two neighbours.
 void add_differences(const std::uint8_t* luma, int step, int whole, int count, int width,

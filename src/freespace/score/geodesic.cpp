@@ -3,21 +3,24 @@
 
 #include <algorithm>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
-constexpr int far = 1 << 20;
+TERRAINSEG_TUNED(int, geodesic, far, 1 << 20);
 /// Distance without a penalty, and the highest one: it may outweigh colour, not colour and texture together.
-constexpr int free_distance = 10;
-constexpr int most = 40;
+TERRAINSEG_TUNED(int, geodesic, free_distance, 10);
+TERRAINSEG_TUNED(int, geodesic, most, 40);
 /// What a step may differ by for nothing: the ground's own mean step and three quarters more, and one; in
 /// the dark the gain blows up every grey level, hence the limit. With 2 and twice the mean's whole part a
 /// drive in town is 2.95 / 8.3 in place of 2.88 / 7.9; with 1 and that, rendered roads 6.2 in place of 4.8.
-constexpr int least_own_step = 1, greatest_own_step = 8;
-constexpr int own_step_quarters = 7;
+TERRAINSEG_TUNED(int, geodesic, least_own_step, 1);
+TERRAINSEG_TUNED(int, geodesic, greatest_own_step, 8);
+TERRAINSEG_TUNED(int, geodesic, own_step_quarters, 7);
 /// An eighth of the distance is forgiven with every row: a stop line across the whole road must not cut off
 /// what lies behind it (cropped to the road, a drive in town is 4.4 % wrong with it and 5.6 without).
-constexpr int forgive_shift = 3;
+TERRAINSEG_TUNED(int, geodesic, forgive_shift, 3);
 
 // What a step may differ by: from those of the cells of the window to the cells left of and above them.
 int own_step(const Grid& grid, const ColorSteps& steps, std::span<const Cell> seeds) {

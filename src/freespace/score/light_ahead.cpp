@@ -3,18 +3,20 @@
 
 #include <algorithm>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
 /// Of the grid's width, as one part in so many: the usual window takes 30 %. With two fifths and what stands
 /// at the sides the Karlsruhe streets are 0.25 points worse, with all of the width 1.5.
-constexpr int widest_part = 3;
+TERRAINSEG_TUNED(int, light_ahead, widest_part, 3);
 /// What is brighter lies in the sun: the middle of luma. From 90 to 130 flat.
-constexpr int sunlit = 128 << 8;
+TERRAINSEG_TUNED(int, light_ahead, sunlit, 128 << 8);
 /// What shade adds to U and takes off V, Q8 of a normalised grey level. Up to 7 flat; with 4 snow is 5.43 %
 /// wrong in place of 5.38.
-constexpr int blue = 2 << 8;
-constexpr int most = 255 << 8;
+TERRAINSEG_TUNED(int, light_ahead, blue, 2 << 8);
+TERRAINSEG_TUNED(int, light_ahead, most, 255 << 8);
 
 } // namespace
 

@@ -7,54 +7,58 @@
 #include <numeric>
 
 #include "base/fixed_log.hpp"
+#include "base/tuning.hpp"
 #include "freespace/look/color_bins.hpp"
 
 namespace terrainseg {
 namespace {
 
-constexpr int colors_per_bin_log2 = luma_bin_shift + 2 * chroma_bin_shift;
+TERRAINSEG_TUNED(int, likelihood, colors_per_bin_log2, luma_bin_shift + 2 * chroma_bin_shift);
 
-constexpr int score_limit = 48; ///< 1.5 nats: no cell outweighs two neighbours
+TERRAINSEG_TUNED(int, likelihood, score_limit, 48); ///< 1.5 nats: no cell outweighs two neighbours
 /// What a colour says from which on it speaks for ground in any light. With 0 dusk is 1.3 points less safe,
 /// with 16 places in the sun a little worse.
-constexpr int speaks_for_ground = 10;
+TERRAINSEG_TUNED(int, likelihood, speaks_for_ground, 10);
 /// Of ground that is joined to the window: Mars 15.3 -> 7.1 % wrong. A wall that has come into the
 /// window is like itself, too, but not yet like the ground: it vouches for no more than that.
-constexpr int least_of_vouched = 24;
+TERRAINSEG_TUNED(int, likelihood, least_of_vouched, 24);
 
-constexpr std::uint64_t frame_weight = 1 << 20; ///< what one frame adds to a histogram in all
+TERRAINSEG_TUNED(std::uint64_t, likelihood, frame_weight,
+                 1 << 20); ///< what one frame adds to a histogram in all
 constexpr std::uint64_t histogram_limit = std::uint64_t{1} << 30;
 
 /// Least probability of a bin under the mixture, log2 Q8.
-constexpr int least_positive = -3968;
+TERRAINSEG_TUNED(int, likelihood, least_positive, -3968);
 /// In favour of the terrain, log2 Q8: "the rest of the frame" is ground for the most part, so the plain ratio
 /// sits near 0 on the ground itself. Flat from 3 to 4.5 octaves; without it the mean error of five sequences
 /// is 8.4 in place of 5.5.
-constexpr int rest_is_ground = 950;
+TERRAINSEG_TUNED(int, likelihood, rest_is_ground, 950);
 /// The same where a range sensor or a large window has taught most of the ground: the rest is the rest then.
 /// From depth, indoors, all of it makes 9.6 % of what is not ground traversable, this 1.0.
-constexpr int rest_of_taught = 300;
+TERRAINSEG_TUNED(int, likelihood, rest_of_taught, 300);
 /// Shares of the picture, Q8, between which one goes over into the other; a usual window takes 5 to 12.
-constexpr int little_taught = 32, much_taught = 64;
+TERRAINSEG_TUNED(int, likelihood, little_taught, 32);
+TERRAINSEG_TUNED(int, likelihood, much_taught, 64);
 /// Of a training model, log2 Q8: a fifth. Flat from an eighth to a half; without it single frames after a
 /// jump of the scene lose their ground altogether (off-road 11.6 in place of 10.8 % with forgetting by >> 6).
-constexpr int training_share = -619;
+TERRAINSEG_TUNED(int, likelihood, training_share, -619);
 /// Of a model in the other light, log2 Q8: half of its share. Flat from a quarter to all of it.
-constexpr int other_light_share = -256;
+TERRAINSEG_TUNED(int, likelihood, other_light_share, -256);
 /// A negative bin holds at least a 10000th of all.
-constexpr std::uint64_t negative_floor = 10000;
+TERRAINSEG_TUNED(std::uint64_t, likelihood, negative_floor, 10000);
 /// 0.385 of the ratio in nats, 32 = 1 nat, from log2 Q8 (Q16).
-constexpr int color_weight = 2180;
+TERRAINSEG_TUNED(int, likelihood, color_weight, 2180);
 /// Colour may lie: it never outweighs texture, and one cell never outweighs its neighbours.
-constexpr int color_limit = 26;
+TERRAINSEG_TUNED(int, likelihood, color_limit, 26);
 /// What lies as far from every model in chroma, |U| + |V| in normalised grey levels, lies in no other light:
 /// a car or a box as smooth as the road. From 104 to 136 flat but for India (8.3, 8.0 % wrong); with 88 roads
 /// in the sun are 12.2 % wrong in place of 11.4, with 72 roads by day 10.8 in place of 8.7, for their verges.
-constexpr int other_chroma = 136;
-constexpr std::int8_t no_ground = -128; ///< of such a colour: no texture, 127 at most, makes up for it
+TERRAINSEG_TUNED(int, likelihood, other_chroma, 136);
+TERRAINSEG_TUNED(std::int8_t, likelihood, no_ground,
+                 -128); ///< of such a colour: no texture, 127 at most, makes up for it
 /// 1.6 of the ratio.
-constexpr int texture_weight = 9086;
-constexpr std::uint64_t texture_floor = 1000;
+TERRAINSEG_TUNED(int, likelihood, texture_weight, 9086);
+TERRAINSEG_TUNED(std::uint64_t, likelihood, texture_floor, 1000);
 
 std::uint64_t total_of(std::span<const std::uint32_t> histogram) {
   return std::accumulate(histogram.begin(), histogram.end(), std::uint64_t{0});

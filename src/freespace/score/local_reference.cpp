@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "freespace/score/local_reference.hpp"
 
+#include "base/tuning.hpp"
 #include "kernels/cells.hpp"
 
 namespace terrainseg {
 namespace {
 
-constexpr int follow_below = 48; ///< distance that is still the same surface in another light
-constexpr int free_below = 34;   ///< distance without a penalty
-constexpr int most = 36;
+TERRAINSEG_TUNED(int, local_reference, follow_below,
+                 48); ///< distance that is still the same surface in another light
+TERRAINSEG_TUNED(int, local_reference, free_below, 34); ///< distance without a penalty
+TERRAINSEG_TUNED(int, local_reference, most, 36);
 
 } // namespace
 

@@ -4,16 +4,18 @@
 #include <cstdlib>
 #include <numeric>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
-constexpr std::int64_t longest_gap =
-    2'000'000'000; ///< after it the scores are old, however like the pictures are
+TERRAINSEG_TUNED(std::int64_t, temporal, longest_gap,
+                 2'000'000'000); ///< after it the scores are old, however like the pictures are
 /// What tells is the picture, not the clock: averaging over the jumps of a 1 Hz sequence costs 0.8 to 6
 /// points, over two like pictures a second apart nothing. Frames of one motion differ by less than a fifth of
 /// what the picture itself varies: a drive in town at 15 Hz by 0.07 to 0.2, pictures a second apart by 0.3
 /// and more.
-constexpr std::uint64_t likeness = 5;
+TERRAINSEG_TUNED(std::uint64_t, temporal, likeness, 5);
 
 } // namespace
 
