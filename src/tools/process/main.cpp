@@ -378,6 +378,7 @@ int process(int argc, char** argv) {
     complain("--name is for one input, but these are " + std::to_string(inputs.size()));
     return static_cast<int>(Exit::usage);
   }
+  refuse_long_names(inputs, options);
   // The whole list, not only this shard's share: tasks that start together must all refuse.
   if (refuse_conflicts(inputs, options))
     return static_cast<int>(Exit::usage);

@@ -478,6 +478,9 @@ std::uint64_t Source::lost() const {
   in.erase(std::upper_bound(in.begin(), in.end(), out.back()), in.end());
   std::vector<GstClockTime> lost;
   std::set_difference(in.begin(), in.end(), out.begin(), out.end(), std::back_inserter(lost));
+  if (const IsoTrack* track = table();
+      track && track->followed_here()) // what an edit cuts away need not come
+    std::erase_if(lost, [track](GstClockTime time) { return !track->shown_at(time); });
   // When nothing matches the decoder made times of its own, and nothing can be told.
   return lost.size() + 1 < in.size() ? lost.size() : 0;
 }
@@ -485,7 +488,6 @@ std::uint64_t Source::lost() const {
 GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
   Source* source = static_cast<Source*>(self);
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
-  source->corrupted_ += GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_CORRUPTED);
   if (source->decoded_.empty()) {
     const CapsPointer caps(gst_pad_get_current_caps(pad));
     const char* mode =
@@ -496,11 +498,13 @@ GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info, gpointe
   if (source->countable_)
     source->decoded_.push_back(GST_BUFFER_PTS(buffer));
   const IsoTrack* track = source->table();
-  if (!track || !track->followed_here() || !GST_BUFFER_PTS_IS_VALID(buffer))
-    return GST_PAD_PROBE_OK;
-  const auto shown = track->shown_at(GST_BUFFER_PTS(buffer));
-  if (!shown)
+  const bool follows = track && track->followed_here() && GST_BUFFER_PTS_IS_VALID(buffer);
+  const auto shown = follows ? track->shown_at(GST_BUFFER_PTS(buffer)) : std::nullopt;
+  if (follows && !shown)
     return GST_PAD_PROBE_DROP;
+  source->corrupted_ += GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_CORRUPTED);
+  if (!follows)
+    return GST_PAD_PROBE_OK;
   buffer = gst_buffer_make_writable(buffer);
   GST_BUFFER_PTS(buffer) = *shown;
   GST_PAD_PROBE_INFO_DATA(info) = buffer;
