@@ -72,6 +72,7 @@ Figures measure(const Sequence& sequence, const std::vector<Sample>& samples, co
     throw std::runtime_error(sequence.folder + ": " + counted(samples.size(), "frame") +
                              ", of which none is scored: take more frames");
   figures.stills = sequence.stills;
+  figures.kind = sequence.kind;
   return figures;
 }
 

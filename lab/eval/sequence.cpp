@@ -52,6 +52,7 @@ void describe(Sequence& s, const fs::path& path) {
     const nlohmann::json about = nlohmann::json::parse(file);
     s.fps = about.value("fps", 0.0);
     s.window_bottom = about.value("window_bottom", 0);
+    s.kind = about.value("kind", std::string());
     s.free = about.value("source", std::string()).find("CC BY") != std::string::npos;
     if (about.value("stills", false))
       become_stills(s);

@@ -24,6 +24,7 @@ struct Sample {
 
 struct Sequence {
   std::string name, folder;
+  std::string kind;        ///< of place, for --leave-out; empty = not stated
   double fps = 0;          ///< frames per second; 0 = unknown
   int window_bottom = 0;   ///< rows of the frame to lift the training window by
   bool free = false;       ///< its pictures may be published
