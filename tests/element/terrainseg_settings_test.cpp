@@ -66,6 +66,7 @@ const Column columns[] = {
     {"connected-ground", "true", "false"},
     {"light-ahead", "true", "false"},
     {"own-shadow", "true", "false"},
+    {"upright", "true", "false"},
     {"free-space", "true", "false"},
     {"ground-behind", "true", "false"},
     {"odd-spots", "true", "false"},
@@ -364,7 +365,8 @@ TEST(Stages, MirrorTheBooleansBothWays) {
   auto element = make_element("terrainseg");
   const std::vector<std::string> names = {"texture",   "exposure",    "row-prior",        "local-reference",
                                           "geodesic",  "second-look", "connected-ground", "ground-behind",
-                                          "odd-spots", "refine",      "light-ahead",      "own-shadow"};
+                                          "odd-spots", "refine",      "light-ahead",      "own-shadow",
+                                          "upright"};
   for (const std::string& name : names) {
     EXPECT_NE(text(element.get(), "stages").find(name), std::string::npos) << name;
     g_object_set(element.get(), name.c_str(), FALSE, nullptr);
@@ -406,7 +408,7 @@ TEST(Stages, ThatAreOffChangeTheMask) {
       by_booleans(
           "terrainseg texture=false exposure=false row-prior=false local-reference=false "
           "geodesic=false second-look=false connected-ground=false ground-behind=false odd-spots=false "
-          "refine=false light-ahead=false own-shadow=false",
+          "refine=false light-ahead=false own-shadow=false upright=false",
           caps_text("I420", 320, 240));
   const auto mask_of = [](Rig& rig) {
     rig.step();

@@ -129,10 +129,10 @@ TEST(FreeSpacePipeline, EveryStageCanBeSwitchedOffAndMatters) {
       {"exposure", [](Settings& s) { s.exposure = false; }},
       {"row-prior", [](Settings& s) { s.row_prior = false; }},
       {"local-reference", [](Settings& s) { s.local_reference = false; }},
-      {"geodesic", [](Settings& s) { s.geodesic = false; }},
       {"second-look", [](Settings& s) { s.second_look = false; }},
       {"connected-ground", [](Settings& s) { s.connected_ground = false; }},
       {"ground-behind", [](Settings& s) { s.ground_behind = false; }},
+      {"upright", [](Settings& s) { s.upright = false; }},
       {"odd-spots", [](Settings& s) { s.odd_spots = false; }},
       {"refine", [](Settings& s) { s.refine = false; }},
       {"free-space", [](Settings& s) { s.free_space = false; }},
@@ -150,6 +150,10 @@ TEST(FreeSpacePipeline, EveryStageCanBeSwitchedOffAndMatters) {
     for (const std::uint8_t m : mask)
       ASSERT_TRUE(m == 0 || m == 128 || m == 255) << name;
   }
+  // In this drive upright edges leave nothing for it to change.
+  Settings with, without;
+  with.upright = without.upright = without.geodesic = false;
+  EXPECT_TRUE(masks_of_drive(with) != masks_of_drive(without)) << "geodesic";
 }
 
 TEST(FreeSpacePipeline, MoreCautionIsLessGround) {

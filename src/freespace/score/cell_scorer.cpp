@@ -38,6 +38,10 @@ Scores CellScorer::score(const View& view, const Vouched& trusted, bool continue
     geodesic_.raise(view.grid, steps_, trusted.seeds, penalty_);
   score_cells(view.grid, view.cells, tables.of(terrain, settings), penalty_, trusted,
               in_one_light(view, trusted.seeds), score_);
+  if (settings.upright) {
+    coherence_.look(view.pyramid, view.grid, view.transform, layout_of(view.task.frame.format).rgb);
+    coherence_.weigh(view.grid, score_);
+  }
   average_scores(score_, continued, average);
   return {average, penalty_, steps_};
 }

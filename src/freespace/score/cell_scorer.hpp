@@ -2,6 +2,7 @@
 // Scores the cells of a frame.
 #pragma once
 
+#include "freespace/score/coherence.hpp"
 #include "freespace/score/geodesic.hpp"
 #include "freespace/score/local_reference.hpp"
 #include "freespace/score/scores.hpp"
@@ -13,13 +14,15 @@ struct View;
 
 class CellScorer {
  public:
-  /// Colour and texture speak for and against a cell; its distance from the trusted ground speaks against it.
+  /// Colour and texture speak for and against a cell; its distance from the trusted ground and upright
+  /// edges speak against it.
   /// `trusted` are the window's cells that vouch for the ground: none where what is in front has not been
   /// looked at.
   Scores score(const View& view, const Vouched& trusted, bool continued, CellScores& average,
                TerrainTables& tables, const Terrain& terrain);
 
  private:
+  UprightCoherence coherence_;
   LocalReference local_reference_;
   ColorSteps steps_;
   GeodesicPenalty geodesic_;
