@@ -26,7 +26,6 @@ struct Scene {
     view.rgb = format == PixelFormat::RGB;
     pyramid.build(owned.frame(), {level + 1, 0, 0});
     view.horizon = 64;
-    view.window = {width * 2 / 5, height * 7 / 8, width / 5, height / 8};
     curves.boundary.assign(static_cast<std::size_t>(width), static_cast<std::uint16_t>(height / 4));
     curves.safe = curves.boundary;
   }
@@ -105,12 +104,7 @@ class ByDefinition {
   /// Seeds, growth, pieces, and which of them are stones, of the code's own deviations.
   Bytes stones() const {
     const std::span<const std::uint8_t> z = s_.field.deviations();
-    const int k = s_.view.level;
-    const Rectangle& window = s_.view.window;
-    const auto in_window = [&](int i, int j) {
-      return i >= window.y >> k && j >= window.x >> k && j <= (window.x + window.width) >> k;
-    };
-    const auto candidate = [&](int i, int j) { return i >= first_ && z[at(i, j)] >= 24 && !in_window(i, j); };
+    const auto candidate = [&](int i, int j) { return i >= first_ && z[at(i, j)] >= 24; };
     const auto sum_over = [&](int i, int j, const auto& value) {
       const int reach =
           std::max(static_cast<int>(std::floor(20.0 * std::max(i - horizon_, 30) / 1024 + 0.5)), 1);
@@ -187,7 +181,7 @@ class ByDefinition {
             to = std::max(to, j);
           }
         for (int j = from; j <= to; ++j)
-          stones[at(i, j)] = !in_window(i, j);
+          stones[at(i, j)] = 1;
       }
     return stones;
   }
@@ -397,14 +391,11 @@ TEST(StoneField, WhatTheGroundDoesNotSurroundIsNoStone) {
       ASSERT_FALSE(s.stone(y, x)) << y << ' ' << x;
 }
 
-TEST(StoneField, WhatIsInTheWindowIsGround) {
+TEST(StoneField, WhatStandsNearestIsSeenToo) {
   std::vector<Rectangle> stones = field_of(32, 320, 240);
-  const Rectangle before{150, 215, 16, 14};
+  const Rectangle before{150, 215, 16, 14}; // where the training window lies
   stones.push_back(before);
   Scene s(320, 240, 0, ground_with(stones));
-  ASSERT_TRUE(s.find());
-  EXPECT_FALSE(s.stone(221, 153));
-  s.view.window = {0, 240, 0, 0};
   ASSERT_TRUE(s.find());
   EXPECT_TRUE(s.stone(221, 153));
 }

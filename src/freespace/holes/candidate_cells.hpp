@@ -13,12 +13,6 @@
 
 namespace terrainseg {
 
-/// A window in cells of a level: from its first row down, its columns, both ends in it. No height.
-inline Rectangle window_cells(const Rectangle& window, int level) {
-  const int left = window.x >> level;
-  return {left, window.y >> level, ((window.x + window.width) >> level) - left, 0};
-}
-
 /// Cells are numbered row by row. Allocates in start() only.
 class CandidateCells {
  public:
@@ -34,17 +28,15 @@ class CandidateCells {
     row_ends_.assign(static_cast<std::size_t>(height), 0);
   }
 
-  /// Lists the cells whose value (0..127) is `least` or more, outside of `window`, see
-  /// window_cells().
-  void list(const std::uint8_t* values, int least, const Rectangle& window) {
+  /// Lists the cells whose value (0..127) is `least` or more.
+  void list(const std::uint8_t* values, int least) {
     const auto w = static_cast<std::size_t>(width_);
     cells_.clear();
     for (int i = first_; i < height_; ++i) {
       const std::size_t at = static_cast<std::size_t>(i) * w;
       const std::uint8_t* const row = values + at;
       const auto take = [&](std::size_t j) {
-        const auto column = static_cast<int>(j);
-        if (row[j] >= least && (i < window.y || column < window.x || column > window.x + window.width))
+        if (row[j] >= least)
           cells_.push_back(static_cast<std::uint32_t>(at + j));
       };
       std::size_t j = 0;

@@ -54,7 +54,7 @@ void SpotFinder::find(OpenGround& open, HoleMemory&) {
   if (!settings.odd_spots || (far ? !settings.far_spots || levels.far == levels.whole : !settings.near_spots))
     return;
   const bool any = spots_.find(view.pyramid, view.transform, open.curves_at(levels.columns),
-                               {far ? levels.far : levels.whole, levels.columns, open.horizon, view.window,
+                               {far ? levels.far : levels.whole, levels.columns, open.horizon,
                                 settings.ignore_regions, far ? far_rows : 0},
                                found_.holes) &&
                    spots_.drop_flat(open.motion, found_.holes);
@@ -72,11 +72,10 @@ void StoneFinder::find(OpenGround& open, HoleMemory& memory) {
   if (!settings.odd_spots || !settings.stone_field)
     return;
   const SpotLevels levels = spot_levels(view);
-  const bool any =
-      field_.find(view.pyramid, view.transform, open.curves_at(levels.columns),
-                  {texture_level(view.grid.level), layout_of(view.task.frame.format).rgb, levels.columns,
-                   levels.far, open.horizon, view.window, settings.ignore_regions},
-                  memory.stones, found_.holes);
+  const bool any = field_.find(view.pyramid, view.transform, open.curves_at(levels.columns),
+                               {texture_level(view.grid.level), layout_of(view.task.frame.format).rgb,
+                                levels.columns, levels.far, open.horizon, settings.ignore_regions},
+                               memory.stones, found_.holes);
   if (any)
     found_.oddness = field_.oddness();
 }

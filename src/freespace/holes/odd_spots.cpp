@@ -261,7 +261,7 @@ bool OddSpots::seed() {
   const std::size_t from = static_cast<std::size_t>(first_) * static_cast<std::size_t>(stride_);
   if (largest(&odd_[from], odd_.size() - from) < enough)
     return false;
-  candidates_.list(odd_.data(), odd_enough, window_cells(view_.window, view_.level));
+  candidates_.list(odd_.data(), odd_enough);
   return candidates_.seed(
       odd_.data(), ground_, enough, [&](int row) { return reach(seed_reach, row); }, seed_.data());
 }

@@ -23,7 +23,6 @@ struct GroundView {
   int level = 0;             ///< of the pyramid that is searched, finer than the grid by one or two
   int column_level = 0;      ///< the curves have a column per 2^this of the frame, at most `level`
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
-  Rectangle window;          ///< training window: what is in it is ground
   std::span<const Rectangle> ignored; ///< frame pixels
   int rows = 0; ///< below the horizon that are searched, in cells; 0 = down to the picture's end
 };
@@ -91,7 +90,7 @@ class OddSpots {
   std::vector<std::int16_t> nearest_dark_;
   std::array<std::vector<std::uint8_t>, 3> deviation_; ///< of a row, Q4
   std::vector<std::uint8_t> dark_, shade_;             ///< likewise: darker than both sides; clearly so
-  CandidateCells candidates_;                          ///< that are odd enough, outside of the window
+  CandidateCells candidates_;                          ///< that are odd enough
   std::vector<std::uint32_t> queue_;                   ///< cells of a piece
 };
 

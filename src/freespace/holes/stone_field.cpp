@@ -126,7 +126,7 @@ bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, c
   measure_ground();
   measure_deviations();
   const auto reach_of = [&](int row) { return reach(row); };
-  candidates_.list(deviation_.data(), odd_enough, window_cells(view.window, view.level));
+  candidates_.list(deviation_.data(), odd_enough);
   const auto clear = std::count_if(candidates_.cells().begin(), candidates_.cells().end(),
                                    [&](std::uint32_t cell) { return deviation_[cell] >= sure_peak; });
   if (clear < pieces_of_a_field()) // each piece has one
@@ -355,10 +355,9 @@ void StoneField::take_stones() {
 }
 
 // A stone is as wide as its outermost cells in each row: what lies between its light and its shaded side has
-// the ground's own luma. The window stays ground.
+// the ground's own luma.
 void StoneField::fill(const Piece& piece) {
   const auto w = static_cast<std::uint32_t>(width_);
-  const Rectangle window = window_cells(view_.window, view_.level);
   const auto rows = static_cast<std::size_t>(piece.bottom - piece.top + 1);
   row_ends_.assign(rows, {width_, 0});
   for (const std::uint32_t cell : piece_) {
@@ -366,23 +365,13 @@ void StoneField::fill(const Piece& piece) {
     from = std::min(from, static_cast<int>(cell % w));
     to = std::max(to, static_cast<int>(cell % w) + 1);
   }
-  const auto add = [&](int row, int from, int to) {
-    if (from >= to)
-      return;
+  for (std::size_t r = 0; r < rows; ++r) {
+    const int row = piece.top + static_cast<int>(r);
+    const auto [from, to] = row_ends_[r];
     runs_.push_back(
         {static_cast<std::uint16_t>(row), static_cast<std::uint16_t>(from), static_cast<std::uint16_t>(to)});
     std::fill_n(&oddness_[static_cast<std::size_t>(row) * w + static_cast<std::size_t>(from)], to - from,
                 static_cast<std::uint8_t>(std::min(piece.peak, most_oddness)));
-  };
-  for (std::size_t r = 0; r < rows; ++r) {
-    const int row = piece.top + static_cast<int>(r);
-    const auto [from, to] = row_ends_[r];
-    if (row < window.y) {
-      add(row, from, to);
-    } else {
-      add(row, from, std::min(to, window.x));
-      add(row, std::max(from, window.x + window.width + 1), to);
-    }
   }
 }
 

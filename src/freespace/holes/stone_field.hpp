@@ -27,7 +27,6 @@ struct StoneView {
   int column_level = 0;      ///< the curves have a column per 2^this of the frame
   int column_spacing = 0;    ///< see OutlineView
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
-  Rectangle window;          ///< training window: what is in it is ground
   std::span<const Rectangle> ignored; ///< frame pixels
 };
 
