@@ -285,7 +285,8 @@ std::unique_ptr<Engine> make_engine(const std::string& text, const Sequence& seq
       return std::find(parts.begin(), parts.end(), word) != parts.end();
     };
     return make_filter(filter_settings(text, sequence.window_bottom), sequence.fps,
-                       has(input_bgr) ? PixelFormat::BGR : PixelFormat::I420, has(with_pose));
+                       has(input_bgr) ? PixelFormat::BGR : PixelFormat::I420,
+                       has(with_pose) || !sequence.horizon.empty());
   }
   if (parts.size() > 1)
     throw std::runtime_error(text + ": only default and paper take settings");

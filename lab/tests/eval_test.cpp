@@ -522,6 +522,27 @@ TEST_F(EvalSequence, IsReadAsDescribed) {
   EXPECT_THROW(open_sequence(folder_.path().string()), std::runtime_error);
 }
 
+TEST_F(EvalSequence, AColumnOfHorizonsIsHandedIn) {
+  const auto describe = [&](const std::string& horizon) {
+    std::ofstream(folder_.path() / "sequence.json")
+        << R"({"fps": 1, "kind": "model", "stills": true, "horizon": )" << horizon << "}";
+  };
+  const auto row_of = [](const Sequence& s, std::size_t i) {
+    return s.read(i).picture.frame().vanishing_row;
+  };
+  describe("0.5");
+  const Sequence one = open_sequence(folder_.path().string());
+  EXPECT_EQ(one.kind, "model");
+  EXPECT_EQ(row_of(one, 3), 256 * 60);
+  describe("[0.1, 0.2, 0.3, 0.75]");
+  EXPECT_EQ(row_of(open_sequence(folder_.path().string()), 3), 256 * 90);
+  EXPECT_EQ(row_of(open_sequence(folder_.path().string(), {0, 3}), 1), 256 * 90);
+  // All ground begins below row 50: a line far below it takes most of it away.
+  EXPECT_GT(run("default").frames.back().error, run("default,motion=off").frames.front().error + 10);
+  describe("[0.1, 0.2]");
+  EXPECT_THROW(open_sequence(folder_.path().string()), std::runtime_error);
+}
+
 TEST_F(EvalSequence, LabelsOfAnotherSizeAreRefused) {
   cv::imwrite((folder_.path() / "labels/0002.png").string(), cv::Mat1b(60, 80, std::uint8_t{label_terrain}));
   const Sequence s = open_sequence(folder_.path().string());

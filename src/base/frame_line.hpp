@@ -9,7 +9,7 @@ namespace terrainseg {
 
 struct FrameLine {
   /// How it is known, the surer the later.
-  enum class Source : std::uint8_t { none, motion, pose, setting };
+  enum class Source : std::uint8_t { none, hint, motion, pose, setting };
   Source source = Source::none;
   std::int32_t row_q8 = 0; ///< Q8 rows from the frame's top; may lie outside of the frame
 

@@ -19,6 +19,7 @@ struct Memory {
   GridCurve boundary; ///< of the last frame; empty = none
   HorizonHold horizon;
   HoleMemory holes;
+  FrameLine line; ///< the last that motion found: the mount keeps it while the rover stands and over cuts
 };
 
 } // namespace terrainseg

@@ -42,6 +42,18 @@ FrameLine end_of_plane(const FrameTask& task, bool continued, const MotionTrack&
   return known.lower_by(corrected ? track.line_offset : 0).within(task.frame.height);
 }
 
+/// The same for what ends the ground: where nothing is known of this frame the line that motion found last,
+/// else the hint.
+FrameLine end_of_ground(const FrameTask& task, bool continued, const Memory& memory) {
+  const FrameLine measured = end_of_plane(task, continued, memory.holes.motion);
+  if (measured.known() || known_line(task).known())
+    return measured;
+  if (task.settings.motion != Motion::off && memory.line.known())
+    return memory.line;
+  const int hint = task.settings.horizon_hint_q8;
+  return hint < 0 ? FrameLine{} : FrameLine{FrameLine::Source::hint, hint * task.frame.height};
+}
+
 } // namespace
 
 void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, EstimateWriter& out,
@@ -58,11 +70,13 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   const Scores scores = scorer_.score(view, lesson.trusted, continued, memory_.average, tables_, terrain);
   clock.lap(Stage::scoring);
   const Ground& ground =
-      tracer_.trace(view, scores, lesson.horizon.row, end_of_plane(task, continued, memory_.holes.motion),
-                    continued, memory_.boundary, terrain.horizon);
+      tracer_.trace(view, scores, lesson.horizon.row, end_of_ground(task, continued, memory_), continued,
+                    memory_.boundary, terrain.horizon);
   curves_.refine(view, ground);
   holes_.find({view, ground, curves_, terrain.horizon, known_line(task), continued}, memory_.holes);
   const MotionTrack& track = memory_.holes.motion;
+  if (task.settings.motion != Motion::off && track.line.known())
+    memory_.line = track.line;
   answer_.write({view, lesson, scores, ground, curves_.of_mask(), holes_, end_of_plane(task, true, track),
                  task.settings.motion == Motion::off ? 0 : track.speed, continued},
                 memory_.horizon, out, clock);

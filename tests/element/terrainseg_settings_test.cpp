@@ -80,6 +80,7 @@ const Column columns[] = {
     {"temporal", "auto", "off"},
     {"motion", "auto", "off"},
     {"vanishing-row", "-1", "-1"},
+    {"horizon-hint", "-1", "-1"},
     {"caution", "0", "0"},
     {"doubtful", "-24", "-96"},
     {"mask-level", "0", "0"},

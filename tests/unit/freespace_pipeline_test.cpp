@@ -167,6 +167,26 @@ TEST(FreeSpacePipeline, MoreCautionIsLessGround) {
   }
 }
 
+TEST(FreeSpacePipeline, NothingAboveAHintIsGround) {
+  Settings settings;
+  settings.motion = Motion::off;
+  settings.horizon_hint_q8 = 256 * 3 / 4;
+  const Segmenter hinted = after_drive(settings);
+  const Estimate& e = hinted.estimate();
+  const int first = 240 * 3 / 4 - 240 / 32 - 8; // a cell has eight rows
+  for (int y = 0; y < first; ++y)
+    for (int x = 0; x < e.mask.width; ++x)
+      ASSERT_NE(e.mask.plane.row(y)[x], mask_traversable) << y << ' ' << x;
+  EXPECT_EQ(e.vanishing_row, -1) << "a hint is no measurement";
+  const Bytes mask = mask_of(e);
+  EXPECT_NE(std::count(mask.begin(), mask.end(), mask_traversable), 0);
+  // What is known is surer than a hint.
+  settings.vanishing_row = 60;
+  const Segmenter known = after_drive(settings);
+  settings.horizon_hint_q8 = -256;
+  EXPECT_EQ(mask_of(known.estimate()), mask_of(after_drive(settings).estimate()));
+}
+
 TEST(FreeSpacePipeline, HorizonModes) {
   Settings settings;
   settings.horizon = HorizonMode::off;
