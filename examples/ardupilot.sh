@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# A camera's free space as obstacles for an autopilot: MAVLink OBSTACLE_DISTANCE and HEARTBEAT by UDP.
-# usage: examples/ardupilot.sh [--scene] [HOST:PORT] | --self-test
+# A camera's free space as obstacles for an autopilot: MAVLink OBSTACLE_DISTANCE and HEARTBEAT by UDP or a serial line.
+# usage: examples/ardupilot.sh [--scene] [HOST:PORT | DEVICE[:BAUD]] | --self-test
 #   HOST:PORT   where the autopilot, or a router in front of it, listens (default: 127.0.0.1:14552)
+#   DEVICE      a serial port to the autopilot, such as /dev/ttyS1 or /dev/ttyAMA0:57600 (default: 921600 baud). No other
+#               program may use the port: for that put a router in front of it
 #   --scene     a rendered rover's view with its calibration in place of the camera: nothing is to be driven by it
 # Set CAMERA_INFO and MOUNT (docs/tasks/calibration.md): without them nothing is known, and all ahead is an obstacle.
 #   CAMERA_INFO   a ROS camera_info file          MOUNT   a mount file, or height=0.5,pitch=10deg
@@ -58,8 +60,19 @@ YAML
     ;;
 esac
 [ -z "${1:-}" ] || target=$1
-[[ $target =~ ^[A-Za-z0-9._-]+:[0-9]+$ ]] || fail "'$target' is not HOST:PORT"
-check_port "${target##*:}"
+if [[ $target =~ ^(/dev/[A-Za-z0-9._/-]+)(:([0-9]+))?$ ]]; then
+  device=${BASH_REMATCH[1]} baud=${BASH_REMATCH[3]:-921600}
+  [ -c "$device" ] || fail "there is no serial port $device: ls /dev/tty* /dev/serial/by-id/* shows those that are there"
+  { [ -r "$device" ] && [ -w "$device" ]; } || fail "$device is not yours to write: sudo adduser $(id -un) dialout, and log in again"
+  # Bytes as they are, whatever a program before this one has set.
+  stty -F "$device" "$baud" raw -echo -crtscts clocal cs8 -cstopb -parenb || fail "$device does not take $baud baud"
+  sink="filesink location=$device buffer-mode=unbuffered"
+elif [[ $target =~ ^[A-Za-z0-9._-]+:[0-9]+$ ]]; then
+  check_port "${target##*:}"
+  sink="udpsink host=${target%:*} port=${target##*:}"
+else
+  fail "'$target' is not HOST:PORT, nor a serial port such as /dev/ttyS1 or /dev/ttyS1:57600"
+fi
 SYSTEM_ID=${SYSTEM_ID:-1} LAYOUT=${LAYOUT:-fine}
 { [[ $SYSTEM_ID =~ ^[0-9]{1,3}$ ]] && [ "$((10#$SYSTEM_ID))" -ge 1 ] && [ "$((10#$SYSTEM_ID))" -le 255 ]; } || fail "SYSTEM_ID '$SYSTEM_ID': say 1 to 255"
 [[ $LAYOUT =~ ^(fine|portable)$ ]] || fail "LAYOUT '$LAYOUT': say fine or portable"
@@ -67,7 +80,7 @@ SYSTEM_ID=${SYSTEM_ID:-1} LAYOUT=${LAYOUT:-fine}
   echo "ardupilot.sh: CAMERA_INFO or MOUNT is not set: the autopilot will be told that nothing is known" >&2
 text="$SOURCE ! videoconvert ! video/x-raw,format=NV12 ! queue leaky=downstream max-size-buffers=1 ! terrainseg ${camera_info:+camera-info=$(quoted "$camera_info")} \
   ${mount:+mount=$(quoted "$mount")} $SETTINGS ! terrainextract mavlink-layout=$LAYOUT system-id=$SYSTEM_ID \
-  ! application/x-mavlink ! udpsink host=${target%:*} port=${target##*:} sync=false async=false"
+  ! application/x-mavlink ! $sink sync=false async=false"
 if [ -n "${ATTITUDE:-}" ]; then
   exec /usr/bin/python3 "$here/python/attitude_to_pose.py" --listen "$ATTITUDE" --mount "$mount" "$text"
 fi

@@ -3,14 +3,15 @@
 # Installs what is missing, builds the filter and runs it once, on VIDEO or on a scene that it renders itself.
 # usage: examples/quickstart.sh [VIDEO] [PROPERTY=VALUE...]      such as window-bottom=80: a property of terrainseg
 # leaves quickstart/annotated.mp4 (H.264), quickstart/masks.mkv (FFV1, GRAY8), quickstart/terrain.jsonl and
-# quickstart/preview.png, a contact sheet: annotated frames above, their masks below.
+# quickstart/preview.png, a contact sheet: annotated frames above, their masks below. What an earlier run left moves to
+# quickstart/earlier-N.
 # Of a damaged VIDEO what could be decoded is kept as quickstart/partial.*, and the exit status is 1.
 # (QUICKSTART_BUILD: a build that is there already, used as it is; QUICKSTART_RESULTS: another folder for the results.)
 set -euo pipefail
 top=$(cd "$(dirname "$0")/.." && pwd)
 . "$top/examples/heartbeat.sh"
 fail() { echo "quickstart: $*" >&2; exit 1; }
-usage() { sed -n '3,8s/^# //p' "$0"; exit "$1"; }
+usage() { sed -n '3,9s/^# //p' "$0"; exit "$1"; }
 
 video="" settings=()
 for argument in "$@"; do
@@ -35,7 +36,7 @@ begin=$SECONDS
 ./install-dependencies.sh plugin process run preview
 installed=$((SECONDS - begin))
 
-# The plugin and terrainseg-process: nothing else is compiled.
+# Only what the next steps take is compiled: plugins, library, terrainseg-process and terrainseg-calibrate.
 build=${QUICKSTART_BUILD:-$top/build-quickstart}
 process=$build/src/tools/terrainseg-process
 build_it() {
@@ -46,7 +47,7 @@ build_it() {
       { tail -n 20 "$build.log" >&2; fail "could not configure the build; the whole log is $build.log"; }
   fi
   echo "building ..."
-  heartbeat "$build.log" ninja -C "$build" gst/libgstterrainseg.so src/tools/terrainseg-process ||
+  heartbeat "$build.log" ninja -C "$build" quickstart ||
     { grep -m 1 -A 20 FAILED "$build.log" >&2 || tail -n 20 "$build.log" >&2; fail "could not build; the whole log is $build.log"; }
   echo "installed in $installed s, built in $((SECONDS - begin)) s"
 }
@@ -61,7 +62,8 @@ source=$video
 if [ -z "$source" ]; then
   echo "rendering a scene ..."
   source=$results/scene.mp4
-  heartbeat "$out/log" gst-launch-1.0 -q -e terrainscenesrc num-buffers=250 ! video/x-raw,format=I420,width=640,height=360,framerate=30/1 \
+  # A drive that the filter sees well; docs/gallery.md shows others.
+  heartbeat "$out/log" gst-launch-1.0 -q -e terrainscenesrc scene=trail seed=7 num-buffers=250 ! video/x-raw,format=I420,width=640,height=360,framerate=30/1 \
     ! x264enc pass=qual quantizer=16 speed-preset=veryfast ! mp4mux ! filesink "location=\"$out/scene.mp4\"" ||
     { tail -n 20 "$out/log" >&2; fail "the scene could not be rendered"; }
   mv "$out/scene.mp4" "$source"
@@ -96,13 +98,24 @@ ffmpeg -nostdin -v error -y -i "$out/${prefix}annotated.mp4" -i "$out/${prefix}m
   "[0:v]${pick}[a];[1:v]format=gray,${pick/scale=426:-2/scale=426:-2:flags=neighbor},format=rgb24[b];[a]format=rgb24[c];[c][b]vstack" \
   -frames:v 1 "$out/${prefix}preview.png" || fail "ffmpeg could not make the contact sheet"
 
-for name in annotated.mp4 masks.mkv terrain.jsonl preview.png; do
+names=(annotated.mp4 masks.mkv terrain.jsonl preview.png)
+earlier=1
+while [ -e "$results/earlier-$earlier" ]; do earlier=$((earlier + 1)); done
+for name in "${names[@]}"; do
+  [ -e "$results/$prefix$name" ] || continue
+  mkdir -p "$results/earlier-$earlier"
+  mv "$results/$prefix$name" "$results/earlier-$earlier/"
+done
+[ ! -e "$results/earlier-$earlier" ] || echo "what the last run left is in $results/earlier-$earlier"
+for name in "${names[@]}"; do
   mv "$out/$prefix$name" "$results/$prefix$name"
   echo "$results/$prefix$name"
 done
 
 quoted=$(printf '%q' "$source")
 cat <<NEXT
+README, pages and examples: run their commands in the shell that this opens: meson devenv -w $top -C $build
+(the window of examples/tune.sh also takes: ./install-dependencies.sh tune)
 What next, from $top:
   examples/quickstart.sh $quoted caution=8    # another setting
   ${process#"$top"/} -o out $quoted    # many files, CSV, resuming: docs/tasks/files.md

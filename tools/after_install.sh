@@ -6,8 +6,10 @@ set -euo pipefail
 plugins=$1 libraries=$2 searched=$3
 [ -z "${DESTDIR:-}" ] || exit 0 # a package: its own scripts do this
 # The loader's cache knows the folders of the whole machine only.
-listed() { ldconfig -v -N 2>/dev/null | grep -qE "^$1:"; }
+# Read whole: grep -q behind a pipe would end ldconfig by SIGPIPE, which pipefail takes for "not listed".
 export PATH=$PATH:/usr/sbin:/sbin
+folders=$(ldconfig -v -N 2>/dev/null) || true
+listed() { grep -qE "^$1:" <<<"$folders"; }
 if [ "$(id -u)" -eq 0 ] && listed "$libraries"; then
   ldconfig
 else

@@ -56,7 +56,7 @@ def estimate_of(buffer):
         'traversable': fields.get_value('traversable-permille') / 1000,
         # 0 not traversable, 128 doubtful or unknown, 255 traversable
         'mask': array_of_mask(fields.get_value('mask')),
-        # how sure the mask is, in coarse cells spread over it: 0 = a toss, 1 = certain; None with free-space=false
+        # how sure the mask is, in coarse cells spread over it: 0 = a toss, 1 = certain; None with preset=paper
         'confidence-map': None if sureness is None else array_of_mask(sureness) / 255,
         # per mask column the highest row of the free space ahead; the frame's height = none
         'boundary': np.frombuffer(bytes_of(fields.get_value('boundary')), '<u2'),

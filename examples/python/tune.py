@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """A window to tune the filter in: examples/tune.sh starts this and says how it is used."""
 import argparse
-import collections
 import os
 import pathlib
-import re
 import shlex
 import sys
 
@@ -16,14 +14,10 @@ gi.require_version('GstVideo', '1.0')
 from gi.repository import GLib, GObject, Gst, GstVideo  # noqa: E402
 
 import find_plugin  # noqa: E402
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / 'src/tools/rover'))
+from filter_settings import (FLAGS, KEYS, fields_of, read_group, rectangles_of, set_text, settings_of, stock_of,  # noqa: E402
+                             text_of, write_settings)
 
-# The ten properties that keys choose (1 to 9, then 0) and what one press of + or - adds.
-KEYS = (('preset', 1), ('caution', 2), ('doubtful', 4), ('window-sigma', 0.25), ('forget-shift', 1), ('connected-ground', 1),
-        ('odd-spots', 1), ('motion', 1), ('temporal', 1), ('overlay-style', 1))
-# What is no setting of the filter on this camera: how it is shown, where it is in the graph, what is its own mirror.
-NOT_KEPT = {'name', 'parent', 'overlay', 'navigation', 'post-messages', 'settings-location', 'model-location', 'instance',
-            'stages', 'qos', 'learning', 'near-clear', 'n-threads', 'ignore-regions'}
-WINDOW_IN_PIXELS = ('window-x', 'window-bottom', 'window-width', 'window-height')
 PANEL, PANEL_HEIGHT = 380, 520  # pixels beside the picture
 HELP = '''1..9 0  choose    + -  change
 Backspace  as the preset has it
@@ -32,81 +26,10 @@ right drag  region to ignore
 right click takes it away
 Space pause   . step   r forget
 l learning on/off   q leave'''
-FLAGS = ((1, 'learned'), (2, 'frozen'), (4, 'starved'), (8, 'unknown'), (16, 'horizon held'), (32, 'blocked'))
 
 
 def fail(message):
     sys.exit(f'tune.sh: {message}')
-
-
-def text_of(element, name):
-    """The value of a property as gst-launch-1.0 and a settings file take it."""
-    spec = element.find_property(name)
-    value = element.get_property(name)
-    if spec.value_type.is_a(GObject.TYPE_ENUM):
-        return value.value_nick
-    if isinstance(value, float):
-        return f'{value:g}'
-    if isinstance(value, bool):
-        return 'true' if value else 'false'
-    return '' if value is None else str(value)
-
-
-def rectangles_of(text):
-    """<<x, y, width, height>, ...> as a list of tuples."""
-    numbers = [int(number) for number in re.findall(r'-?\d+', re.sub(r'\([a-z]+\)', '', text))]
-    return list(zip(*[iter(numbers)] * 4))
-
-
-def regions_text(regions):
-    return '<' + ','.join('<(int){},(int){},(int){},(int){}>'.format(*each) for each in regions) + '>'
-
-
-def settings_of(element, regions):
-    """What differs from the preset, as pairs of name and text, the preset first."""
-    stock = Gst.ElementFactory.make('terrainseg')
-    preset = text_of(element, 'preset')
-    Gst.util_set_object_arg(stock, 'preset', preset)
-    kept = [('preset', preset)] if preset != 'default' else []
-    for spec in element.list_properties():
-        writable = spec.flags & GObject.ParamFlags.WRITABLE
-        if spec.name in NOT_KEPT or spec.name == 'preset' or not writable:
-            continue
-        value = text_of(element, spec.name)
-        if value != text_of(stock, spec.name):
-            kept.append((spec.name, value))
-    if regions:
-        kept.append(('ignore-regions', regions_text(regions)))
-    return kept
-
-
-def read_group(path):
-    """The group [terrainseg] of a settings file as a dictionary; empty when there is no file."""
-    keys = GLib.KeyFile()
-    if not os.path.exists(path):
-        return {}
-    try:
-        keys.load_from_file(path, GLib.KeyFileFlags.NONE)
-        return {key: keys.get_value('terrainseg', key) for key in keys.get_keys('terrainseg')[0]}
-    except GLib.Error as error:
-        fail(f'{path}: {error.message}')
-
-
-def write_settings(path, settings):
-    """Other groups and comments of a file that is there stay; the file is whole or as it was."""
-    keys = GLib.KeyFile()
-    if os.path.exists(path):
-        keys.load_from_file(path, GLib.KeyFileFlags.KEEP_COMMENTS)
-        if keys.has_group('terrainseg'):
-            for key in keys.get_keys('terrainseg')[0]:
-                keys.remove_key('terrainseg', key)
-    for name, value in settings:
-        keys.set_value('terrainseg', name, value)
-    if not settings:
-        keys.set_value('terrainseg', 'preset', 'default')
-    part = pathlib.Path(f'{path}.part')
-    part.write_text(keys.to_data()[0])
-    os.replace(part, path)
 
 
 def source_of(what):
@@ -118,28 +41,6 @@ def source_of(what):
         fail(f'{what} cannot be read; say a video, camera or scene')
     uri = pathlib.Path(what).resolve().as_uri()
     return f'uridecodebin uri={uri} ! videoconvert ! deinterlace fields=top ! videoflip video-direction=auto ! videoconvert'
-
-
-def fields_of(buffer):
-    meta = buffer.get_custom_meta('GstTerrainSegMeta')
-    return meta.get_structure() if meta else None
-
-
-def set_text(element, name, value):
-    spec = element.find_property(name)
-    if not spec:
-        fail(f'terrainseg has no property {name}; gst-inspect-1.0 terrainseg lists them')
-    # util_set_object_arg() leaves what it cannot read as it was, and of what is out of range it warns.
-    least, most = getattr(spec, 'minimum', None), getattr(spec, 'maximum', None)
-    try:
-        number = least is not None and (int(value, 0) if isinstance(least, int) else float(value))
-        if least is not None and not least <= number <= most:
-            fail(f'{name} = {value}: must be {least}..{most}')
-        quoted = value.replace('\\', r'\\').replace('"', r'\"')
-        Gst.parse_launch(f'terrainseg {name}="{quoted}"')
-    except (ValueError, GLib.Error):
-        fail(f'{name} = {value!r} is no {spec.value_type.name}; gst-inspect-1.0 terrainseg tells what it takes')
-    Gst.util_set_object_arg(element, name, value)
 
 
 class Tuner:
@@ -203,8 +104,7 @@ class Tuner:
         self.text.set_property('text', '\n'.join([*self.value_lines(), '', *self.number_lines(), '', HELP]))
 
     def value_lines(self):
-        stock = Gst.ElementFactory.make('terrainseg')
-        Gst.util_set_object_arg(stock, 'preset', text_of(self.terrain, 'preset'))
+        stock = stock_of(self.terrain)
         for index, (name, _) in enumerate(KEYS):
             value = text_of(self.terrain, name)
             changed = '*' if value != text_of(stock, name) else ' '
@@ -351,7 +251,7 @@ class Tuner:
             self.loop.run()
         except KeyboardInterrupt:
             pass
-        settings = settings_of(self.terrain, self.regions)
+        settings = settings_of(self.terrain, self.regions, self.fields)
         self.pipeline.set_state(Gst.State.NULL)
         if self.status == 0:
             self.say_goodbye(settings)
@@ -373,51 +273,68 @@ def picture_of(options):
     """The last of some frames with the window drawn, once for each value that is tried, side by side, as PNG."""
     name, values = options.attempt or ('', [''])
     settings = [('settings-location', options.settings)] if read_group(options.settings) else []
-    heads, places = [], []
+    heads, labels = [], []
     for index, value in enumerate(values):
-        label = f'{name}={value}' if name else options.what
+        labels.append(f'{name}={value}' if name else os.path.basename(options.what))
         heads.append(f't. ! queue ! terrainseg name=terrain{index} overlay=true ! videoconvert ! videoscale '
                      f'! video/x-raw,format=BGRx,width={options.width},pixel-aspect-ratio=1/1 '
-                     f'! textoverlay text="{label}" font-desc="Monospace 12" auto-resize=false halignment=left valignment=top ! side.sink_{index}')
-        places.append(f'sink_{index}::xpos={index * options.width}')
+                     f'! textoverlay name=label{index} font-desc="Monospace 12" auto-resize=false halignment=left valignment=top '
+                     f'! appsink name=out{index} sync=false max-buffers=1')
     source = source_of(options.what).replace(' is-live=true', '')
-    pipeline = Gst.parse_launch(f'{source} ! identity eos-after={options.frames + 1} ! tee name=t {" ".join(heads)} '
-                                f'compositor name=side {" ".join(places)} ! videoconvert ! video/x-raw,format=RGB '
-                                '! appsink name=out sync=false max-buffers=4')
+    pipeline = Gst.parse_launch(f'{source} ! tee name=t {" ".join(heads)}')
     for index, value in enumerate(values):
+        pipeline.get_by_name(f'label{index}').set_property('text', labels[index])
         element = pipeline.get_by_name(f'terrain{index}')
         for key, text in [*settings, *options.properties, *([(name, value)] if name else [])]:
             set_text(element, key, text)
-    last = last_sample(pipeline)
-    png = GstVideo.video_convert_sample(last, Gst.Caps.from_string('image/png'), 10 * Gst.SECOND).get_buffer()
+    png = png_of(last_samples(pipeline, len(values), options.frames))
     try:
-        pathlib.Path(options.picture).write_bytes(png.extract_dup(0, png.get_size()))
+        pathlib.Path(options.picture).write_bytes(png)
     except OSError as error:
         fail(f'{options.picture} cannot be written: {error.strerror}')
     print(options.picture)
     return 0
 
 
-def last_sample(pipeline):
-    out, bus = pipeline.get_by_name('out'), pipeline.get_bus()
-    samples = collections.deque(maxlen=1)
+def last_samples(pipeline, count, frames):
+    """Of each of the sinks out0, out1, ... the sample of the last of some frames."""
+    sinks, bus = [pipeline.get_by_name(f'out{index}') for index in range(count)], pipeline.get_bus()
+    last = []
     pipeline.set_state(Gst.State.PLAYING)
     try:
-        while True:
-            sample = out.emit('try-pull-sample', Gst.SECOND // 5)
-            if sample:
-                samples.append(sample)
-                continue
-            message = bus.pop_filtered(Gst.MessageType.ERROR)
-            if message:
-                fail(f'{message.src.get_name()}: {message.parse_error()[0].message}')
-            if out.get_property('eos'):
+        for _ in range(frames):
+            samples = [next_sample(sink, bus) for sink in sinks]
+            if not all(samples):
                 break
+            last = samples
     finally:
         pipeline.set_state(Gst.State.NULL)
-    if not samples:
+    if not last:
         fail('no frame came')
-    return samples[0]
+    return last
+
+
+def next_sample(sink, bus):
+    """None at the end."""
+    while True:
+        sample = sink.emit('try-pull-sample', Gst.SECOND // 5)
+        if sample or sink.get_property('eos'):
+            return sample
+        message = bus.pop_filtered(Gst.MessageType.ERROR)
+        if message:
+            fail(f'{message.src.get_name()}: {message.parse_error()[0].message}')
+
+
+def png_of(samples):
+    """Pictures of one size without padding, side by side."""
+    get = samples[0].get_caps().get_structure(0).get_value
+    width, height = get('width'), get('height')
+    pictures = [sample.get_buffer().extract_dup(0, 4 * width * height) for sample in samples]
+    rows = (picture[4 * width * row:4 * width * (row + 1)] for row in range(height) for picture in pictures)
+    caps = f'video/x-raw,format=BGRx,width={width * len(samples)},height={height},framerate=0/1'
+    joined = Gst.Sample.new(Gst.Buffer.new_wrapped(b''.join(rows)), Gst.Caps.from_string(caps), None, None)
+    png = GstVideo.video_convert_sample(joined, Gst.Caps.from_string('image/png'), 10 * Gst.SECOND).get_buffer()
+    return png.extract_dup(0, png.get_size())
 
 
 def pair(text):
@@ -453,17 +370,17 @@ def main():
     if not 64 <= options.width <= 4096:
         parser.error('--width is 64 to 4096')
     find_plugin.init()
-    for name in 'textoverlay', 'videobox', 'compositor':
+    for name in 'textoverlay', 'videobox':
         if not Gst.ElementFactory.find(name):
             fail(f'GStreamer has no {name}: ./install-dependencies.sh tune installs what this takes')
-    if options.picture:
-        return picture_of(options)
-    if not os.environ.get('DISPLAY') and options.sink == 'ximagesink':
+    if not options.picture and not os.environ.get('DISPLAY') and options.sink == 'ximagesink':
         fail('no display (DISPLAY is not set): --picture FILE.png draws into a file')
     try:
-        return Tuner(options).run()
+        return picture_of(options) if options.picture else Tuner(options).run()
     except GLib.Error as error:
         return fail(error.message)
+    except ValueError as error:
+        return fail(error)
 
 
 if __name__ == '__main__':

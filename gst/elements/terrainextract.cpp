@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "elements/terrainextract/mask_picture.hpp"
 #include "exchange/counted.hpp"
 #include "exchange/json_lines.hpp"
 #include "exchange/mavlink_stream.hpp"
@@ -18,11 +19,11 @@
 #include "support/estimate_meta.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
-#include "support/mask_picture.hpp"
 #include "support/metadata_watch.hpp"
 #include "support/metric_meta.hpp"
 #include "support/name_property.hpp"
 #include "support/object.hpp"
+#include "support/once.hpp"
 #include "support/plugin_api.hpp"
 #include "support/precision_time.hpp"
 #include "support/properties.hpp"
@@ -64,8 +65,7 @@ GType form_type() {
   static const GEnumValue values[] = {
       {static_cast<int>(KlvForm::vmti), "A VMTI Local Set (ST 0903) alone", "vmti"},
       {static_cast<int>(KlvForm::uas_datalink),
-       "A VMTI Local Set in a UAS Datalink Local Set (ST 0601), with attitude and position where they are "
-       "known",
+       "A VMTI Local Set in a UAS Datalink Local Set (ST 0601), with attitude and position if known",
        "uas-datalink"},
       {0, nullptr, nullptr}};
   static const GType type = g_enum_register_static("GstTerrainKlvForm", values);
@@ -74,9 +74,9 @@ GType form_type() {
 
 GType layout_type() {
   static const GEnumValue values[] = {
-      {static_cast<int>(MavlinkLayout::portable), "72 sectors of 5 degrees all around: ArduPilot and PX4",
-       "portable"},
-      {static_cast<int>(MavlinkLayout::fine), "72 sectors over the field of view: ArduPilot only", "fine"},
+      {static_cast<int>(MavlinkLayout::portable),
+       "72 sectors of 5 degrees, all around the vehicle: ArduPilot and PX4", "portable"},
+      {static_cast<int>(MavlinkLayout::fine), "72 sectors across the field of view: ArduPilot only", "fine"},
       {0, nullptr, nullptr}};
   static const GType type = g_enum_register_static("GstTerrainMavlinkLayout", values);
   return type;
@@ -84,8 +84,8 @@ GType layout_type() {
 
 GType unknown_type() {
   static const GEnumValue values[] = {
-      {static_cast<int>(MavlinkUnknown::obstacle), "An obstacle at the least distance", "obstacle"},
-      {static_cast<int>(MavlinkUnknown::nothing), "No word (65535), which ArduPilot takes for a free way",
+      {static_cast<int>(MavlinkUnknown::obstacle), "Sent as an obstacle at the minimum distance", "obstacle"},
+      {static_cast<int>(MavlinkUnknown::nothing), "Sent as no value (65535), which ArduPilot treats as free",
        "nothing"},
       {0, nullptr, nullptr}};
   static const GType type = g_enum_register_static("GstTerrainMavlinkUnknown", values);
@@ -93,23 +93,24 @@ GType unknown_type() {
 }
 
 const Property<ExtractSettings> output_table[] = {
-    {"klv-form", "KLV form", "What a unit of meta/x-klv is", property_playing,
+    {"klv-form", "KLV form", "Form of the units of meta/x-klv", property_playing,
      TERRAINSEG_CHOICE(ExtractSettings, klv_form, form_type)},
     {"klv-position", "KLV position",
-     "Where the camera is, for klv-form=uas-datalink: latitude,longitude,altitude in degrees and metres "
-     "above mean sea level, and as a fourth the vehicle's heading in degrees where it is known",
+     "Position of the camera for klv-form=uas-datalink: latitude,longitude,altitude in degrees and metres "
+     "above mean sea level, optionally followed by the vehicle's heading in degrees",
      property_playing,
      PlainField<ExtractSettings, std::string>{TERRAINSEG_FIELD(ExtractSettings, klv_position)}},
-    {"mavlink-layout", "MAVLink layout", "How the 72 sectors of application/x-mavlink lie around the vehicle",
+    {"mavlink-layout", "MAVLink layout", "Layout of the 72 sectors of application/x-mavlink",
      property_playing, TERRAINSEG_CHOICE(ExtractSettings, mavlink_layout, layout_type)},
     {"mavlink-unknown", "MAVLink unknown",
-     "What application/x-mavlink says of directions in view of which nothing is known", property_playing,
+     "How application/x-mavlink reports visible directions whose range is unknown", property_playing,
      TERRAINSEG_CHOICE(ExtractSettings, mavlink_unknown, unknown_type)},
-    {"system-id", "System id", "MAVLink system that application/x-mavlink is sent as: the vehicle's",
+    {"system-id", "System id", "MAVLink system id of the sender of application/x-mavlink: the vehicle's",
      property_playing,
      NumberField<ExtractSettings, std::uint32_t>{TERRAINSEG_FIELD(ExtractSettings, system_id), 1, 255}},
     {"component-id", "Component id",
-     "MAVLink component that application/x-mavlink is sent as, 196 = obstacle avoidance", property_playing,
+     "MAVLink component id of the sender of application/x-mavlink, 196 = obstacle avoidance",
+     property_playing,
      NumberField<ExtractSettings, std::uint32_t>{TERRAINSEG_FIELD(ExtractSettings, component_id), 1, 255}},
 };
 
@@ -129,7 +130,7 @@ struct ExtractState {
   bool video_meta_welcome = false;  // streaming; downstream reads GstVideoMeta, any stride will do
   GstBufferPool* pool = nullptr;    // streaming; pictures that are not the mask's own memory
   GstEvent* held_segment = nullptr; // streaming; waits for the caps
-  bool warned = false;              // streaming
+  Once<> unreadable, unmeasured;    // streaming
   MetadataWatch metadata;           // streaming
   MaskScaler scaler;                // streaming
   KlvEncoder klv;                   // streaming
@@ -137,7 +138,6 @@ struct ExtractState {
   std::string place_text;           // streaming; the klv-position that was read
   std::string line;                 // streaming
   MavlinkStream mavlink;            // streaming
-  bool warned_unmeasured = false;   // streaming
   ExtractSettings settings;         // under the object lock
 
   ExtractState() noexcept {
@@ -157,7 +157,8 @@ struct ExtractState {
     gst_clear_event(&held_segment);
     video = {};
     negotiated = false;
-    warned = warned_unmeasured = false;
+    unreadable.again();
+    unmeasured.again();
     place = {};
     place_text.clear();
     mavlink = {};
@@ -278,7 +279,7 @@ GstCaps* choose_caps(GstTerrainExtract* self, Output& output) {
     if (!GST_PAD_IS_FLUSHING(self->src))
       GST_ELEMENT_ERROR(
           self, CORE, NEGOTIATION,
-          ("What comes after terrainextract takes none of its outputs: GRAY8 video at the frame rate of its "
+          ("Downstream of terrainextract accepts none of its outputs: GRAY8 video at the frame rate of its "
            "input, application/x-ndjson, meta/x-klv,parsed=true, or application/x-mavlink."),
           ("offered %" GST_PTR_FORMAT, printable(offer)));
     gst_caps_unref(taken);
@@ -333,7 +334,7 @@ bool negotiate(GstTerrainExtract* self) {
   caps = gst_caps_fixate(caps);
   if (output == Output::gray && !gst_video_info_from_caps(&s.picture, caps)) {
     GST_ELEMENT_ERROR(self, CORE, NEGOTIATION,
-                      ("terrainextract cannot make masks as downstream asks for them."),
+                      ("terrainextract cannot produce masks in the format that downstream requests."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     gst_caps_unref(caps);
     return false;
@@ -423,21 +424,19 @@ GstBuffer* copy_of(const void* data, std::size_t size) {
 
 void warn_once(GstTerrainExtract* self, const char* error) {
   GST_WARNING_OBJECT(self, "unreadable metadata: %s", error);
-  if (std::exchange(self->state->warned, true))
+  if (!self->state->unreadable.first())
     return;
-  GST_ELEMENT_WARNING(self, STREAM, DECODE,
-                      ("Frames carry metadata that makes no sense and is passed over: %s.", error),
-                      ("%s", error));
+  GST_ELEMENT_WARNING(self, STREAM, DECODE, ("Invalid terrain metadata, ignored: %s.", error), ("%s", error));
 }
 
-/// Without a calibration nothing is known, and an autopilot is told so: that must not go unnoticed.
+/// Without a calibration the autopilot receives "unknown" for all directions: the user has to know.
 void warn_unmeasured(GstTerrainExtract* self, const char* error) {
   GST_LOG_OBJECT(self, "no metres: %s", error ? error : "no metadata");
-  if (std::exchange(self->state->warned_unmeasured, true))
+  if (!self->state->unmeasured.first())
     return;
   GST_ELEMENT_WARNING(self, STREAM, FORMAT,
-                      ("The autopilot is told that nothing is known: %s.",
-                       error ? error : "frames carry no metres (set camera-info and mount of terrainseg)"),
+                      ("The autopilot receives \"unknown\" for all directions: %s.",
+                       error ? error : "frames carry no ranges (set camera-info and mount of terrainseg)"),
                       ("GstTerrainMetricMeta is missing or cannot be read"));
 }
 
@@ -476,7 +475,7 @@ void read_place(GstTerrainExtract* self, const std::string& text) {
   if (const char* flaw = read_position(text, s.place))
     GST_ELEMENT_WARNING(
         self, RESOURCE, SETTINGS,
-        ("The units carry no position, for klv-position=\"%s\" cannot be read: %s. It is "
+        ("KLV units carry no position: klv-position=\"%s\" is invalid: %s. Set "
          "latitude,longitude,altitude or latitude,longitude,altitude,heading, such as 52.5163,13.3777,34.",
          text.c_str(), flaw),
         ("%s", flaw));
@@ -535,7 +534,7 @@ GstBuffer* make_unit(GstTerrainExtract* self, GstBuffer* frame, const EstimateRe
 
 GstFlowReturn push_gap(GstTerrainExtract* self, GstBuffer* frame) {
   GST_LOG_OBJECT(self, "no unit for %" GST_PTR_FORMAT, printable(frame));
-  // Without a time there is nothing to say, and before the caps nobody to say it to.
+  // A gap needs a time, and caps before it.
   if (self->state->negotiated && GST_BUFFER_PTS_IS_VALID(frame))
     gst_pad_push_event(self->src, gst_event_new_gap(GST_BUFFER_PTS(frame), GST_BUFFER_DURATION(frame)));
   return GST_PAD_IS_FLUSHING(self->src) ? GST_FLOW_FLUSHING : GST_FLOW_OK;
@@ -569,7 +568,7 @@ GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
   }
   if (reader.error())
     warn_once(self, reader.error());
-  // An autopilot takes silence for a free way: it hears of frames that nothing is known of, too.
+  // An autopilot treats silence as free: it also receives frames without ranges.
   const bool to_autopilot = s.negotiated && s.output == Output::mavlink;
   if (!to_autopilot && (!reader || !s.negotiated))
     return push_gap(self, frame);
@@ -580,7 +579,7 @@ GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
                  gst_buffer_get_size(unit));
   GST_BUFFER_PTS(unit) = GST_BUFFER_PTS(frame);
   GST_BUFFER_DURATION(unit) = GST_BUFFER_DURATION(frame);
-  // Behind an encoder with B-frames units come in coding order, which muxers need to be told.
+  // Behind an encoder with B-frames units come in coding order, which muxers need to know.
   GST_BUFFER_DTS(unit) = s.output == Output::gray ? GST_CLOCK_TIME_NONE : GST_BUFFER_DTS(frame);
   copy_reference_timestamps(unit, frame);
   if (GST_BUFFER_IS_DISCONT(frame))
@@ -602,7 +601,7 @@ gboolean take_caps(GstTerrainExtract* self, GstEvent* event) {
   gst_event_parse_caps(event, &caps);
   if (!is_video(caps)) {
     GST_ELEMENT_ERROR(self, STREAM, WRONG_TYPE,
-                      ("terrainextract takes video, raw or encoded, and this is %s.",
+                      ("terrainextract needs raw or encoded video, but its input is %s.",
                        gst_structure_get_name(gst_caps_get_structure(caps, 0))),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     gst_event_unref(event);
@@ -753,8 +752,7 @@ static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
   g_object_class_install_property(
       object_class, property_json_mask,
       g_param_spec_boolean(
-          "json-mask", "JSON mask", "Adds the mask as run lengths to the lines of application/x-ndjson",
-          FALSE,
+          "json-mask", "JSON mask", "Add the mask as run lengths to the lines of application/x-ndjson", FALSE,
           static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
   NameProperty::install_source(object_class, property_source);
   install_properties<ExtractSettings>(object_class, property_output, output_table);
@@ -766,7 +764,7 @@ static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
   gst_element_class_set_static_metadata(element_class, "Terrain extractor", "Formatter/Metadata/Video",
                                         "Turns the terrain metadata of video into mask pictures, JSON lines, "
                                         "MISB ST 0903 KLV or MAVLink",
-                                        "terrainseg maintainers");
+                                        "The terrainseg developers");
 }
 
 static void gst_terrain_extract_init(GstTerrainExtract* self) {

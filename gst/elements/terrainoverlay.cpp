@@ -11,6 +11,7 @@
 #include "support/metric_meta.hpp"
 #include "support/name_property.hpp"
 #include "support/object.hpp"
+#include "support/once.hpp"
 #include "support/overlay_properties.hpp"
 #include "support/plugin_api.hpp"
 #include "support/transform.hpp"
@@ -28,7 +29,7 @@ struct OverlayState {
   OverlaySettings settings; // object lock
   NameProperty source;
   GstVideoInfo info;      // streaming
-  bool warned = false;    // streaming; damaged metadata is told once a stream
+  Once<> damaged;         // streaming
   MetadataWatch metadata; // streaming
   MetricDrawing drawing;  // streaming
 
@@ -102,7 +103,7 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
 
 gboolean start(GstBaseTransform* transform) {
   OverlayState& s = *self_of(transform)->state;
-  s.warned = false;
+  s.damaged.again();
   s.metadata = {};
   return TRUE;
 }
@@ -110,7 +111,7 @@ gboolean start(GstBaseTransform* transform) {
 gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   GstVideoInfo info;
   if (!gst_video_info_from_caps(&info, caps)) {
-    GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("The video format cannot be understood."),
+    GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("Unsupported video format."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     return FALSE;
   }
@@ -156,20 +157,16 @@ GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buff
   if (s.metadata.see(reader || reader.error()))
     warn_bare(transform, s);
   if (!reader) {
-    if (reader.error() && !s.warned) {
-      s.warned = true;
-      GST_ELEMENT_WARNING(
-          transform, STREAM, FAILED,
-          ("Metadata that makes no sense was not drawn: %s. Frames like this pass as they are.",
-           reader.error()),
-          ("buffer %" GST_PTR_FORMAT ": %s", printable(buffer), reader.error()));
-    }
+    if (reader.error() && s.damaged.first())
+      GST_ELEMENT_WARNING(transform, STREAM, FAILED,
+                          ("Invalid terrain metadata, frame passed through undrawn: %s.", reader.error()),
+                          ("buffer %" GST_PTR_FORMAT ": %s", printable(buffer), reader.error()));
     return GST_FLOW_OK;
   }
   const bool invisible = style.style != OverlayStyle::mask && (style.alpha == 0 || style.color >> 24 == 0);
   if (invisible)
     return GST_FLOW_OK;
-  // Mapping for writing copies the pixels when somebody else holds them too; a frame that is not drawn on is
+  // Mapping for writing copies pixels that are shared; a frame that is not drawn on is
   // never mapped.
   const MappedFrame frame(s.info, buffer, GST_MAP_READWRITE);
   if (!frame) {

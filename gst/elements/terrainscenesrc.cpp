@@ -109,9 +109,10 @@ GType scene_type() {
 GType light_type() {
   static const GEnumValue values[] = {
       {number_of(scene::Light::day), "Sun or bright lamps", "day"},
-      {number_of(scene::Light::dusk), "A dark picture from a noisy sensor", "dusk"},
-      {number_of(scene::Light::drift), "Day, while exposure and white balance wander", "drift"},
-      {number_of(scene::Light::sun), "A low sun in a clear sky: hard shadows, the rover's own too", "sun"},
+      {number_of(scene::Light::dusk), "Low light and a noisy sensor", "dusk"},
+      {number_of(scene::Light::drift), "Day, with drifting exposure and white balance", "drift"},
+      {number_of(scene::Light::sun), "A low sun in a clear sky, with hard shadows, including the rover's own",
+       "sun"},
       {0, nullptr, nullptr}};
   static const GType type = plugin_enum("GstTerrainSceneSrcLight", values);
   return type;
@@ -120,9 +121,9 @@ GType light_type() {
 GType motion_type() {
   static const GEnumValue values[] = {
       {number_of(scene::Motion::straight), "Along a straight path", "straight"},
-      {number_of(scene::Motion::turn), "Along a winding path, now and then turning in place", "turn"},
+      {number_of(scene::Motion::turn), "Along a winding path, sometimes turning in place", "turn"},
       {number_of(scene::Motion::bumpy), "Over rough ground: the horizon pitches and rolls", "bumpy"},
-      {number_of(scene::Motion::still), "The rover stands", "still"},
+      {number_of(scene::Motion::still), "The rover stands still", "still"},
       {0, nullptr, nullptr}};
   static const GType type = plugin_enum("GstTerrainSceneSrcMotion", values);
   return type;
@@ -133,18 +134,18 @@ GType motion_type() {
 const Property<scene::Settings> table[] = {
     {"scene", "Scene", "Kind of place that the rover drives through", property_playing,
      TERRAINSEG_CHOICE(scene::Settings, kind, scene_type)},
-    {"light", "Light", "Light, and how steady exposure and white balance are", property_playing,
+    {"light", "Light", "Kind of light, and stability of exposure and white balance", property_playing,
      TERRAINSEG_CHOICE(scene::Settings, light, light_type)},
-    {"motion", "Motion", "How the rover moves; each frame is 1/30 s of its world, whatever the frame rate",
+    {"motion", "Motion", "How the rover moves; each frame advances the world by 1/30 s at any frame rate",
      property_playing, TERRAINSEG_CHOICE(scene::Settings, motion, motion_type)},
-    {"seed", "Seed", "Chooses the place: another number, another road, trail, corridor or plain",
+    {"seed", "Seed", "Seed of the place: each number gives a different road, trail, corridor or plain",
      property_playing,
      NumberField<scene::Settings, std::uint32_t>{TERRAINSEG_FIELD(scene::Settings, seed), 0, G_MAXUINT32}},
-    {"obstacles", "Obstacles", "Share of the places for an obstacle that have one, in percent",
+    {"obstacles", "Obstacles", "Share of the possible obstacle positions that have an obstacle, in percent",
      property_playing,
      NumberField<scene::Settings, int>{TERRAINSEG_FIELD(scene::Settings, obstacles), 0, 100}},
-    {"wet", "Wet", "Puddles that mirror sky and things stand on what is driven on; the truth stays ground",
-     property_playing, PlainField<scene::Settings, bool>{TERRAINSEG_FIELD(scene::Settings, wet)}},
+    {"wet", "Wet", "Add puddles that mirror sky and objects; their true label is ground", property_playing,
+     PlainField<scene::Settings, bool>{TERRAINSEG_FIELD(scene::Settings, wet)}},
 };
 constexpr guint id_is_live = std::size(table) + 1;
 
@@ -193,13 +194,13 @@ gboolean set_caps(GstBaseSrc* source, GstCaps* caps) {
   SceneSourceState& s = state_of(source);
   GstVideoInfo info;
   if (!gst_video_info_from_caps(&info, caps) || !pixel_format_of(GST_VIDEO_INFO_FORMAT(&info))) {
-    GST_ELEMENT_ERROR(source, CORE, NEGOTIATION, ("The video format cannot be rendered."),
+    GST_ELEMENT_ERROR(source, CORE, NEGOTIATION, ("Unsupported video format."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     return FALSE;
   }
   if (GST_VIDEO_INFO_IS_INTERLACED(&info)) {
     GST_ELEMENT_ERROR(source, CORE, NEGOTIATION,
-                      ("terrainscenesrc renders progressive video only: put \"interlace\" behind it."),
+                      ("terrainscenesrc renders progressive video only: put \"interlace\" after it."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     return FALSE;
   }
@@ -406,7 +407,7 @@ bool render(GstBaseSrc* source, SceneSourceState& s, std::uint64_t number, GstBu
   GstMapInfo map;
   if (!labels || !gst_buffer_map(labels, &map, GST_MAP_WRITE)) {
     gst_clear_buffer(&labels);
-    GST_ELEMENT_ERROR(source, RESOURCE, NO_SPACE_LEFT, ("There is no memory for the labels."),
+    GST_ELEMENT_ERROR(source, RESOURCE, NO_SPACE_LEFT, ("Out of memory for the labels."),
                       ("%d x %d", width, height));
     return false;
   }
@@ -482,9 +483,10 @@ static void gst_terrain_scene_src_class_init(GstTerrainSceneSrcClass* klass) {
   install_properties<scene::Settings>(object_class, 1, table);
   g_object_class_install_property(
       object_class, id_is_live,
-      g_param_spec_boolean("is-live", "Is live",
-                           "Behaves as a camera: frames come by the clock, and are lost when nobody keeps up",
-                           FALSE, property_before_start));
+      g_param_spec_boolean(
+          "is-live", "Is live",
+          "Produce frames in real time like a camera; frames are dropped if downstream is too slow", FALSE,
+          property_before_start));
 
   mark_enums_as_plugin_api(object_class);
   gst_element_class_set_static_metadata(

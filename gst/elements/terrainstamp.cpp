@@ -12,6 +12,7 @@
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
 #include "support/object.hpp"
+#include "support/once.hpp"
 #include "support/plugin_api.hpp"
 #include "support/precision_time.hpp"
 #include "support/properties.hpp"
@@ -30,17 +31,18 @@ struct StampSettings {
 
 GType mode_type() {
   static const GEnumValue values[] = {
-      {static_cast<int>(StampMode::write), "Writes the time into pictures that carry none", "write"},
+      {static_cast<int>(StampMode::write), "Write the time into pictures without a stamp", "write"},
       {static_cast<int>(StampMode::read),
-       "Reads it only, for the decoder to hand on, and trusts no picture right behind a gap", "read"},
+       "Only read stamps, for the decoder to pass on; the stamp of a picture directly after a gap is ignored",
+       "read"},
       {0, nullptr, nullptr}};
   static const GType type = g_enum_register_static("GstTerrainStampMode", values);
   return type;
 }
 
 const Property<StampSettings> stamp_table[] = {
-    {"mode", "Mode", "Whether the time is written, behind an encoder, or read, in front of a decoder",
-     property_playing, TERRAINSEG_CHOICE(StampSettings, mode, mode_type)},
+    {"mode", "Mode", "Write the time (after an encoder) or read it (before a decoder)", property_playing,
+     TERRAINSEG_CHOICE(StampSettings, mode, mode_type)},
 };
 
 } // namespace
@@ -48,11 +50,11 @@ const Property<StampSettings> stamp_table[] = {
 /// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
 /// none.
 struct StampState {
-  StampSettings settings;     // object lock
-  NalFraming framing;         // streaming
-  bool first = true;          // streaming; nothing has passed since the start or a flush
-  bool warned = false;        // streaming; of what has no slice
-  bool told_timeless = false; // streaming
+  StampSettings settings; // object lock
+  NalFraming framing;     // streaming
+  bool first = true;      // streaming; nothing has passed since the start or a flush
+  Once<> formless;        // streaming; a buffer without a slice
+  Once<> timeless;        // streaming
 };
 
 } // namespace terrainseg
@@ -136,7 +138,8 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
 gboolean start(GstBaseTransform* transform) {
   StampState& s = *self_of(transform)->state;
   s.first = true;
-  s.warned = s.told_timeless = false;
+  s.formless.again();
+  s.timeless.again();
   return TRUE;
 }
 
@@ -166,9 +169,9 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   const auto length_bytes = length_bytes_of(fields, codec);
   if (!length_bytes) {
     GST_ELEMENT_ERROR(transform, STREAM, FORMAT,
-                      ("%s: put h264parse or h265parse in front.",
+                      ("%s: put h264parse or h265parse before terrainstamp.",
                        codec_data_of(fields)
-                           ? "The codec_data in the video's caps does not say how NAL units lie in a buffer"
+                           ? "The codec_data in the video's caps does not give the size of NAL length fields"
                            : "The video's caps lack the codec_data that its stream-format needs"),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     return FALSE;
@@ -205,23 +208,23 @@ OwnedBuffer with_stamp(GstBuffer* in, const StampUnit& stamp, std::size_t place)
 /// Once: where the stamps would go is not to be found.
 void warn_formless(GstTerrainStamp* self, GstBuffer* in) {
   GST_WARNING_OBJECT(self, "no slice in %" GST_PTR_FORMAT, printable(in));
-  if (std::exchange(self->state->warned, true))
+  if (!self->state->formless.first())
     return;
   GST_ELEMENT_WARNING(
       self, STREAM, FORMAT,
-      ("A buffer holds no whole picture and passes without its time: is a parser missing in front, or "
-       "does the link lose packets?"),
+      ("A buffer without a complete picture was passed through without a stamp: add a parser before "
+       "terrainstamp, or check the link for packet loss."),
       ("no slice in %" GST_PTR_FORMAT, printable(in)));
 }
 
 /// Once: there is no time to be written.
 void warn_timeless(GstTerrainStamp* self, GstBuffer* in) {
-  if (std::exchange(self->state->told_timeless, true))
+  if (!self->state->timeless.first())
     return;
   GST_ELEMENT_WARNING(
       self, STREAM, FORMAT,
-      ("A picture has no time stamp and passes without its time: put an element that sets them "
-       "in front (a parser that knows the frame rate, or appsrc with do-timestamp=true)."),
+      ("A picture without a time stamp was passed through without a precision time stamp: add an element "
+       "that sets time stamps (a parser that knows the frame rate, or appsrc with do-timestamp=true)."),
       ("neither PTS nor time of day in %" GST_PTR_FORMAT, printable(in)));
 }
 
@@ -274,7 +277,7 @@ GstFlowReturn stamped(GstTerrainStamp* self, GstBuffer* in, GstBuffer** out) {
   const bool trusted = std::exchange(s.first, false) || !GST_BUFFER_IS_DISCONT(in);
   GstMapInfo map;
   if (!gst_buffer_map(in, &map, GST_MAP_READ)) {
-    GST_ELEMENT_ERROR(self, RESOURCE, READ, ("The memory of a picture cannot be read."), (nullptr));
+    GST_ELEMENT_ERROR(self, RESOURCE, READ, ("The memory of a buffer cannot be read."), (nullptr));
     return GST_FLOW_ERROR;
   }
   const StampSearch found = find_stamp({map.data, map.size}, s.framing);
@@ -317,7 +320,7 @@ static void gst_terrain_stamp_class_init(GstTerrainStampClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Terrain stamp", "Codec/Metadata/Video",
-      "Writes and reads the precision time of each picture in H.264 and H.265", "terrainseg maintainers");
+      "Writes and reads the precision time of each picture in H.264 and H.265", "The terrainseg developers");
 
   transform_class->start = start;
   transform_class->set_caps = set_caps;

@@ -9,13 +9,12 @@
 #include <string>
 #include <utility>
 
+#include "recording/frame_reader.hpp"
 #include "recording/recording_file.hpp"
 #include "recording/terrain_recording.hpp"
 #include "support/calibration_files.hpp"
-#include "support/estimate_meta.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
-#include "support/metric_meta.hpp"
 #include "support/name_property.hpp"
 #include "support/object.hpp"
 #include "support/properties.hpp"
@@ -32,9 +31,9 @@ struct SinkSettings {
   std::string location;
   int fd = -1;
   std::string camera_info, mount;
-  std::string frame_id = recording::RecordingOptions().body_frame;
-  std::string camera_frame_id = recording::RecordingOptions().camera_frame;
-  double grid_resolution = recording::RecordingOptions().grid_resolution;
+  std::string frame_id = recording::MessageOptions().body_frame;
+  std::string camera_frame_id = recording::MessageOptions().camera_frame;
+  double grid_resolution = recording::MessageOptions().grid_resolution;
 };
 
 const Property<SinkSettings> table[] = {
@@ -99,7 +98,7 @@ struct SinkState {
   RecordingFile file;                                   // streaming
   std::optional<recording::TerrainRecording> recording; // streaming; nothing when it is over
   RecordingClock clock;                                 // streaming
-  bool encoded = false;                                 // streaming; the video is H.264
+  PictureKind kind = PictureKind::raw;                  // streaming
   std::uint64_t frames = 0, labelled = 0;               // streaming
   bool warned_metadata = false, warned_clock = false;   // streaming
 
@@ -115,8 +114,8 @@ using namespace terrainseg;
  * @title: terrainmcapsink
  * @short_description: video and terrain metadata as an MCAP recording
  *
- * Records the terrain metadata of video as ROS 2 messages, and the video with it when it is H.264, in a file
- * that Foxglove and ROS 2 open.
+ * Records the terrain metadata of video as ROS 2 messages, and the video with it when it is H.264 or JPEG, in
+ * a file that Foxglove and ROS 2 open.
  *
  * ## Example launch line
  * |[
@@ -142,10 +141,8 @@ namespace {
 
 enum { property_source = 1, property_metadata, property_table };
 
-GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
-    "sink", GST_PAD_SINK, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS("video/x-h264, stream-format = (string) byte-stream, alignment = (string) au; "
-                    "video/x-raw(ANY)"));
+GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_MESSAGE_CAPS));
 
 GstTerrainMcapSink* self_of(gpointer object) {
   return reinterpret_cast<GstTerrainMcapSink*>(object);
@@ -181,7 +178,7 @@ bool open_recording(GstTerrainMcapSink* self) {
                       ("location \"%s\", fd %d", set.location.c_str(), set.fd));
     return false;
   }
-  recording::RecordingOptions options;
+  recording::MessageOptions options;
   options.body_frame = set.frame_id;
   options.camera_frame = set.camera_frame_id;
   options.grid_resolution = set.grid_resolution;
@@ -272,28 +269,6 @@ std::optional<std::uint64_t> time_of(GstTerrainMcapSink* self, GstBuffer* buffer
   return s.clock.time_of(utc, stream);
 }
 
-/// A buffer's bytes for as long as it lives; none when it is not wanted.
-class MappedUnit {
- public:
-  MappedUnit(GstBuffer* buffer, bool wanted) : buffer_(buffer) {
-    mapped_ = wanted && gst_buffer_map(buffer, &map_, GST_MAP_READ);
-  }
-  ~MappedUnit() {
-    if (mapped_)
-      gst_buffer_unmap(buffer_, &map_);
-  }
-  MappedUnit(const MappedUnit&) = delete;
-  MappedUnit& operator=(const MappedUnit&) = delete;
-  recording::ByteView bytes() const {
-    return mapped_ ? recording::ByteView(map_.data, map_.size) : recording::ByteView();
-  }
-
- private:
-  GstBuffer* buffer_;
-  GstMapInfo map_{};
-  bool mapped_ = false;
-};
-
 GstFlowReturn record(GstTerrainMcapSink* self, GstBuffer* buffer) {
   SinkState& s = *self->state;
   if (!s.recording)
@@ -301,29 +276,22 @@ GstFlowReturn record(GstTerrainMcapSink* self, GstBuffer* buffer) {
   const auto time = time_of(self, buffer);
   if (!time)
     return GST_FLOW_ERROR;
-  const MappedUnit unit(buffer, s.encoded);
-  if (recording::inspect_h264(unit.bytes()).b_slice) {
+  const FrameReader reader(buffer, s.kind, s.source.name());
+  if (reader.has_b_frame()) {
     GST_ELEMENT_ERROR(self, STREAM, FORMAT,
                       ("The H.264 video has B-frames, which players of recordings do not show. Set bframes=0 "
                        "on x264enc, or the like on another encoder."),
                       (nullptr));
     return GST_FLOW_ERROR;
   }
-  const EstimateReader estimate(buffer, s.source.name());
-  const MetricReader metric(buffer, s.source.name());
-  warn_metadata(self, estimate.error());
-  warn_metadata(self, metric.error());
+  warn_metadata(self, reader.flaw());
   GST_LOG_OBJECT(self, "%s at %" GST_TIME_FORMAT ": %" GST_PTR_FORMAT,
-                 estimate ? metric ? "with terrain and metres" : "with terrain" : "without terrain",
+                 reader.has_estimate() ? reader.has_metric() ? "with terrain and metres" : "with terrain"
+                                       : "without terrain",
                  GST_TIME_ARGS(*time), printable(buffer));
   ++s.frames;
-  s.labelled += estimate ? 1 : 0;
-  recording::RecordedFrame frame;
-  frame.time = *time;
-  frame.estimate = estimate ? &estimate.estimate() : nullptr;
-  frame.metric = metric ? &metric.metric() : nullptr;
-  frame.video = unit.bytes();
-  if (s.recording->add(frame))
+  s.labelled += reader.has_estimate() ? 1 : 0;
+  if (s.recording->add(reader.frame(*time)))
     return GST_FLOW_OK;
   abandon(self);
   return GST_FLOW_ERROR;
@@ -335,7 +303,7 @@ GstFlowReturn render(GstBaseSink* sink, GstBuffer* buffer) {
 
 gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
   GST_DEBUG_OBJECT(sink, "caps %" GST_PTR_FORMAT, printable(caps));
-  self_of(sink)->state->encoded = gst_structure_has_name(gst_caps_get_structure(caps, 0), "video/x-h264");
+  self_of(sink)->state->kind = kind_of(caps);
   return TRUE;
 }
 
@@ -410,7 +378,7 @@ static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_set_static_metadata(element_class, "Terrain recorder", "Sink/File/Metadata/Video",
                                         "Records video and terrain metadata as MCAP, for Foxglove and ROS 2",
-                                        "terrainseg maintainers");
+                                        "The terrainseg developers");
   GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
   sink_class->start = start;
   sink_class->stop = stop;

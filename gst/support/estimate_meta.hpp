@@ -16,7 +16,7 @@
 
 namespace terrainseg {
 
-/// Attaches `estimate` to `buffer` (writable) as GstTerrainSegMeta, in place of one of the same `instance`
+/// Attaches `estimate` to `buffer` (writable) as GstTerrainSegMeta, instead of one of the same `instance`
 /// that it already has; "" is the name of those that have none. `instance` is never freed. `mask` is the
 /// GRAY8 buffer with a GstVideoMeta and `boundary` the uint16 little-endian rows that hold what estimate.mask
 /// and estimate.boundary show, `confidence_map` a GRAY8 buffer like the mask; the meta takes references of

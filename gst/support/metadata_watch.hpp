@@ -10,7 +10,8 @@
 
 namespace terrainseg {
 
-/// The first metadata ends the wait for it; a second of frames without is told, and so is a shorter stream.
+/// Reports a second of frames without metadata, or a shorter stream without; the first metadata ends the
+/// watch.
 class MetadataWatch {
  public:
   static constexpr std::uint64_t patience = 25; ///< frames
@@ -22,7 +23,7 @@ class MetadataWatch {
     is_over_ = has_metadata || ++bare_frames_ == patience;
     return !has_metadata && is_over_;
   }
-  /// The stream ends: true when there were frames, none with metadata, and it was not told yet.
+  /// The stream ends: true when there were frames, none with metadata, and that was not reported yet.
   bool end() {
     const bool to_tell = !is_over_ && bare_frames_ > 0;
     is_over_ = is_over_ || to_tell;
@@ -32,15 +33,15 @@ class MetadataWatch {
   Warning warning(const std::string& element, const char* consequence, const char* source) const {
     const std::string named = *source ? std::string(" of source=") + source : "";
     return {"No terrain metadata" + named + " on the first " + counted(bare_frames_, "frame") + ", so " +
-                consequence + ". Put terrainseg in front of " + element +
-                ", and no element between them that drops metadata (videocrop, videobox, videoflip, "
+                consequence + ". Put terrainseg before " + element +
+                ", without an element between them that drops metadata (videocrop, videobox, videoflip, "
                 "compositor).",
             "no GstTerrainSegMeta" + named};
   }
 
  private:
   std::uint64_t bare_frames_ = 0; ///< those before the first with metadata
-  bool is_over_ = false;          ///< metadata came, or its absence was told
+  bool is_over_ = false;          ///< metadata came, or its absence was reported
 };
 
 } // namespace terrainseg

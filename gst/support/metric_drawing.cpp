@@ -9,7 +9,7 @@ namespace terrainseg {
 namespace {
 
 constexpr float not_in_view = -1;
-constexpr double farthest_shown = 15; ///< metres of the map: beyond, nothing can be told apart
+constexpr double farthest_shown = 15; ///< metres of the map: beyond it nothing can be distinguished
 constexpr int largest_side = 480;
 /// Shares of the boundary that get a number.
 constexpr double numbered[] = {0.1, 0.3, 0.5, 0.7, 0.9};

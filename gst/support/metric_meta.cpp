@@ -36,6 +36,10 @@ struct Names {
   NAME(range_min, "range-min");
   NAME(range_max, "range-max");
   NAME(flags, "flags");
+  NAME(fan_angle_min, "fan-angle-min");
+  NAME(fan_increment, "fan-increment");
+  NAME(fan_beams, "fan-beams");
+  NAME(fan_range_min, "fan-range-min");
 #undef NAME
   static const Names& get() {
     static const Names names;
@@ -96,6 +100,12 @@ bool MetricWriter::attach(GstBuffer* buffer, const MetricEstimate& m, const char
   set_double(fields, n.range_min, m.range_min);
   set_double(fields, n.range_max, m.range_max);
   set_uint(fields, n.flags, m.flags);
+  if (m.fan.beams == 0)
+    return true;
+  set_double(fields, n.fan_angle_min, m.fan.angle_min);
+  set_double(fields, n.fan_increment, m.fan.increment);
+  set_uint(fields, n.fan_beams, m.fan.beams);
+  set_double(fields, n.fan_range_min, m.fan.range_min);
   return true;
 }
 
@@ -142,6 +152,9 @@ const char* MetricReader::read(const GstStructure* fields) {
   metric_.range_min = gst_terrain_metric_meta_get_range_min(fields);
   metric_.range_max = gst_terrain_metric_meta_get_range_max(fields);
   metric_.flags = gst_terrain_metric_meta_get_flags(fields);
+  metric_.fan = {
+      gst_terrain_metric_meta_get_fan_angle_min(fields), gst_terrain_metric_meta_get_fan_increment(fields),
+      gst_terrain_metric_meta_get_fan_beams(fields), gst_terrain_metric_meta_get_fan_range_min(fields)};
   return flaw_of(metric_);
 }
 

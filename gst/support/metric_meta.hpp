@@ -15,7 +15,7 @@ namespace terrainseg {
 /// Attaches metres to buffers, in memory that comes back when the frames are gone.
 class MetricWriter {
  public:
-  /// Attaches `metric` to `buffer` (writable), in place of that of the same `instance`, which is never freed;
+  /// Attaches `metric` to `buffer` (writable), instead of that of the same `instance`, which is never freed;
   /// "" is none. False when the meta is not registered or there is no memory.
   bool attach(GstBuffer* buffer, const MetricEstimate& metric, const char* instance = "");
   void drop() { pool_.drop(); }

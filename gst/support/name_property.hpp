@@ -33,8 +33,8 @@ class NameProperty {
   /// Of a consumer of metadata.
   static void install_source(GObjectClass* object_class, guint id) {
     install(object_class, id, "source", "Source",
-            "Name (property instance) of the terrainseg whose metadata is read, none = the last that was "
-            "attached");
+            "Name (property instance) of the terrainseg element whose metadata is used; none = the metadata "
+            "attached last");
   }
 
  private:

@@ -11,15 +11,15 @@ namespace {
 
 const Property<OverlaySettings> table[] = {
     {"overlay-style", "Overlay style",
-     "What is drawn: a tint, the contour, the mask itself, or the tint with the learned colours or, where "
-     "metres are known, with a map (terrainreference knows none)",
+     "What is drawn: a tint, the contour, the mask, or the tint with the learned models or with a map of the "
+     "ranges (not by terrainreference)",
      property_controllable, TERRAINSEG_CHOICE(OverlaySettings, style, overlay_style_get_type)},
     {"overlay-alpha", "Overlay alpha",
-     "Strength of the drawing (not of overlay-style=mask), as a fraction: 0 = invisible, 1 = opaque",
+     "Opacity of the overlay from 0 = invisible to 1 = opaque. Not used by overlay-style=mask",
      property_controllable,
      NumberField<OverlaySettings, double>{TERRAINSEG_FIELD(OverlaySettings, alpha), 0, 1}},
     {"overlay-color", "Overlay colour",
-     "Colour of the drawing (not of overlay-style=mask) as 0xAARRGGBB in sRGB, AA scales overlay-alpha",
+     "Colour of the overlay as 0xAARRGGBB in sRGB; AA scales overlay-alpha. Not used by overlay-style=mask",
      property_controllable,
      NumberField<OverlaySettings, std::uint32_t>{TERRAINSEG_FIELD(OverlaySettings, color), 0, G_MAXUINT32}},
 };
@@ -33,12 +33,12 @@ GType overlay_style_get_type() {
     if (const GType known = g_type_from_name("GstTerrainSegOverlayStyle"))
       return known;
     static const GEnumValue values[] = {
-        {static_cast<int>(OverlayStyle::tint), "Traversable ground is blended with the colour", "tint"},
-        {static_cast<int>(OverlayStyle::contour), "The edge of the traversable ground is drawn", "contour"},
-        {static_cast<int>(OverlayStyle::mask), "The mask as a grey picture instead of the frame", "mask"},
-        {static_cast<int>(OverlayStyle::models), "Tint, and the learned colours as bars of their mass",
-         "models"},
-        {static_cast<int>(OverlayStyle::map), "Tint, and the free space from above where metres are known",
+        {static_cast<int>(OverlayStyle::tint), "Blend traversable ground with the colour", "tint"},
+        {static_cast<int>(OverlayStyle::contour), "Draw the edge of the traversable ground", "contour"},
+        {static_cast<int>(OverlayStyle::mask), "Show the mask in grey instead of the frame", "mask"},
+        {static_cast<int>(OverlayStyle::models),
+         "Tint, and the learned models as bars of their colour and mass", "models"},
+        {static_cast<int>(OverlayStyle::map), "Tint, and a map of the free space where ranges are known",
          "map"},
         {0, nullptr, nullptr}};
     const GType made = g_enum_register_static("GstTerrainSegOverlayStyle", values);

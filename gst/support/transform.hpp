@@ -8,7 +8,7 @@
 
 namespace terrainseg {
 
-/// Whether an event from downstream ends here: a decoder that hears that frames are late drops some, and they
+/// Whether an event from downstream ends here: a decoder that receives it drops late frames, and they
 /// would not be learned. The base class's property `qos` decides; it obeys it for its own frames only and
 /// sends the event on in any case.
 inline bool stops_qos(GstBaseTransform* transform, const GstEvent* event) {

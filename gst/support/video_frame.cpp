@@ -180,10 +180,10 @@ bool is_progressive(const GstVideoInfo& info, const GstBuffer* buffer) {
 }
 
 void report_interlaced(gpointer element, const char* where) {
-  GST_ELEMENT_ERROR(GST_ELEMENT(element), STREAM, WRONG_TYPE,
-                    ("%s takes progressive video only: put \"deinterlace\" in front of it.",
-                     name_of_kind(GST_ELEMENT(element))),
-                    ("%s", where));
+  GST_ELEMENT_ERROR(
+      GST_ELEMENT(element), STREAM, WRONG_TYPE,
+      ("%s needs progressive video: put \"deinterlace\" before it.", name_of_kind(GST_ELEMENT(element))),
+      ("%s", where));
 }
 
 gboolean propose_video_allocation(gpointer parent_class, GstBaseTransform* transform, GstQuery* decide_query,
@@ -232,7 +232,7 @@ MutableFrame MappedFrame::mutable_view() const {
 
 void report_unusable(gpointer element, GstBuffer* buffer, const MappedFrame& frame) {
   GST_ELEMENT_ERROR(GST_ELEMENT(element), STREAM, FORMAT,
-                    ("A buffer does not hold a frame: %s.", frame.error().c_str()),
+                    ("A buffer does not contain a complete frame: %s.", frame.error().c_str()),
                     ("buffer %" GST_PTR_FORMAT ": %s", printable(buffer), frame.error().c_str()));
 }
 

@@ -37,6 +37,14 @@ std::optional<GstClockTime> parse_start_time(const std::string& text, std::strin
   const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), nanoseconds);
   const bool whole = end == text.data() + text.size() && !text.empty();
   constexpr GstClockTime latest = G_MAXINT64; // 2262: sums of times stay valid
+  // Seconds, milliseconds and microseconds of today, read as nanoseconds, lie before 1973.
+  constexpr GstClockTime least = 100'000'000 * GST_SECOND;
+  if (whole && status == std::errc{} && nanoseconds > 0 && nanoseconds < least) {
+    error = "a number is nanoseconds since 1970, and " + text +
+            " lies before 1973; expected is ISO 8601, as 2026-11-21T20:00:00Z, or 19 digits, as `date +%s%N` "
+            "prints";
+    return std::nullopt;
+  }
   if (whole && status == std::errc{} && nanoseconds <= latest)
     return nanoseconds;
   const std::unique_ptr<GTimeZone, decltype(&g_time_zone_unref)> utc(g_time_zone_new_utc(),

@@ -34,7 +34,7 @@ inline Warning window_warning(const WindowRequest& request, const Settings& used
                     width = std::to_string(request.frame_width),
                     height = std::to_string(request.frame_height);
   return {"The training window (" + wanted + ") does not fit a frame of " + width + " x " + height +
-              " and is moved and cut to fit (" + fitted + ")." + remedy,
+              "; it is moved and cut to fit (" + fitted + ")." + remedy,
           "window " + wanted + " in " + width + " x " + height + ", used: " + fitted};
 }
 

@@ -8,9 +8,12 @@
 #include <string>
 #include <utility>
 
+#include "terrainseg/counters.hpp"
 #include "terrainseg/estimate.hpp"
 #include "terrainseg/frame.hpp"
+#include "terrainseg/mask_target.hpp"
 #include "terrainseg/settings.hpp"
+#include "terrainseg/stage.hpp"
 #include "terrainseg/supervision.hpp"
 #include "terrainseg/terrain.hpp"
 
@@ -35,39 +38,6 @@ class [[nodiscard]] Status {
  private:
   Code code_ = Code::ok;
   std::string message_;
-};
-
-/// Where the mask goes: bytes that the caller owns, mask_extent() of the frame's width x height of them.
-/// Without one the segmenter keeps its own.
-struct MaskTarget {
-  MutablePlane plane;
-  int width = 0, height = 0;
-};
-
-/// What stage_times() tells apart, in the order of the default pipeline.
-enum class Stage : std::uint8_t {
-  pyramid,    ///< the octave pyramid, and in the paper's pipeline the level that trains
-  features,   ///< colour, texture and exposure of the cells, their bins, which of them are joined; nothing in
-              ///< the paper's pipeline
-  prefilter,  ///< the window: its cells, their pre-filter, whether they are foreign
-  clustering, ///< training models
-  update,     ///< of what is learned: the mixture, the histograms
-  horizon,    ///< the paper's
-  scoring,    ///< of the cells: likelihood ratios, penalties, averaging over frames
-  boundary,   ///< and what follows from it: re-estimation, ground behind, doubtful ground, refinement, odd
-              ///< spots, what motion tells, reach, the horizon's row
-  mask        ///< written, how much of it is traversable, and how sure it is of each cell
-};
-inline constexpr int stage_count = 9;
-TERRAINSEG_API const char* name_of(Stage stage);
-
-/// Counts since the start; why a frame was not learned from.
-struct Counters {
-  std::uint64_t frames = 0;
-  std::uint64_t learned = 0;
-  std::uint64_t skipped_frozen = 0;  ///< learning = false
-  std::uint64_t skipped_near = 0;    ///< near_clear = false
-  std::uint64_t skipped_starved = 0; ///< flag_starved: too few usable window pixels, or a reason as good
 };
 
 /// The colour space that a Segmenter of these settings learns in from frames of `frames`: the default
@@ -106,10 +76,5 @@ class TERRAINSEG_API Segmenter {
   struct State;
   std::unique_ptr<State> state_;
 };
-
-/// Size of the mask of a frame: ceil(size / 2^mask_level).
-constexpr int mask_extent(int frame_extent, int mask_level) {
-  return subsampled(frame_extent, mask_level);
-}
 
 } // namespace terrainseg

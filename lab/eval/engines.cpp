@@ -3,12 +3,15 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <filesystem>
+#include <ostream>
 #include <stdexcept>
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "base/tuning.hpp"
 #include "lab/eval/statistics.hpp"
 #include "lab/eval/written_masks.hpp"
 #include "lab/reference/reference_engine.hpp"
@@ -21,7 +24,8 @@ const char* const engine_help =
     "  default | paper[,SETTING=VALUE...]   the filter in a preset; settings are the properties of "
     "terrainseg;\n"
     "                                       input=BGR gives it B G R in place of I420,\n"
-    "                                       pose=true what a pose tells, in rendered places\n"
+    "                                       pose=true what a pose tells, in rendered places,\n"
+    "                                       tuning.NAME=VALUE another value of a tuned constant\n"
     "  reference                            the unmodified algorithm: full resolution, full covariances, "
     "doubles\n"
     "  rows[:R] | ramp | mean-mask          baselines that know the place only: everything below the row R x "
@@ -36,6 +40,7 @@ namespace {
 /// Of an engine's words those that are no settings: frames are shown as B G R, with what a pose tells.
 constexpr const char* input_bgr = "input=BGR";
 constexpr const char* with_pose = "pose=true";
+constexpr std::string_view tuning_mark = "tuning.";
 
 std::vector<std::string> split(const std::string& text, char mark) {
   std::vector<std::string> parts;
@@ -216,7 +221,7 @@ Settings filter_settings(const std::string& text, int window_bottom) {
   settings.window_bottom = window_bottom;
   std::vector<const Setting*> changed;
   for (std::size_t i = 1; i < parts.size(); ++i) {
-    if (parts[i] == input_bgr || parts[i] == with_pose)
+    if (parts[i] == input_bgr || parts[i] == with_pose || parts[i].starts_with(tuning_mark))
       continue;
     const std::size_t mark = std::min(parts[i].find('='), parts[i].size());
     const std::string setting = parts[i].substr(0, mark),
@@ -233,6 +238,32 @@ Settings filter_settings(const std::string& text, int window_bottom) {
           text + ": " + setting->name + " has " +
           (settings.free_space ? "an effect with free-space=false only" : "no effect with free-space=false"));
   return settings;
+}
+
+void tune(const std::string& text) {
+  tuning::reset();
+  for (const std::string& part : split(text, ',')) {
+    if (!part.starts_with(tuning_mark))
+      continue;
+    const std::size_t mark = std::min(part.find('='), part.size());
+    const std::string name = part.substr(tuning_mark.size(), mark - tuning_mark.size()),
+                      value = part.substr(std::min(mark + 1, part.size()));
+    std::int64_t number = 0;
+    const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
+    if (error != std::errc() || end != value.data() + value.size())
+      throw std::runtime_error(part + ": not a whole number");
+    if (!tuning::set(name, number))
+      throw std::runtime_error(part + ": no such constant; terrainseg-eval tuning lists them");
+  }
+}
+
+void list_tuning(std::ostream& out) {
+  std::vector<std::pair<std::string, std::int64_t>> lines;
+  for (const tuning::Knob& knob : tuning::knobs())
+    lines.emplace_back(knob.name, knob.standard);
+  std::sort(lines.begin(), lines.end());
+  for (const auto& [name, value] : lines)
+    out << name << ' ' << value << '\n';
 }
 
 std::unique_ptr<Engine> make_filter(const Settings& settings, double fps, PixelFormat input, bool posed) {
@@ -254,7 +285,8 @@ std::unique_ptr<Engine> make_engine(const std::string& text, const Sequence& seq
       return std::find(parts.begin(), parts.end(), word) != parts.end();
     };
     return make_filter(filter_settings(text, sequence.window_bottom), sequence.fps,
-                       has(input_bgr) ? PixelFormat::BGR : PixelFormat::I420, has(with_pose));
+                       has(input_bgr) ? PixelFormat::BGR : PixelFormat::I420,
+                       has(with_pose) || !sequence.horizon.empty());
   }
   if (parts.size() > 1)
     throw std::runtime_error(text + ": only default and paper take settings");

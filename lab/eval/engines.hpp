@@ -3,6 +3,7 @@
 // picture, and masks that something else wrote.
 #pragma once
 
+#include <iosfwd>
 #include <memory>
 #include <optional>
 #include <string>
@@ -41,6 +42,12 @@ extern const char* const engine_help;
 /// What `default|paper[,SETTING=VALUE...]` says; throws std::runtime_error that names what is wrong. The
 /// sequence's `window_bottom` holds unless the text sets it.
 Settings filter_settings(const std::string& text, int window_bottom);
+
+/// Sets the tuned constants of the core as `tuning.NAME=VALUE` in an engine's text says, all others as the
+/// source has them. While no frame is processed: they are the whole program's. Throws std::runtime_error.
+void tune(const std::string& text);
+/// Prints the name and the value of every tuned constant.
+void list_tuning(std::ostream& out);
 
 /// An engine for one pass over a sequence. `text` is default | paper | reference | rows[:R] | ramp |
 /// mean-mask | masks:FOLDER; the filter takes settings behind it: "default,texture=false,caution=8".

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "lab/eval/charts.hpp"
+#include "lab/eval/leave_out.hpp"
 #include "lab/eval/measurement.hpp"
 #include "lab/eval/perturbations.hpp"
 #include "lab/eval/ramp_baseline.hpp"
@@ -140,7 +141,7 @@ void evaluate(const EvalOptions& o) {
   if (!o.markdown.empty())
     file = open(o.markdown);
   std::ostream& out = o.markdown.empty() ? std::cout : file;
-  std::vector<Figures> engines, stages, cautions, perturbed, plain, stills, of_first, of_others;
+  std::vector<Figures> engines, stages, cautions, perturbed, plain, stills, of_first, of_others, as_it_is;
   bool any_stage = false;
   for (const Figures& f : all) {
     const bool swept = f.engine.starts_with(caution_mark),
@@ -149,6 +150,7 @@ void evaluate(const EvalOptions& o) {
       perturbed.push_back(f);
     if (f.input != "as it is")
       continue;
+    as_it_is.push_back(f);
     (swept ? cautions : removed ? stages : engines).push_back(f);
     if (f.engine == "default")
       stages.push_back(f); // what they are compared with
@@ -180,6 +182,7 @@ void evaluate(const EvalOptions& o) {
   section("inputs", !o.inputs.empty(), [&] { write_matrix(out, perturbed, true); });
   section("caution", !cautions.empty(), [&] { write_matrix(out, cautions, false); });
   section("max-f", !cautions.empty(), [&] { write_max_f(out, all); });
+  section("leave-out", o.leave_out, [&] { write_leave_out(out, as_it_is, o.kinds, o.unsafe_weight); });
   section("confidence", o.confidence, [&] { write_sureness(out, plain); });
   section("details", true, [&] { write_markdown(out, plain); });
 }

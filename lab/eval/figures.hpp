@@ -58,6 +58,7 @@ struct FrameFigures {
 
 struct Figures {
   std::string sequence, engine, input = "as it is";
+  std::string kind; ///< of place, as sequence.json states it; may be empty
   int width = 0, height = 0;
   Counts ground;             ///< positive = labels 1 and 2
   Counts terrain;            ///< positive = label 1; label 2 ignored

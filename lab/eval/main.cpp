@@ -9,6 +9,7 @@
 #include <opencv2/core/utils/logger.hpp>
 
 #include "lab/eval/comparison.hpp"
+#include "lab/eval/engines.hpp"
 #include "lab/eval/evaluation.hpp"
 #include "lab/eval/metres.hpp"
 #include "lab/eval/options.hpp"
@@ -38,6 +39,8 @@ void run(const std::vector<std::string>& words) {
     run_metres(rest);
   else if (command == "compare")
     compare_files(rest);
+  else if (command == "tuning")
+    list_tuning(std::cout);
   else
     evaluate(parse_eval_options(words));
 }

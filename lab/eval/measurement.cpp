@@ -42,6 +42,7 @@ std::vector<cv::Mat1b> labels_of(const std::vector<Sample>& samples) {
 
 Figures measure(const Sequence& sequence, const std::vector<Sample>& samples, const std::string& engine,
                 const std::string& input, std::vector<cv::Mat1b>* masks) {
+  tune(engine);
   const std::size_t length = sequence.run_length(), runs = (samples.size() + length - 1) / length;
   const std::vector<cv::Mat1b> labels = labels_of(samples);
   std::vector<std::unique_ptr<Engine>> engines(worker_count(runs));
@@ -71,6 +72,7 @@ Figures measure(const Sequence& sequence, const std::vector<Sample>& samples, co
     throw std::runtime_error(sequence.folder + ": " + counted(samples.size(), "frame") +
                              ", of which none is scored: take more frames");
   figures.stills = sequence.stills;
+  figures.kind = sequence.kind;
   return figures;
 }
 

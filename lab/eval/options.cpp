@@ -2,6 +2,7 @@
 #include "lab/eval/options.hpp"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "lab/eval/engines.hpp"
 #include "lab/eval/perturbations.hpp"
@@ -12,13 +13,13 @@ namespace {
 using tools::OptionContext, tools::Word, tools::Words, tools::parse;
 
 const std::vector<std::string> stages_changed{
-    "texture=false",          "exposure=false",    "row-prior=false",
-    "local-reference=false",  "geodesic=false",    "second-look=false",
-    "connected-ground=false", "light-ahead=false", "own-shadow=false",
-    "odd-spots=false",        "motion=off",        "ground-behind=false",
-    "refine=false",           "doubtful=-96",      "negatives=off",
-    "temporal=off",           "free-space=false",  "learned-models=2",
-    "training-models=3",      "forget-shift=0"};
+    "texture=false",     "exposure=false",      "row-prior=false",        "local-reference=false",
+    "geodesic=false",    "second-look=false",   "connected-ground=false", "light-ahead=false",
+    "own-shadow=false",  "upright=false",       "odd-spots=false",        "near-spots=false",
+    "far-spots=false",   "stone-field=false",   "window-guard=false",     "vivid-colors=false",
+    "motion=off",        "ground-behind=false", "refine=false",           "doubtful=-96",
+    "negatives=off",     "temporal=off",        "free-space=false",       "learned-models=2",
+    "training-models=3", "forget-shift=0"};
 
 const std::vector<std::string> baselines{"default", "paper", "reference", "rows", "ramp", "mean-mask"};
 
@@ -26,12 +27,14 @@ constexpr const char* summary =
     "Accuracy on labelled sequences.\n\n"
     "Other commands:\n"
     "  terrainseg-eval compare FIRST.json SECOND.json   whether a change helps\n"
+    "  terrainseg-eval tuning                           the tuned constants of the default pipeline\n"
     "  terrainseg-eval metres [--help]                  how right ranges in metres are\n"
     "  terrainseg-eval paper|figures [--help]           the paper's experiments\n\n"
     "A SEQUENCE is a folder with frames/NNNN.{png,jpg}, labels/NNNN.png (0 obstacle, 1 terrain driven on, 2 "
     "other\n"
-    "ground, 3 sky, 255 not labelled) and sequence.json (fps, window_bottom, stills); or rendered, without "
-    "any data:\n"
+    "ground, 3 sky, 255 not labelled) and sequence.json (fps, window_bottom, stills, kind,\n"
+    "horizon); or rendered, "
+    "without any data:\n"
     "  scene:KIND:LIGHT[:SEED]   twelve places, ten frames of each, 0.3 s apart\n"
     "  scene:KIND:LIGHT:MOTION[@WIDTHxHEIGHT][#FIRST[-LAST]]   drives of 90 frames at 30 Hz, one per seed "
     "(101-106),\n"
@@ -49,9 +52,10 @@ Selection selection_of(int limit, int every) {
 
 /// The options of the evaluation as GLib sees them.
 struct EvalEntries {
-  Words sequences, engines, inputs;
+  Words sequences, engines, inputs, kinds;
   Word json, csv, markdown, pictures;
-  gboolean ablation = FALSE, with_baselines = FALSE, sweep = FALSE, confidence = FALSE;
+  gboolean ablation = FALSE, with_baselines = FALSE, sweep = FALSE, confidence = FALSE, leave_out = FALSE;
+  double unsafe_weight = 0;
   int limit = 0, every = 1;
 
   OptionContext context() {
@@ -67,6 +71,15 @@ struct EvalEntries {
          "Adds the default at nine values of caution: precision, recall and MaxF", nullptr},
         {"confidence", 0, 0, G_OPTION_ARG_NONE, &confidence,
          "Adds how right labels are by what the confidence map says of them", nullptr},
+        {"leave-out", 0, 0, G_OPTION_ARG_NONE, &leave_out,
+         "Adds, for each kind of place, the engine that is the best on all others and how it does there",
+         nullptr},
+        {"kind", 0, 0, G_OPTION_ARG_STRING_ARRAY, &kinds.list,
+         "Sequences of such a name are of that kind, more than once if wished, the first that fits counts "
+         "(default: names of the project's own data)",
+         "KIND=REGEX"},
+        {"unsafe-weight", 0, 0, G_OPTION_ARG_DOUBLE, &unsafe_weight,
+         "The best engine has the least error + WEIGHT x unsafe (default: 0)", "WEIGHT"},
         {"limit", 0, 0, G_OPTION_ARG_INT, &limit, "The first N frames of each sequence", "N"},
         {"every", 0, 0, G_OPTION_ARG_INT, &every, "Every Nth frame only", "N"},
         {"json", 0, 0, G_OPTION_ARG_FILENAME, &json.text, "Figures of every run, and of every frame", "FILE"},
@@ -108,6 +121,19 @@ std::vector<std::string> engines_of(const EvalEntries& e) {
   return once;
 }
 
+std::vector<KindRule> kinds_of(const EvalEntries& e) {
+  if (e.kinds.all().empty())
+    return usual_kinds();
+  std::vector<KindRule> rules;
+  try {
+    for (const std::string& text : e.kinds.all())
+      rules.push_back(parse_kind_rule(text));
+  } catch (const std::runtime_error& problem) {
+    throw UsageError(problem.what());
+  }
+  return rules;
+}
+
 } // namespace
 
 std::string eval_help() {
@@ -135,6 +161,9 @@ EvalOptions parse_eval_options(const std::vector<std::string>& words) {
   o.pictures = e.pictures.value();
   o.selection = selection_of(e.limit, e.every);
   o.confidence = e.confidence;
+  o.leave_out = e.leave_out;
+  o.kinds = kinds_of(e);
+  o.unsafe_weight = e.unsafe_weight;
   return o;
 }
 

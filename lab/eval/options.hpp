@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "lab/eval/leave_out.hpp"
 #include "lab/eval/sequence.hpp"
 #include "tools/command_line.hpp"
 
@@ -18,6 +19,9 @@ struct EvalOptions {
   std::string json, csv, markdown, pictures;           ///< where to; empty = nowhere
   Selection selection;
   bool confidence = false; ///< how right labels are by the confidence map
+  bool leave_out = false;  ///< kinds of place, one by one
+  std::vector<KindRule> kinds;
+  double unsafe_weight = 0; ///< of a choice, beside the error
 };
 
 /// What `terrainseg-eval paper` and `terrainseg-eval figures` are asked for.

@@ -164,6 +164,7 @@ Sequence rendered_sequence(const std::string& text) {
         "corridor or plain; day, dusk, drift or sun, with +wet if it is wet; straight, turn, bumpy or still; "
         "sides of 16 to 8192 pixels, up to 1000 seeds");
   s->folder = text;
+  s->kind = "rendered";
   s->name = text.substr(std::string(prefix).size());
   std::replace(s->name.begin(), s->name.end(), ':', ' ');
   return *s;

@@ -2,6 +2,7 @@
 #include "lab/eval/sequence.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -52,6 +53,14 @@ void describe(Sequence& s, const fs::path& path) {
     const nlohmann::json about = nlohmann::json::parse(file);
     s.fps = about.value("fps", 0.0);
     s.window_bottom = about.value("window_bottom", 0);
+    s.kind = about.value("kind", std::string());
+    if (const auto horizon = about.find("horizon"); horizon != about.end())
+      s.horizon = horizon->is_array() ? horizon->get<std::vector<double>>()
+                                      : std::vector<double>{horizon->get<double>()};
+    if (s.horizon.size() > 1 && s.horizon.size() != s.frames.size())
+      throw std::runtime_error(path.string() + ": horizon has " + std::to_string(s.horizon.size()) +
+                               " values for " + std::to_string(s.frames.size()) +
+                               " labelled frames; one for all or one each");
     s.free = about.value("source", std::string()).find("CC BY") != std::string::npos;
     if (about.value("stills", false))
       become_stills(s);
@@ -90,6 +99,13 @@ void select(Sequence& s, const Selection& selection) {
       taken.resize(static_cast<std::size_t>(selection.limit));
     *list = taken;
   }
+  if (s.horizon.size() > 1) {
+    std::vector<double> taken;
+    for (std::size_t i = 0; i < s.horizon.size() && taken.size() < s.frames.size();
+         i += static_cast<std::size_t>(selection.every))
+      taken.push_back(s.horizon[i]);
+    s.horizon = taken;
+  }
 }
 
 } // namespace
@@ -119,6 +135,9 @@ Sample Sequence::read(std::size_t index) const {
     return source(index);
   Sample sample;
   sample.picture = Picture::read(frames[index]);
+  if (!horizon.empty())
+    sample.picture.set_vanishing_row(static_cast<std::int32_t>(
+        std::lround(256 * horizon[horizon.size() > 1 ? index : 0] * sample.picture.size().height)));
   sample.labels = cv::imread(labels[index], cv::IMREAD_GRAYSCALE);
   if (sample.labels.empty())
     throw std::runtime_error(labels[index] + ": not a readable picture");

@@ -24,8 +24,12 @@ struct Sample {
 
 struct Sequence {
   std::string name, folder;
-  double fps = 0;          ///< frames per second; 0 = unknown
-  int window_bottom = 0;   ///< rows of the frame to lift the training window by
+  std::string kind;      ///< of place, for --leave-out; empty = not stated
+  double fps = 0;        ///< frames per second; 0 = unknown
+  int window_bottom = 0; ///< rows of the frame to lift the training window by
+  /// Of the ground's vanishing line, fractions of the height: one for all frames or one each; empty =
+  /// unknown.
+  std::vector<double> horizon;
   bool free = false;       ///< its pictures may be published
   bool stills = false;     ///< each frame is a place of its own
   std::size_t run = 0;     ///< frames after which everything is forgotten; 0 = never

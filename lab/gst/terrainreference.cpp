@@ -20,6 +20,7 @@
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
 #include "support/object.hpp"
+#include "support/once.hpp"
 #include "support/overlay_properties.hpp"
 #include "support/plugin_api.hpp"
 #include "support/properties.hpp"
@@ -70,9 +71,8 @@ struct ReferenceState {
   SmallPool boundaries;                                     // streaming
   std::uint64_t frame = 0;                                  // streaming
   std::uint32_t generation = 0;                             // streaming
-  bool warned_training = false;                             // streaming
-  std::optional<WindowRequest> window_told;                 // streaming; that it does not fit
-  bool interlaced_told = false;                             // streaming; once a start
+  Once<> training_flaw, interlaced;                         // streaming
+  Once<WindowRequest> misfit;                               // streaming
   ColourWatch colours;                                      // streaming
   ReferenceSettings in_force;                               // streaming; the last that were accepted
   std::string refused;                                      // streaming; why later ones are not
@@ -222,9 +222,9 @@ gboolean start(GstBaseTransform* transform) {
     }
     s.frame = 0;
     s.generation = 0;
-    s.warned_training = false;
-    s.interlaced_told = false;
-    s.window_told.reset();
+    s.training_flaw.again();
+    s.interlaced.again();
+    s.misfit.again();
     s.colours = {};
     s.in_force = settings;
     s.refused.clear();
@@ -246,13 +246,13 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   return guarded<gboolean>(transform, FALSE, [&]() -> gboolean {
     ReferenceState& s = state_of(transform);
     if (!gst_video_info_from_caps(&s.info, caps)) {
-      GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("The video format cannot be understood."),
+      GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("Unsupported video format."),
                         ("caps %" GST_PTR_FORMAT, printable(caps)));
       return FALSE;
     }
     if (!may_be_progressive(s.info)) {
       const std::string mode = gst_video_interlace_mode_to_string(GST_VIDEO_INFO_INTERLACE_MODE(&s.info));
-      if (!std::exchange(s.interlaced_told, true)) // upstream tries this again and again
+      if (s.interlaced.first()) // upstream tries this again and again
         report_interlaced(transform, ("interlace-mode=" + mode).c_str());
       return FALSE;
     }
@@ -302,9 +302,8 @@ const cv::Mat& training_pixels(gpointer object, GstBuffer* buffer) {
   ReferenceState& s = state_of(object);
   const int width = s.info.width, height = s.info.height;
   const Supervision supervision = s.training.read(buffer, width, height);
-  if (const char* error = s.training.error(); error && !s.warned_training) {
-    s.warned_training = true;
-    GST_ELEMENT_WARNING(GST_ELEMENT(object), STREAM, FORMAT, ("Training pixels are ignored: %s.", error),
+  if (const char* error = s.training.error(); error && s.training_flaw.first()) {
+    GST_ELEMENT_WARNING(GST_ELEMENT(object), STREAM, FORMAT, ("Invalid training pixels, ignored: %s.", error),
                         ("said once a run"));
   }
   if (supervision.empty())
@@ -368,7 +367,7 @@ void configure(gpointer object, ReferenceState& s, const ReferenceSettings& want
   }
   if (std::exchange(s.refused, refused) != refused && !refused.empty())
     GST_ELEMENT_WARNING(GST_ELEMENT(object), LIBRARY, SETTINGS,
-                        ("%s. The values before stay in force.", refused.c_str()),
+                        ("%s. The previous values are kept.", refused.c_str()),
                         ("settings refused while playing"));
 }
 
@@ -389,9 +388,8 @@ void fit_window(gpointer object, ReferenceState& s, WindowPlace& window) {
   window.height = fitted.window_height;
   window.bottom = fitted.window_bottom;
   window.x = fitted.window_x;
-  if (std::exchange(s.window_told, request) == request)
-    return;
-  TERRAINSEG_POST_WARNING(GST_ELEMENT(object), LIBRARY, SETTINGS, window_warning(request, fitted, ""));
+  if (s.misfit.first(request))
+    TERRAINSEG_POST_WARNING(GST_ELEMENT(object), LIBRARY, SETTINGS, window_warning(request, fitted, ""));
 }
 
 /// Takes the settings and forgets what a new stream must not know.

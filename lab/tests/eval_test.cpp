@@ -14,6 +14,7 @@
 #include "lab/eval/engines.hpp"
 #include "lab/eval/evaluation.hpp"
 #include "lab/eval/figures.hpp"
+#include "lab/eval/leave_out.hpp"
 #include "lab/eval/measurement.hpp"
 #include "lab/eval/options.hpp"
 #include "lab/eval/parallel.hpp"
@@ -277,6 +278,60 @@ TEST(EvalReport, EnginesOfStillsStandSideBySide) {
       << table.str();
 }
 
+/// A run over stills whose frames all have that error.
+Figures run_of(const std::string& set, const std::string& engine, double error) {
+  Figures f = stills_of(set, engine, 1, error);
+  f.ground.near_obstacles = 100;
+  f.ground.unsafe = static_cast<long long>(10 * error);
+  return f;
+}
+
+TEST(EvalLeaveOut, ChoosesOnTheOtherKinds) {
+  // "wide" is the best on snow and by far the worst in a flat: chosen where only the flat is left out.
+  const std::vector<Figures> all{run_of("snow_a", "default", 6), run_of("snow_b", "default", 8),
+                                 run_of("flat", "default", 4),   run_of("snow_a", "wide", 2),
+                                 run_of("snow_b", "wide", 4),    run_of("flat", "wide", 9),
+                                 run_of("snow_a", "half", 1)};
+  const std::vector<LeftOut> kinds = leave_out(all, usual_kinds(), 0);
+  ASSERT_EQ(kinds.size(), 2u);
+  EXPECT_EQ(kinds[0].kind, "indoors");
+  EXPECT_EQ(kinds[0].chosen, "wide");
+  EXPECT_DOUBLE_EQ(kinds[0].error, 9);
+  EXPECT_DOUBLE_EQ(kinds[0].baseline_error, 4);
+  EXPECT_EQ(kinds[1].kind, "planets and snow");
+  EXPECT_EQ(kinds[1].chosen, "default");
+  EXPECT_EQ(kinds[1].sets, 2);
+  EXPECT_DOUBLE_EQ(kinds[1].error, 7);
+  EXPECT_DOUBLE_EQ(kinds[1].unsafe, 70);
+  std::ostringstream table;
+  write_leave_out(table, all, usual_kinds(), 0);
+  EXPECT_NE(table.str().find("| mean of the kinds | 3 | 5.50 / 55.00 | 8.00 / 80.00 |  |"), std::string::npos)
+      << table.str();
+  EXPECT_NE(table.str().find("| wide | 6.00 / 60.00 |"), std::string::npos) << table.str();
+  EXPECT_EQ(table.str().find("half"), std::string::npos) << "did not run on everything";
+}
+
+TEST(EvalLeaveOut, UnsafeMayWeighInTheChoice) {
+  Figures careless = run_of("flat", "wide", 3);
+  careless.ground.unsafe = 90;
+  const std::vector<Figures> all{run_of("snow", "default", 4), run_of("flat", "default", 4),
+                                 run_of("snow", "wide", 3), careless};
+  EXPECT_EQ(leave_out(all, usual_kinds(), 0)[1].chosen, "wide");
+  EXPECT_EQ(leave_out(all, usual_kinds(), 0.1)[1].chosen, "default");
+}
+
+TEST(EvalLeaveOut, KindsAreStatedOrFollowFromTheName) {
+  Figures f = run_of("urban_noon", "default", 1);
+  EXPECT_EQ(kind_of(f, usual_kinds()), "drives in town");
+  EXPECT_EQ(kind_of(f, {parse_kind_rule("mine=NOON$")}), "mine");
+  EXPECT_EQ(kind_of(f, {}), "urban_noon");
+  f.kind = "stated";
+  EXPECT_EQ(kind_of(f, usual_kinds()), "stated");
+  EXPECT_THROW(parse_kind_rule("=x"), std::runtime_error);
+  EXPECT_THROW(parse_kind_rule("a=("), std::runtime_error);
+  EXPECT_THROW(leave_out({run_of("flat", "default", 1)}, usual_kinds(), 0), std::runtime_error);
+}
+
 TEST(EvalReport, CsvHasACellForEveryColumn) {
   Figures f = score({below(12)}, simple_labels());
   f.engine = "default,caution=8";
@@ -464,6 +519,27 @@ TEST_F(EvalSequence, IsReadAsDescribed) {
   EXPECT_EQ(s.window_bottom, 6);
   EXPECT_THROW(open_sequence((folder_.path() / "frames").string()), std::runtime_error);
   fs::remove_all(folder_.path() / "labels");
+  EXPECT_THROW(open_sequence(folder_.path().string()), std::runtime_error);
+}
+
+TEST_F(EvalSequence, AColumnOfHorizonsIsHandedIn) {
+  const auto describe = [&](const std::string& horizon) {
+    std::ofstream(folder_.path() / "sequence.json")
+        << R"({"fps": 1, "kind": "model", "stills": true, "horizon": )" << horizon << "}";
+  };
+  const auto row_of = [](const Sequence& s, std::size_t i) {
+    return s.read(i).picture.frame().vanishing_row;
+  };
+  describe("0.5");
+  const Sequence one = open_sequence(folder_.path().string());
+  EXPECT_EQ(one.kind, "model");
+  EXPECT_EQ(row_of(one, 3), 256 * 60);
+  describe("[0.1, 0.2, 0.3, 0.75]");
+  EXPECT_EQ(row_of(open_sequence(folder_.path().string()), 3), 256 * 90);
+  EXPECT_EQ(row_of(open_sequence(folder_.path().string(), {0, 3}), 1), 256 * 90);
+  // All ground begins below row 50: a line far below it takes most of it away.
+  EXPECT_GT(run("default").frames.back().error, run("default,motion=off").frames.front().error + 10);
+  describe("[0.1, 0.2]");
   EXPECT_THROW(open_sequence(folder_.path().string()), std::runtime_error);
 }
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "terrainseg/estimate.hpp"
-#include "terrainseg/segmenter.hpp"
+#include "terrainseg/mask_target.hpp"
 #include "terrainseg/terrain.hpp"
 
 namespace terrainseg {

@@ -4,7 +4,8 @@
 
 #include <string>
 
-#include "terrainseg/segmenter.hpp"
+#include "terrainseg/frame.hpp"
+#include "terrainseg/mask_target.hpp"
 
 namespace terrainseg {
 

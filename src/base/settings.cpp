@@ -38,21 +38,19 @@ constexpr Range stage{SettingKind::truth, 0, 1, 1, "", true};
 constexpr Range choice{SettingKind::choice, 0, 0}; // as many as there are
 
 constexpr Choice horizon_modes[] = {
-    {"off", "No horizon is told"},
-    {"paper", "The paper's split of the rows into two classes; nothing above it is traversable"},
-    {"auto",
-     "The row that the boundary's highest columns reach, where the mask is sure enough, else the last "
-     "one, ever less sure; it limits nothing (free-space=false: as paper)"}};
+    {"off", "No horizon is reported"},
+    {"paper", "The paper's split of the rows into two classes; nothing above the horizon is traversable"},
+    {"auto", "The row that the highest columns of the boundary reach if the mask is confident enough, else "
+             "the last row with decreasing confidence; it does not limit the mask (preset=paper: as paper)"}};
 constexpr Choice negatives[] = {
-    {"off", "Every colour alike: closeness to the terrain decides"},
-    {"rest", "The colours of the frame outside the window and the ground that is joined to it"},
-    {"split", "The same, but what the frame before found to be ground counts a quarter"}};
-constexpr Choice temporal_modes[] = {{"auto", "Where a frame's picture is like the one before"},
-                                     {"off", "Every frame for itself"},
+    {"off", "All colours alike: only the distance to the terrain counts"},
+    {"rest", "The colours of the frame outside the training window and the ground connected to it"},
+    {"split", "As rest, but what the previous frame labelled as ground counts a quarter"}};
+constexpr Choice temporal_modes[] = {{"auto", "When a frame resembles the previous one"},
+                                     {"off", "Never: each frame by itself"},
                                      {"on", "Always"}};
-constexpr Choice motion_modes[] = {
-    {"auto", "Where the camera moves and the ground is seen to move as a plane"},
-    {"off", "Nothing is seen from how the picture moves"}};
+constexpr Choice motion_modes[] = {{"auto", "When the camera moves and the ground moves as a plane"},
+                                   {"off", "Motion is not used"}};
 constexpr std::span<const Choice> choices_of(Motion) {
   return motion_modes;
 }

@@ -6,7 +6,7 @@
 #include <chrono>
 #include <cstdint>
 
-#include "terrainseg/segmenter.hpp"
+#include "terrainseg/stage.hpp"
 
 namespace terrainseg {
 

@@ -61,9 +61,19 @@ Workers::~Workers() {
     t.join();
 }
 
+// Once a task is taken its call stands until it has ended: run_erased() waits for that.
 void Workers::work() {
-  for (int task; (task = next_.fetch_add(1)) < tasks_;)
-    call_(context_, task);
+  for (std::uint64_t left = left_;;) {
+    const auto tasks = static_cast<std::uint32_t>(left);
+    if (tasks == 0)
+      return;
+    if (!left_.compare_exchange_weak(left, left - 1))
+      continue;
+    call_(context_, tasks_ - static_cast<int>(tasks));
+    if (unfinished_.fetch_sub(1) == 1)
+      unfinished_.notify_one();
+    left = left_;
+  }
 }
 
 void Workers::serve() {
@@ -72,27 +82,26 @@ void Workers::serve() {
     if (stop_)
       return;
     work();
-    if (busy_.fetch_sub(1) == 1)
-      busy_.notify_one();
   }
 }
 
 void Workers::run_erased(int tasks, Call call, void* context) {
-  call_ = call;
-  context_ = context;
-  tasks_ = tasks;
   if (threads_.empty() || tasks <= 1) {
     for (int task = 0; task < tasks; ++task)
       call(context, task);
     return;
   }
-  next_ = 0;
-  busy_ = static_cast<int>(threads_.size());
-  ++generation_;
+  call_ = call;
+  context_ = context;
+  tasks_ = tasks;
+  unfinished_ = tasks;
+  const std::uint32_t generation = generation_ + 1;
+  left_ = std::uint64_t{generation} << 32 | static_cast<std::uint32_t>(tasks);
+  generation_ = generation;
   generation_.notify_all();
   work();
-  for (int left; (left = busy_) != 0;)
-    wait_for_change(busy_, left, stay_awake_);
+  for (int left; (left = unfinished_) != 0;)
+    wait_for_change(unfinished_, left, stay_awake_);
 }
 
 } // namespace terrainseg

@@ -41,13 +41,15 @@ class Workers {
 
   std::vector<std::thread> threads_;
   bool stay_awake_ = false; ///< written before the threads start
-  // Written by run_erased() before `generation_` is raised, read by the threads after they see it raised.
+  // Written by run_erased() before `left_`, read by the threads after they took a task.
   Call call_ = nullptr;
   void* context_ = nullptr;
   int tasks_ = 0;
-  std::atomic<int> next_{0};
-  std::atomic<int> busy_{0}; ///< threads that have not yet finished this generation
-  std::atomic<std::uint32_t> generation_{0};
+  /// Tasks that no thread has taken, below the generation: a thread that wakes late takes none of a run that
+  /// has ended, and no run waits for it.
+  std::atomic<std::uint64_t> left_{0};
+  std::atomic<int> unfinished_{0};
+  std::atomic<std::uint32_t> generation_{0}; ///< of the last run
   std::atomic<bool> stop_{false};
 };
 

@@ -145,14 +145,20 @@ std::optional<MavlinkView> mavlink_view(std::span<const float> bearings) {
   return view.left <= view.right ? std::optional(view) : std::nullopt;
 }
 
+MavlinkView mavlink_view(const ScanFan& fan) {
+  const double half_beam = fan.increment / 2;
+  return {-degrees(fan.angle_max() + half_beam), -degrees(fan.angle_min - half_beam)};
+}
+
 ObstacleDistance obstacle_distance(const MavlinkView& view, std::span<const float> ranges,
                                    std::span<const float> bearings, MavlinkLayout layout,
-                                   MavlinkUnknown unknown, double min_m, double max_m) {
+                                   MavlinkUnknown unknown, double min_m, double max_m,
+                                   const std::optional<MavlinkView>& fan) {
   ObstacleDistance message;
   message.min_distance = static_cast<std::uint16_t>(std::clamp(std::ceil(min_m * 100), 1.0, 65000.0));
   message.max_distance =
       static_cast<std::uint16_t>(std::clamp(std::floor(max_m * 100), message.min_distance + 1.0, 65001.0));
-  const Sectors sectors(view, layout);
+  const Sectors sectors(fan.value_or(view), layout);
   if (layout == MavlinkLayout::fine) {
     message.increment = 0;
     message.increment_f = static_cast<float>(sectors.width);

@@ -11,6 +11,8 @@
 #include <span>
 #include <vector>
 
+#include "exchange/metric_estimate.hpp"
+
 namespace terrainseg {
 
 /// How the 72 sectors of OBSTACLE_DISTANCE lie around the vehicle.
@@ -48,14 +50,18 @@ struct MavlinkView {
 };
 /// Nothing when no bearing is known.
 std::optional<MavlinkView> mavlink_view(std::span<const float> bearings);
+/// All that a fan covers.
+MavlinkView mavlink_view(const ScanFan& fan);
 
 /// Sectors from the columns of a boundary (metres; radians counter-clockwise; NaN unknown, +infinity free),
 /// each the least of its columns; one between two columns the least of both. Nothing is nearer than `min_m`:
 /// it counts as there. Sectors outside the view are 65535; one within it with an unknown column and no nearer
-/// obstacle, or without any column, is as `unknown` says.
+/// obstacle, or without any column, is as `unknown` says. The sectors of the fine layout cover `fan`, else
+/// the view; columns outside are in its outermost sectors.
 ObstacleDistance obstacle_distance(const MavlinkView& view, std::span<const float> ranges,
                                    std::span<const float> bearings, MavlinkLayout layout,
-                                   MavlinkUnknown unknown, double min_m, double max_m);
+                                   MavlinkUnknown unknown, double min_m, double max_m,
+                                   const std::optional<MavlinkView>& fan = {});
 
 /// Appends one frame; `sequence` counts on.
 void append_obstacle_distance(std::vector<std::uint8_t>& out, const ObstacleDistance& message,

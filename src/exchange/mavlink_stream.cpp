@@ -36,7 +36,9 @@ std::span<const std::uint8_t> MavlinkStream::at(std::int64_t time, std::uint64_t
   bytes_.clear();
   if (metric) {
     view_ = mavlink_view(metric->bearings).value_or(view_);
-    range_min_ = metric->range_min;
+    if (!fan_)
+      fan_ = metric->fan.beams > 0 ? mavlink_view(metric->fan) : mavlink_view(metric->bearings);
+    range_min_ = metric->fan.beams > 0 ? metric->fan.range_min : metric->range_min;
     range_max_ = metric->range_max;
   }
   if (!is_due(next_obstacle_, time, obstacle_period))
@@ -45,7 +47,7 @@ std::span<const std::uint8_t> MavlinkStream::at(std::int64_t time, std::uint64_t
     append_heartbeat(bytes_, options.sender, sequence_);
   ObstacleDistance message = obstacle_distance(view_, metric ? metric->ranges : std::span<const float>(),
                                                metric ? metric->bearings : std::span<const float>(),
-                                               options.layout, options.unknown, range_min_, range_max_);
+                                               options.layout, options.unknown, range_min_, range_max_, fan_);
   message.time_us = time_us;
   append_obstacle_distance(bytes_, message, options.sender, sequence_);
   return bytes_;

@@ -33,6 +33,7 @@ class MavlinkStream {
  private:
   std::optional<std::int64_t> next_obstacle_, next_heartbeat_, last_;
   MavlinkView view_{-90, 90};
+  std::optional<MavlinkView> fan_; ///< of the fine layout, from the first metres on
   double range_min_ = 0.2, range_max_ = 8;
   std::uint8_t sequence_ = 0;
   std::vector<std::uint8_t> bytes_;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <span>
 
 #include "terrainseg/estimate.hpp"
@@ -23,6 +24,22 @@ struct RangeTick {
   float column, row; ///< shares of the frame's width and height, from the left and the top
 };
 
+/// The geometry of scans: the same for every frame of a stream, whatever attitude and boundary it has.
+struct ScanFan {
+  double angle_min = 0;    ///< direction of the first beam, the rightmost, radians
+  double increment = 0;    ///< from one beam to the next, radians counter-clockwise
+  std::uint32_t beams = 0; ///< 0 = the maker of the metres states no fan
+  double range_min = 0;    ///< metres; what is nearer counts as there
+  double angle_max() const { return angle_min + (beams - 1.0) * increment; }
+  bool operator==(const ScanFan&) const = default;
+};
+inline constexpr std::uint32_t most_beams = 65536;
+
+/// All directions, `beams` of them.
+inline ScanFan whole_circle(std::uint32_t beams, double range_min) {
+  return {-std::numbers::pi, 2 * std::numbers::pi / beams, beams, range_min};
+}
+
 /// Views into memory of its maker, one value a mask column in each but the ticks.
 struct MetricEstimate {
   /// Metres over ground from the body's origin to where the free space ends; +infinity = free as far as
@@ -36,6 +53,7 @@ struct MetricEstimate {
   double range_max = 0;                ///< metres up to which ranges are told
   std::uint32_t flags = 0;
   std::span<const RangeTick> ticks{}; ///< nearest first; for people, so they may be none
+  ScanFan fan{};
 };
 
 inline constexpr std::size_t most_ticks = 32;
@@ -67,6 +85,11 @@ inline const char* flaw_of(const MetricEstimate& m) {
     return "a range is below 0";
   if (!all(m.bearings, [](float v) { return std::abs(v) <= 3.1416F; }))
     return "a bearing is more than half a turn";
+  const ScanFan& fan = m.fan;
+  if (fan.beams > most_beams || (fan.beams > 0 && !(std::abs(fan.angle_min) <= 6.2832 && fan.increment > 0 &&
+                                                    fan.beams * fan.increment <= 6.2832 &&
+                                                    fan.range_min >= 0 && fan.range_min <= farthest_metres)))
+    return "the fan of the scans is not within a circle";
   if (m.ticks.size() > most_ticks || !std::all_of(m.ticks.begin(), m.ticks.end(), [](const RangeTick& t) {
         return t.range > 0 && t.range < 10000 && t.column >= 0 && t.column <= 1 && t.row >= 0 && t.row <= 1;
       }))

@@ -3,37 +3,16 @@
 // driven by.
 #pragma once
 
-#include <array>
-#include <cstdint>
-#include <optional>
-#include <span>
-#include <vector>
-
 #include "base/pipeline.hpp"
-#include "base/quantities.hpp"
-#include "coarse/grid_reader.hpp"
-#include "coarse/window.hpp"
-#include "freespace/cues/color_bins.hpp"
-#include "freespace/cues/connected_ground.hpp"
-#include "freespace/cues/exposure.hpp"
-#include "freespace/cues/geodesic.hpp"
-#include "freespace/cues/likelihood.hpp"
-#include "freespace/cues/local_reference.hpp"
-#include "freespace/cues/own_shadow.hpp"
-#include "freespace/cues/temporal.hpp"
-#include "freespace/cues/texture.hpp"
-#include "freespace/curve/boundary.hpp"
-#include "freespace/curve/evidence.hpp"
-#include "freespace/curve/free_space.hpp"
-#include "freespace/curve/ground_behind.hpp"
-#include "freespace/curve/horizon_row.hpp"
-#include "freespace/curve/odd_spots.hpp"
-#include "freespace/curve/reestimation.hpp"
-#include "freespace/curve/refinement.hpp"
-#include "freespace/curve/standing_things.hpp"
-#include "freespace/curve/stone_field.hpp"
-#include "freespace/window_guard.hpp"
-#include "learning/clustering.hpp"
+#include "freespace/answer/answer_writer.hpp"
+#include "freespace/curve/ground_tracer.hpp"
+#include "freespace/curve/refined_curves.hpp"
+#include "freespace/holes/hole_finders.hpp"
+#include "freespace/learn/window_teacher.hpp"
+#include "freespace/look/frame_reader.hpp"
+#include "freespace/memory.hpp"
+#include "freespace/score/cell_scorer.hpp"
+#include "freespace/score/terrain_tables.hpp"
 
 namespace terrainseg {
 
@@ -45,87 +24,19 @@ class FreeSpacePipeline final : public Pipeline {
   void process(const FrameTask& task, Terrain& terrain, EstimateWriter& out, StageClock& clock) override;
   TerrainModel in_this_light(const TerrainModel& learned) const override;
   void adapt(const Settings& settings, int grid_level) override;
-  void forget_frames() override;
-  void forget_terrain() override;
+  void forget_frames() override { memory_ = {}; }
+  void forget_terrain() override { tables_.forget(); }
 
  private:
-  // Steps of process(), in its order.
-  void read_cells(const FrameTask& task, Terrain& terrain);
-  bool window_is_foreign(const FrameTask& task, const Rectangle& window, const Terrain& terrain);
-  void learn_window(const Settings& settings, const Grid& colors, Terrain& terrain, StageClock& clock);
-  void rely_on_memory();
-  void weigh_cells(const Settings& settings, std::span<const Cell> trusted, const Columns& ahead,
-                   const Terrain& terrain);
-  void find_boundary(const FrameTask& task, bool continued, Terrain& terrain);
-  std::int32_t plane_end(const FrameTask& task, bool continued) const;
-  int first_row_of_plane(std::int32_t line) const;
-  void refine_curves(const FrameTask& task, int mask_level, FreeSpaceCurves& curves);
-  const FreeSpaceCurves& curves_at(const FrameTask& task, int level);
-  void find_spots(const FrameTask& task, const Rectangle& window, std::uint32_t slow_horizon);
-  bool find_standing(const FrameTask& task, Estimate& estimate);
-  void tell_confidence(const Settings& settings, bool stands, const Estimate& estimate,
-                       const MutablePlane& map);
-
-  const LikelihoodTables& likelihoods(const Settings& settings, const Terrain& terrain);
-  std::array<int, 3> reference_color(std::span<const Cell> trusted, const Terrain& terrain) const;
-
-  // The frame, coarse: cells, and what is seen of them.
-  Pyramid pyramid_;
-  ColorTransform transform_;
-  GridReader grid_reader_;
-  Grid grid_; ///< of this frame
-  TextureReader texture_reader_;
-  std::vector<std::uint16_t> texture_;
-  ExposureTables exposure_;
-  std::optional<std::uint32_t> exposure_of_tables_; ///< mean luma that `exposure_` was made for
-  CellBins cells_;
-  ConnectedGround connected_;
-
-  // The window and what it teaches.
-  std::vector<Cell> window_cells_, lit_cells_;
-  Prefiltered kept_;
-  WindowGuard guard_;
-  ClusterScratch clusters_;
-  TrainingModels training_; ///< of this frame; none while its window is not learned
-  int taught_q8_ = 0;       ///< share of the picture that the last lesson taught
-  std::vector<Lesson> lessons_;
-
-  // What the cells say.
-  Likelihood likelihood_;
-  LikelihoodTables tables_;
-  bool tables_are_old_ = true;
-  LocalReference local_reference_;
-  ColorSteps steps_;
-  GeodesicPenalty geodesic_;
-  std::span<const std::uint8_t> vouched_; ///< of this frame; held by connected_
-  CellPenalties penalty_;
-  ScoreAverage averaging_;
-  CellScores score_, average_, revised_;
-
-  // What the picture says: curves.
-  RowPriors prior_;
-  BoundarySearch search_;
-  Reestimation reestimation_;
-  GroundBehindSearch behind_search_;
-  GroundBehind behind_;
-  GridCurve boundary_, before_, safe_;
-  std::vector<std::uint16_t> scratch_;
-  HorizonHold horizon_hold_;
-  Refinement refinement_;
-  FreeSpaceCurves curves_;
-  FreeSpaceCurves fine_curves_; ///< the same for small masks: a column per cell that is searched for spots
-  /// In the whole picture, and in finer cells where things are far away.
-  struct SpotSearch {
-    OddSpots spots;
-    bool found = false; ///< in this frame
-  };
-  std::array<SpotSearch, 2> spot_searches_;
-  StoneField stone_field_;
-  bool in_stones_ = false; ///< there is a field of stones in this frame
-  StandingThings standing_;
-  FrameCurve below_things_; ///< the safe curve where nothing stands in the open below it
-  FreeSpace free_space_;
-  Evidence evidence_;
+  FrameReader reader_;
+  WindowTeacher teacher_;
+  TerrainTables tables_; ///< of what was learned
+  CellScorer scorer_;
+  GroundTracer tracer_;
+  RefinedCurves curves_;
+  HoleFinders holes_;
+  AnswerWriter answer_;
+  Memory memory_;
 };
 
 } // namespace terrainseg

@@ -30,7 +30,8 @@ struct Camera {
   double fx = 0, fy = 0;     ///< focal lengths, pixels
   double cx = 0, cy = 0;     ///< principal point, pixels
   Distortion distortion = Distortion::brown_conrady;
-  std::array<double, 8> coefficients{}; ///< those that the model has, the rest 0
+  std::array<double, 8> coefficients{};  ///< those that the model has, the rest 0
+  int whole_width = 0, whole_height = 0; ///< of the picture that these are a part of; 0 = they are no part
 
   bool undistorted() const { return coefficients == std::array<double, 8>{}; }
   bool operator==(const Camera&) const = default;

@@ -3,8 +3,10 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <charconv>
 #include <initializer_list>
+#include <string_view>
 #include <vector>
 
 namespace terrainseg::metric {
@@ -58,18 +60,36 @@ YAML::Node parsed(const std::string& text) {
   return node;
 }
 
-/// The first of several names that is there.
-YAML::Node at(const YAML::Node& node, std::initializer_list<const char*> names) {
-  for (const char* name : names)
-    if (const YAML::Node found = node[name]; found.IsDefined() && !found.IsNull())
-      return found;
-  return YAML::Node(YAML::NodeType::Undefined);
+/// Lower case, without '_' and '-': camera_matrix, cameraMatrix and Camera_Matrix, k and K are one name.
+std::string plain(std::string_view name) {
+  std::string result;
+  for (const char c : name)
+    if (c != '_' && c != '-')
+      result += c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return result;
 }
 
-YAML::Node need(const YAML::Node& node, std::initializer_list<const char*> names) {
+/// The value of the key that has one of several plain() names. Undefined when there is none.
+YAML::Node at(const YAML::Node& node, std::initializer_list<std::string_view> names) {
+  YAML::Node found(YAML::NodeType::Undefined);
+  std::string its_name;
+  for (const auto& item : node) {
+    if (!item.first.IsScalar() || item.second.IsNull() ||
+        std::find(names.begin(), names.end(), plain(item.first.Scalar())) == names.end())
+      continue;
+    if (found.IsDefined())
+      throw Flaw{its_name + " and " + item.first.Scalar() + " state the same: remove one of them"};
+    found.reset(item.second);
+    its_name = item.first.Scalar();
+  }
+  return found;
+}
+
+/// `what` is the name in messages.
+YAML::Node need(const YAML::Node& node, const char* what, std::initializer_list<std::string_view> names) {
   const YAML::Node found = at(node, names);
   if (!found.IsDefined())
-    throw Flaw{std::string(*names.begin()) + " is missing: export the calibration again"};
+    throw Flaw{std::string(what) + " is missing: export the calibration again"};
   return found;
 }
 
@@ -87,16 +107,16 @@ double number(const YAML::Node& node, const char* what) {
   throw Flaw{std::string(what) + " is not a number"};
 }
 
-int size(const YAML::Node& node, const char* what) {
+int size(const YAML::Node& node, const char* what, int least = 1) {
   const double value = number(node, what);
-  if (!(value >= 1 && value <= 32767) || value != static_cast<int>(value))
-    throw Flaw{std::string(what) + " is not a whole number within 1..32767"};
+  if (!(value >= least && value <= 32767) || value != static_cast<int>(value))
+    throw Flaw{std::string(what) + " is not a whole number within " + std::to_string(least) + "..32767"};
   return static_cast<int>(value);
 }
 
 /// A list of numbers, or the `data` of a matrix.
 std::vector<double> numbers(const YAML::Node& node, const char* what) {
-  const YAML::Node list = node.IsMap() ? need(node, {"data"}) : node;
+  const YAML::Node list = node.IsMap() ? need(node, "data", {"data"}) : node;
   if (!list.IsSequence() || list.size() > 64)
     throw Flaw{std::string(what) + " is not a list of numbers"};
   std::vector<double> values;
@@ -119,8 +139,13 @@ Distortion distortion_named(const std::string& name) {
              "' is not supported: calibrate with plumb_bob, rational_polynomial, radtan or equidistant"};
 }
 
-void set_coefficients(Camera& camera, const std::vector<double>& values) {
-  const std::size_t most = camera.distortion == Distortion::equidistant ? 4 : 8;
+/// `rational`: a model of its own name has the last three of eight.
+void set_coefficients(Camera& camera, const std::vector<double>& values, bool rational) {
+  const bool fisheye = camera.distortion == Distortion::equidistant;
+  if (!values.empty() && values.size() < 4)
+    throw Flaw{"the distortion has " + std::to_string(values.size()) +
+               " coefficients, and every supported model has four or more: export the calibration again"};
+  const std::size_t most = fisheye ? 4 : rational ? 8 : 5;
   for (std::size_t i = 0; i < values.size(); ++i)
     if (i < most)
       camera.coefficients[i] = values[i];
@@ -133,10 +158,48 @@ void set_coefficients(Camera& camera, const std::vector<double>& values) {
 void set_matrix(Camera& camera, const std::vector<double>& m) {
   if (m.size() != 9)
     throw Flaw{"camera_matrix has " + std::to_string(m.size()) + " numbers, not 9"};
+  if (m[3] != 0 || m[6] != 0 || m[7] != 0 || m[8] != 1)
+    throw Flaw{"camera_matrix is not fx 0 cx, 0 fy cy, 0 0 1: is it written column by column?"};
+  if (m[1] != 0)
+    throw Flaw{"camera_matrix has skew, which is not supported: calibrate without skew"};
   camera.fx = m[0];
   camera.cx = m[2];
   camera.fy = m[4];
   camera.cy = m[5];
+}
+
+/// The picture that the camera delivers: a region of the one that was calibrated on, in super-pixels.
+Camera delivered(Camera camera, const YAML::Node& node) {
+  const YAML::Node roi = at(node, {"roi"});
+  const auto part = [&](const char* name, std::string_view key) {
+    const YAML::Node value = roi.IsMap() ? at(roi, {key}) : YAML::Node(YAML::NodeType::Undefined);
+    return value.IsDefined() ? size(value, name, 0) : 0;
+  };
+  if (roi.IsDefined() && !roi.IsMap())
+    throw Flaw{"roi is not x_offset, y_offset, width and height"};
+  const int x = part("roi: x_offset", "xoffset"), y = part("roi: y_offset", "yoffset"),
+            width = part("roi: width", "width"), height = part("roi: height", "height");
+  if (x != 0 || y != 0 || width != 0 || height != 0) { // all 0 = the whole picture
+    if (width < 1 || height < 1 || x + width > camera.width || y + height > camera.height)
+      throw Flaw{"roi is not a part of the picture of " + std::to_string(camera.width) + "x" +
+                 std::to_string(camera.height)};
+    if (width < camera.width || height < camera.height) {
+      camera.whole_width = camera.width;
+      camera.whole_height = camera.height;
+    }
+    camera.width = width;
+    camera.height = height;
+    camera.cx -= x;
+    camera.cy -= y;
+  }
+  const auto binning = [&](const char* name, std::string_view key) {
+    const YAML::Node value = at(node, {key});
+    return value.IsDefined() ? std::max(size(value, name, 0), 1) : 1; // 0 = 1
+  };
+  const int by_x = binning("binning_x", "binningx"), by_y = binning("binning_y", "binningy");
+  if (camera.width / by_x < 1 || camera.height / by_y < 1)
+    throw Flaw{"binning leaves no picture"};
+  return by_x == 1 && by_y == 1 ? camera : scaled(camera, camera.width / by_x, camera.height / by_y);
 }
 
 std::string text_of(const YAML::Node& node) {
@@ -144,11 +207,11 @@ std::string text_of(const YAML::Node& node) {
 }
 
 Camera kalibr(const YAML::Node& node) {
-  if (const std::string model = text_of(node["camera_model"]); !model.empty() && model != "pinhole")
+  if (const std::string model = text_of(at(node, {"cameramodel"})); !model.empty() && model != "pinhole")
     throw Flaw{"the camera model '" + model + "' is not supported: calibrate as pinhole"};
   Camera camera;
-  const std::vector<double> intrinsics = numbers(need(node, {"intrinsics"}), "intrinsics");
-  const YAML::Node resolution = need(node, {"resolution"});
+  const std::vector<double> intrinsics = numbers(need(node, "intrinsics", {"intrinsics"}), "intrinsics");
+  const YAML::Node resolution = need(node, "resolution", {"resolution"});
   if (intrinsics.size() != 4 || !resolution.IsSequence() || resolution.size() != 2)
     throw Flaw{"intrinsics are not four numbers or resolution is not two"};
   camera.fx = intrinsics[0];
@@ -157,32 +220,51 @@ Camera kalibr(const YAML::Node& node) {
   camera.cy = intrinsics[3];
   camera.width = size(resolution[0], "resolution");
   camera.height = size(resolution[1], "resolution");
-  const std::string model = text_of(node["distortion_model"]);
-  if (model != "none") {
+  const std::string model = text_of(at(node, {"distortionmodel"}));
+  const YAML::Node list = model == "none" ? at(node, {"distortioncoeffs"})
+                                          : need(node, "distortion_coeffs", {"distortioncoeffs"});
+  if (model != "none")
     camera.distortion = distortion_named(model);
-    set_coefficients(camera, numbers(need(node, {"distortion_coeffs"}), "distortion_coeffs"));
+  if (list.IsDefined())
+    set_coefficients(camera, numbers(list, "distortion_coeffs"), false);
+  if (model == "none" && !camera.undistorted())
+    throw Flaw{"distortion_model is none and distortion_coeffs are not 0: remove one of them"};
+  return delivered(camera, node);
+}
+
+/// OpenCV's sample writes `fisheye_model: 1` and no name.
+std::string model_of(const YAML::Node& node) {
+  std::string name = text_of(at(node, {"distortionmodel"}));
+  if (const YAML::Node fisheye = at(node, {"fisheyemodel"}); fisheye.IsDefined()) {
+    const std::string value = text_of(fisheye);
+    if (value != "0" && value != "1" && value != "false" && value != "true")
+      throw Flaw{"fisheye_model is not 0 or 1"};
+    if (value == "1" || value == "true") {
+      if (!name.empty() && distortion_named(name) != Distortion::equidistant)
+        throw Flaw{"fisheye_model and distortion_model '" + name + "' contradict each other"};
+      name = "fisheye";
+    }
   }
-  return camera;
+  return name;
 }
 
 Camera ros_or_opencv(const YAML::Node& node) {
   Camera camera;
-  if (const YAML::Node both = at(node, {"imageSize", "image_size"});
+  if (const YAML::Node both = at(node, {"imagesize"});
       both.IsDefined() && both.IsSequence() && both.size() == 2) {
     camera.width = size(both[0], "imageSize");
     camera.height = size(both[1], "imageSize");
   } else {
-    camera.width = size(need(node, {"image_width", "image_Width", "width"}), "image_width");
-    camera.height = size(need(node, {"image_height", "image_Height", "height"}), "image_height");
+    camera.width = size(need(node, "image_width", {"imagewidth", "width"}), "image_width");
+    camera.height = size(need(node, "image_height", {"imageheight", "height"}), "image_height");
   }
-  set_matrix(camera,
-             numbers(need(node, {"camera_matrix", "cameraMatrix", "Camera_Matrix", "K"}), "camera_matrix"));
-  camera.distortion = distortion_named(text_of(node["distortion_model"]));
-  if (const YAML::Node list =
-          at(node, {"distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "D"});
-      list.IsDefined())
-    set_coefficients(camera, numbers(list, "distortion_coefficients"));
-  return camera;
+  set_matrix(camera, numbers(need(node, "camera_matrix", {"cameramatrix", "k"}), "camera_matrix"));
+  const std::string model = model_of(node);
+  camera.distortion = distortion_named(model);
+  if (const YAML::Node list = at(node, {"distortioncoefficients", "distcoeffs", "d"}); list.IsDefined())
+    set_coefficients(camera, numbers(list, "distortion_coefficients"),
+                     model.empty() || model == "rational_polynomial");
+  return delivered(camera, node);
 }
 
 /// All digits that it takes to read the same number again, whatever the locale.
@@ -217,9 +299,9 @@ std::optional<Camera> read_camera_info(const std::string& text, std::string& err
   return reported(error, [&] {
     const YAML::Node node = parsed(text);
     const YAML::Node first = node["cam0"];
-    const Camera camera = first.IsDefined() && first.IsMap() ? kalibr(first)
-                          : node["intrinsics"].IsDefined()   ? kalibr(node)
-                                                             : ros_or_opencv(node);
+    const Camera camera = first.IsDefined() && first.IsMap()     ? kalibr(first)
+                          : at(node, {"intrinsics"}).IsDefined() ? kalibr(node)
+                                                                 : ros_or_opencv(node);
     if (std::string flaw = flaw_of(camera); !flaw.empty())
       throw Flaw{std::move(flaw)};
     return camera;
@@ -237,11 +319,9 @@ std::optional<Mount> read_mount(const std::string& text, std::string& error) {
     for (const auto& item : keys) {
       if (!item.first.IsScalar() || !item.second.IsScalar())
         throw Flaw{"a key of the mount is not a name with a number"};
-      std::string name = item.first.Scalar();
+      const std::string& name = item.first.Scalar();
       if (name == "frame_id" || name == "child_frame_id")
         continue;
-      for (char& c : name)
-        c = c == '_' ? '-' : c;
       items += (items.empty() ? "" : ",") + name + "=" + item.second.Scalar();
     }
     std::string flaw;

@@ -10,15 +10,18 @@
 
 namespace terrainseg::metric {
 
-/// Reads a camera's calibration from text in one of three forms that calibration programs write:
-/// - ROS `camera_info` (image_width, image_height, camera_matrix.data, distortion_model [plumb_bob when
-/// absent],
-///   distortion_coefficients.data): plumb_bob, rational_polynomial, equidistant, fisheye;
+/// Reads a camera's calibration from text in one of three forms that calibration programs write. Names of
+/// keys may be written in upper or lower case, with or without '_':
+/// - ROS `camera_info`, as a calibration file or as `ros2 topic echo` prints it (image_width or width,
+///   image_height or height, camera_matrix or k, distortion_model [plumb_bob when absent],
+///   distortion_coefficients or d; roi and binning_x, binning_y are applied): plumb_bob, rational_polynomial,
+///   equidistant, fisheye;
 /// - Kalibr's camchain (the first camera: intrinsics, resolution, distortion_model radtan or equidistant,
 ///   distortion_coeffs; camera_model pinhole);
-/// - OpenCV's FileStorage (image_width, image_height, camera_matrix, distortion_coefficients as
-/// opencv-matrix; also
-///   under their names cameraMatrix, distCoeffs, and imageSize).
+/// - OpenCV's FileStorage (image_width, image_height or imageSize, camera_matrix or cameraMatrix,
+///   distortion_coefficients or distCoeffs as opencv-matrix, fisheye_model).
+/// The pictures are the raw ones: rectification_matrix (r) and projection_matrix (p) belong to rectified
+/// pictures and change nothing. Skew, and coefficients that a model does not have, are refused.
 /// On an error nothing, and `error` says what is wrong and what to do; it does not name the file.
 std::optional<Camera> read_camera_info(const std::string& text, std::string& error);
 

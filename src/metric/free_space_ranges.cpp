@@ -5,6 +5,8 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <numbers>
+#include <utility>
 
 #include "metric/ground_blocks.hpp"
 
@@ -93,6 +95,36 @@ double FreeSpaceRanges::nearest(const Mount& mount) const {
     if (const auto point = ground(ray(i * (columns - 1) / places, frame_height_)))
       least = std::min(least, std::hypot(point->x, point->y));
   return least;
+}
+
+std::optional<GroundView> FreeSpaceRanges::view(const Mount& mount, double sway) const {
+  GroundView view{free_value, -free_value, 0};
+  const int columns = static_cast<int>(columns_);
+  for (const auto& [pitch, roll] :
+       {std::pair(0.0, 0.0), {sway, 0.0}, {-sway, 0.0}, {0.0, sway}, {0.0, -sway}}) {
+    Mount swayed = pitched(mount, pitch);
+    swayed.roll += roll;
+    const GroundProjection ground(swayed);
+    for (int row = 0; row < frame_height_ + node_rows; row += node_rows) {
+      double last = unknown_value;
+      for (int i = 0; i < columns; ++i) {
+        const auto point = ground(ray(static_cast<std::size_t>(i), std::min(row, frame_height_)));
+        const double angle =
+            point ? std::remainder(std::atan2(point->y, point->x) - mount.yaw, 2 * std::numbers::pi)
+                  : static_cast<double>(unknown_value);
+        if (pitch == 0 && roll == 0 && std::abs(angle - last) < std::numbers::pi)
+          view.widest_step = std::max(view.widest_step, std::abs(angle - last));
+        last = angle;
+        view.right = std::fmin(view.right, angle);
+        view.left = std::fmax(view.left, angle);
+      }
+    }
+  }
+  if (!(view.right <= view.left))
+    return std::nullopt;
+  view.right += mount.yaw;
+  view.left += mount.yaw;
+  return view;
 }
 
 const RangeColumns& FreeSpaceRanges::measure(std::span<const std::uint16_t> boundary, bool unknown,

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -36,6 +37,12 @@ inline constexpr double row_error_of_height = 0.005;
 /// Metres at which one standard deviation of the angle is 20 % of the range: d^2 / h * error = 0.2 d.
 double expected_range_limit(const Mount& mount, const Camera& camera, int frame_height);
 
+/// What a camera may see of the ground, as directions from the body's origin, radians counter-clockwise.
+struct GroundView {
+  double right = 0, left = 0;
+  double widest_step = 0; ///< between two neighbouring columns on one row
+};
+
 struct RayBlock;
 
 class FreeSpaceRanges {
@@ -53,6 +60,9 @@ class FreeSpaceRanges {
   /// Metres of the nearest ground in the picture: what measure() gives where nothing is free. +infinity when
   /// no row of the mask shows ground.
   double nearest(const Mount& mount) const;
+  /// Where ground is seen while the vehicle pitches and rolls by up to `sway` about `mount`. The directions
+  /// at `mount` alone count for the step. Nothing when no row shows ground.
+  std::optional<GroundView> view(const Mount& mount, double sway) const;
   /// The calibration for frames of the size that adapt() was told.
   const Camera& camera() const { return camera_; }
 

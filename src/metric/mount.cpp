@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <numbers>
+#include <set>
 
 namespace terrainseg::metric {
 namespace {
@@ -60,17 +61,22 @@ std::string flaw_of(const Mount& mount) {
 
 std::optional<Mount> parse_mount(std::string_view text, std::string& error) {
   Mount mount;
-  bool with_height = false;
+  std::set<const Key*> stated;
   while (!text.empty()) {
     const std::size_t comma = text.find(',');
     const std::string_view item = trimmed(text.substr(0, comma));
     text.remove_prefix(comma == text.npos ? text.size() : comma + 1);
     const std::size_t equals = item.find('=');
-    const std::string_view name = trimmed(item.substr(0, equals));
+    std::string name(trimmed(item.substr(0, equals)));
+    std::replace(name.begin(), name.end(), '_', '-');
     const Key* known = nullptr;
     for (const Key& key : keys)
       if (key.name == name)
         known = &key;
+    if (known && !stated.insert(known).second) {
+      error = quoted(item) + known->name.data() + " is stated twice";
+      return std::nullopt;
+    }
     if (equals == item.npos || !known) {
       error =
           quoted(item) + "known are height=, pitch=, roll=, yaw=, x=, y=, pitch-error=, separated by commas";
@@ -92,9 +98,8 @@ std::optional<Mount> parse_mount(std::string_view text, std::string& error) {
       return std::nullopt;
     }
     mount.*known->field = degrees ? value * std::numbers::pi / 180 : value;
-    with_height = with_height || known->field == &Mount::height;
   }
-  if (!with_height) {
+  if (!stated.count(&keys[0])) {
     error = "height is missing: the metres from the ground to the lens";
     return std::nullopt;
   }

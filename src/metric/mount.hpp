@@ -27,9 +27,9 @@ struct Mount {
 /// What is wrong with a mount and what to do, or an empty text.
 std::string flaw_of(const Mount& mount);
 
-/// Reads `height=0.5,pitch=10deg,x=0.2`: comma-separated keys height, pitch, roll, yaw, x, y, pitch-error;
-/// metres, and radians or, with the suffix `deg`, degrees. On an error nothing, and `error` says what and
-/// where.
+/// Reads `height=0.5,pitch=10deg,x=0.2`: comma-separated keys height, pitch, roll, yaw, x, y, pitch-error (or
+/// pitch_error); metres, and radians or, with the suffix `deg`, degrees. On an error nothing, and `error`
+/// says what and where.
 std::optional<Mount> parse_mount(std::string_view text, std::string& error);
 
 /// A ray this little below the horizontal meets the ground a million camera heights away: over the horizon.

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <utility>
 
+#include "base/tuning.hpp"
 #include "kernels/ground_warp.hpp"
 #include "kernels/point_fit.hpp"
 #include "motion/normal_equations.hpp"
@@ -13,10 +14,10 @@
 namespace terrainseg {
 namespace {
 
-constexpr int clipped_at = 40 << 8;            ///< Q8: a difference counts no more
-constexpr int least_spread = 3 << 7;           ///< Q8: 1.5 grey levels
-constexpr std::int64_t small_step = 1678;      ///< Q24: 1e-4, a thirtieth of a pixel
-constexpr std::int64_t largest_step = 1 << 23; ///< Q24: 0.5
+TERRAINSEG_TUNED(int, alignment, clipped_at, 40 << 8);            ///< Q8: a difference counts no more
+TERRAINSEG_TUNED(int, alignment, least_spread, 3 << 7);           ///< Q8: 1.5 grey levels
+TERRAINSEG_TUNED(std::int64_t, alignment, small_step, 1678);      ///< Q24: 1e-4, a thirtieth of a pixel
+TERRAINSEG_TUNED(std::int64_t, alignment, largest_step, 1 << 23); ///< Q24: 0.5
 
 /// 256 / (1 + (z / 2)^2)^2 for z = (k + 1/2) / 8 spreads, nothing from 8 on.
 constexpr std::array<std::int32_t, 65> make_weights() {

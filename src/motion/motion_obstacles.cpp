@@ -4,31 +4,38 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "base/tuning.hpp"
 #include "kernels/ground_warp.hpp"
 
 namespace terrainseg {
 namespace {
 
-constexpr int longest_side = 800, shortest_side = 160; ///< pixels of motion's level
-constexpr int most_keys = 12;
-constexpr std::size_t most_bytes = 3'200'000;          ///< of key frames
-constexpr int oldest_key = 90;                         ///< frames
-constexpr std::int64_t shortest_interval = 45'000'000; ///< ns: frames between are looked at no further
-constexpr std::int64_t longest_gap = 2'000'000'000;
+/// pixels of motion's level
+TERRAINSEG_TUNED(int, motion_obstacles, longest_side, 800);
+TERRAINSEG_TUNED(int, motion_obstacles, shortest_side, 160);
+TERRAINSEG_TUNED(int, motion_obstacles, most_keys, 12);
+TERRAINSEG_TUNED(std::size_t, motion_obstacles, most_bytes, 3'200'000); ///< of key frames
+TERRAINSEG_TUNED(int, motion_obstacles, oldest_key, 90);                ///< frames
+TERRAINSEG_TUNED(std::int64_t, motion_obstacles, shortest_interval,
+                 45'000'000); ///< ns: frames between are looked at no further
+TERRAINSEG_TUNED(std::int64_t, motion_obstacles, longest_gap, 2'000'000'000);
 constexpr PointRule large_rule{10, 6}, small_rule{4, 2};
-constexpr int near_rows = 128, far_rows = 56; ///< Q8 of the rows below the vanishing line: 0.50, 0.22
-constexpr int memory = 224;                   ///< Q8: evidence of earlier frames keeps 7/8
-constexpr int still_memory = 252;             ///< while the camera stands
-constexpr int most_coasted = 8;               ///< frames that a sudden stop is not believed
-constexpr int settling = 30;                  ///< estimates of the vanishing line until it is told
+/// Q8 of the rows below the vanishing line: 0.50, 0.22
+constexpr int near_rows = 128;
+TERRAINSEG_TUNED(int, motion_obstacles, far_rows, 56);
+TERRAINSEG_TUNED(int, motion_obstacles, memory, 224);       ///< Q8: evidence of earlier frames keeps 7/8
+TERRAINSEG_TUNED(int, motion_obstacles, still_memory, 252); ///< while the camera stands
+TERRAINSEG_TUNED(int, motion_obstacles, most_coasted, 8);   ///< frames that a sudden stop is not believed
+TERRAINSEG_TUNED(int, motion_obstacles, settling, 30); ///< estimates of the vanishing line until it is told
 /// And their information until then: of frames a second apart in a town 30 hold 530, of a drive at 15 Hz
 /// 140,000, of a small picture in a low sun 12,000.
-constexpr std::int64_t least_information = 2500;
+TERRAINSEG_TUNED(std::int64_t, motion_obstacles, least_information, 2500);
 /// Estimates until a pose may be contradicted, and the part of the height by which they must: of level ground
 /// they are up to an 80th of it off. Where the pose's line lies too high they tell a third of what is
 /// missing: less is cut off there than could be, and nothing that is ground.
-constexpr int contradicting = 24, slight_slope = 72;
-constexpr int retry_after = 8; ///< frames between two searches in vain
+TERRAINSEG_TUNED(int, motion_obstacles, contradicting, 24);
+TERRAINSEG_TUNED(int, motion_obstacles, slight_slope, 72);
+TERRAINSEG_TUNED(int, motion_obstacles, retry_after, 8); ///< frames between two searches in vain
 
 /// Forward motion in a frame that a search begins with, Q24 of the camera's height.
 constexpr std::array<std::int64_t, 9> first_guesses{0,       251658,  671089,  1342177, 2348810,

@@ -51,7 +51,7 @@ class MotionObstacles {
   /// stands.
   const MotionView& observe(const GrayView& luma, const GrayView& ground, std::int64_t pts,
                             const MotionKnowledge& knowledge = {});
-  void forget(); ///< after a seek or a cut
+  void forget(); ///< after a gap: the ground is searched anew, its vanishing line is kept
 
   /// Bytes of all pictures that are kept: tests hold their bound by it.
   std::size_t kept_bytes() const;

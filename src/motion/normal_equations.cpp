@@ -5,12 +5,14 @@
 #include <bit>
 #include <cstdlib>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
-constexpr int diagonal_bits = 30; ///< of the scaled diagonal
-constexpr int factor_bits = 20;   ///< fraction bits of L
-constexpr int quotient_bits = 24; ///< fraction bits of the scaled solution
+TERRAINSEG_TUNED(int, normal_equations, diagonal_bits, 30); ///< of the scaled diagonal
+TERRAINSEG_TUNED(int, normal_equations, factor_bits, 20);   ///< fraction bits of L
+TERRAINSEG_TUNED(int, normal_equations, quotient_bits, 24); ///< fraction bits of the scaled solution
 constexpr std::int64_t limit = std::int64_t{1} << 36;
 
 constexpr std::int64_t shifted(std::int64_t value, int bits) {

@@ -6,27 +6,30 @@
 #include <bit>
 #include <cstdlib>
 
+#include "base/tuning.hpp"
 #include "kernels/ground_warp.hpp"
 
 namespace terrainseg {
 namespace {
 
-constexpr int ahead_margin =
-    16; ///< pixels that a standing hypothesis may lie above its cell, driving forward
-constexpr int behind_margin = 8; ///< and a control below it
-constexpr int side_margin = 32;  ///< a whole number of segments of 16
-constexpr int block = 16;        ///< pixels side by side that have the direction of the translation in common
-constexpr int anchor_rows = 4;   ///< rows from one that is mapped exactly to the next
+TERRAINSEG_TUNED(int, parallax, ahead_margin,
+                 16); ///< pixels that a standing hypothesis may lie above its cell, driving forward
+TERRAINSEG_TUNED(int, parallax, behind_margin, 8); ///< and a control below it
+TERRAINSEG_TUNED(int, parallax, side_margin, 32);  ///< a whole number of segments of 16
+TERRAINSEG_TUNED(int, parallax, block,
+                 16); ///< pixels side by side that have the direction of the translation in common
+TERRAINSEG_TUNED(int, parallax, anchor_rows, 4); ///< rows from one that is mapped exactly to the next
 /// Hypotheses: the ground's own place, those of things that stand (pixels along the translation), and
 /// controls: below the ground (reflections, repeated patterns) and across the translation (misalignment).
 constexpr std::array<int, 8> standing{1, 2, 3, 4, 6, 8, 11, 15};
 constexpr std::array<int, 3> sunken{-2, -4, -7};
-constexpr int aside_q1 = 3; ///< halves of a pixel
+TERRAINSEG_TUNED(int, parallax, aside_q1, 3); ///< halves of a pixel
 /// What is compared: the ground's place, five controls, even grey (how much there is to be seen), standing.
 constexpr int first_control = 1, end_control = 6, even_grey = 6, first_standing = 7, end_standing = 15,
               hypotheses = 16;
 static_assert(hypotheses == kernels::most_offsets && first_standing + standing.size() == end_standing);
-constexpr int most_left = 11; ///< sixteenths of what there is to be seen that a match may leave
+TERRAINSEG_TUNED(int, parallax, most_left,
+                 11); ///< sixteenths of what there is to be seen that a match may leave
 constexpr kernels::HypothesisOrder order{first_control, end_control, even_grey, first_standing, end_standing};
 
 /// sqrt((k + 1/2) << 24) for k = 64..255.

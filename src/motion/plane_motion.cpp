@@ -3,12 +3,15 @@
 
 #include <algorithm>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
 using Matrix = std::array<std::int64_t, 9>;
 
-constexpr std::int64_t largest = 64 * one_q24; ///< of an element: products of two keep to 63 bits
+TERRAINSEG_TUNED(std::int64_t, plane_motion, largest,
+                 64 * one_q24); ///< of an element: products of two keep to 63 bits
 
 Matrix product(const Matrix& a, const Matrix& b) {
   Matrix c{};

@@ -4,18 +4,21 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/tuning.hpp"
 #include "kernels/ground_warp.hpp"
 
 namespace terrainseg {
 namespace {
 
-constexpr int one = 4096; ///< Q12
+TERRAINSEG_TUNED(int, standing_map, one, 4096); ///< Q12
 /// Evidence with which a cell is told to stand and from which on it is so no longer, Q8.
-constexpr int least_to_appear = 17, least_to_stay = 8;
+TERRAINSEG_TUNED(int, standing_map, least_to_appear, 17);
+TERRAINSEG_TUNED(int, standing_map, least_to_stay, 8);
 /// Frames that are kept when one is added, Q12: what comes again and again does not add up. The memory of a
 /// moving camera never holds more.
-constexpr int most_kept = 7 * one;
-constexpr int most_ratio = 1843; ///< 0.45: no foot is further down than this part of its way to the line
+TERRAINSEG_TUNED(int, standing_map, most_kept, 7 * one);
+TERRAINSEG_TUNED(int, standing_map, most_ratio,
+                 1843); ///< 0.45: no foot is further down than this part of its way to the line
 
 /// Which cells stand, by their evidence and by whether they stood; what stands no more and what has never
 /// stood tells none. Whether one stands. Compilers make vectors of it.

@@ -22,50 +22,40 @@ float nearer(float a, float b) {
   return std::isnan(a) || std::isnan(b) ? unknown : free_way;
 }
 
-/// `angle` plus whole turns, within half a turn of `reference`.
-double unwrapped(double angle, double reference) {
-  return reference + std::remainder(angle - reference, 2 * std::numbers::pi);
-}
-
 } // namespace
 
-void Beams::take(const MetricEstimate& metric) {
-  columns_.clear();
-  for (std::size_t i = 0; i < metric.bearings.size(); ++i)
-    if (!std::isnan(metric.bearings[i]))
-      columns_.emplace_back(metric.bearings[i], metric.ranges[i]);
-  if (columns_.empty()) { // nothing is known of this frame: the view is that of the last
-    std::fill(ranges_.begin(), ranges_.end(), unknown);
-    return;
+std::optional<std::size_t> Beams::beam_of(double angle) const {
+  constexpr double turn = 2 * std::numbers::pi;
+  double offset = std::remainder(angle - fan_.angle_min, turn);
+  if (offset < -fan_.increment / 2)
+    offset += turn;
+  const auto beam = static_cast<std::size_t>(std::lround(offset / fan_.increment));
+  return beam < ranges_.size() ? std::optional(beam) : std::nullopt;
+}
+
+void Beams::take(const MetricEstimate& m) {
+  constexpr std::uint32_t half_degrees = 720;
+  if (fan_.beams == 0)
+    fan_ = m.fan.beams > 0 ? m.fan : whole_circle(half_degrees, m.range_min);
+  constexpr float without_column = -1;
+  const auto least = static_cast<float>(fan_.range_min);
+  ranges_.assign(fan_.beams, without_column);
+  for (std::size_t i = 0; i < m.bearings.size(); ++i) {
+    if (std::isnan(m.bearings[i]))
+      continue;
+    const auto beam = beam_of(m.bearings[i]);
+    if (!beam)
+      continue;
+    const float range = m.ranges[i] < least ? least : m.ranges[i];
+    float& value = ranges_[*beam];
+    value = value == without_column ? range : nearer(value, range);
   }
-  const double middle = columns_[columns_.size() / 2].first;
-  for (auto& [angle, range] : columns_)
-    angle = unwrapped(angle, middle);
-  std::stable_sort(columns_.begin(), columns_.end(),
-                   [](const auto& a, const auto& b) { return a.first < b.first; });
-  increment_ = 0;
-  for (std::size_t i = 1; i < columns_.size(); ++i)
-    increment_ = std::max(increment_, columns_[i].first - columns_[i - 1].first);
-  angle_min_ = columns_.front().first;
-  const auto beam = [&](double angle) {
-    return increment_ > 0 ? static_cast<std::size_t>(std::lround((angle - angle_min_) / increment_)) : 0;
-  };
-  ranges_.assign(beam(columns_.back().first) + 1, free_way);
-  for (const auto& [angle, range] : columns_) {
-    float& value = ranges_[beam(angle)];
-    value = nearer(value, range);
-  }
+  std::replace(ranges_.begin(), ranges_.end(), without_column, unknown);
 }
 
 const float* Beams::at(double angle) const {
-  if (ranges_.empty())
-    return nullptr;
-  const double half_view = static_cast<double>(ranges_.size() - 1) * increment_ / 2;
-  const double offset = unwrapped(angle, angle_min_ + half_view) - angle_min_;
-  constexpr double hair = 1e-6; // the width of a beam that is alone, radians
-  const double index = std::round(offset / (increment_ > 0 ? increment_ : hair));
-  return index >= 0 && index < static_cast<double>(ranges_.size()) ? &ranges_[static_cast<std::size_t>(index)]
-                                                                   : nullptr;
+  const auto beam = beam_of(angle);
+  return beam ? &ranges_[*beam] : nullptr;
 }
 
 void boundary_points(std::vector<BoundaryPoint>& points, const MetricEstimate& m) {
@@ -76,18 +66,17 @@ void boundary_points(std::vector<BoundaryPoint>& points, const MetricEstimate& m
                         m.low[i], m.high[i]});
 }
 
-/// Around all that can be seen, to whole metres, so that the small changes of an attitude do not move it.
-FreeSpaceGrid::Box FreeSpaceGrid::box_of(const MetricEstimate& m, double cell) {
-  double low[2] = {free_way, free_way}, high[2] = {-free_way, -free_way};
-  for (const float bearing : m.bearings) {
-    if (std::isnan(bearing))
-      continue;
-    const double along[2] = {std::cos(bearing), std::sin(bearing)};
-    for (const double range : {m.range_min, m.range_max})
-      for (int axis = 0; axis < 2; ++axis) {
-        low[axis] = std::min(low[axis], std::floor(range * along[axis]));
-        high[axis] = std::max(high[axis], std::ceil(range * along[axis]));
-      }
+/// Around the fan and the body's origin, to whole metres. It depends on nothing that changes from frame to
+/// frame.
+FreeSpaceGrid::Box FreeSpaceGrid::box_of(const ScanFan& fan, double range_max, double cell) {
+  double low[2] = {0, 0}, high[2] = {0, 0};
+  for (std::uint32_t i = 0; i < fan.beams; ++i) {
+    const double angle = fan.angle_min + i * fan.increment;
+    const double along[2] = {range_max * std::cos(angle), range_max * std::sin(angle)};
+    for (int axis = 0; axis < 2; ++axis) {
+      low[axis] = std::min(low[axis], std::floor(along[axis]));
+      high[axis] = std::max(high[axis], std::ceil(along[axis]));
+    }
   }
   Box box{cell, low[0], low[1], 0, 0};
   const double longest = std::max(high[0] - low[0], high[1] - low[1]);
@@ -109,11 +98,8 @@ void FreeSpaceGrid::lay_out(const Box& box) {
 }
 
 void FreeSpaceGrid::draw(const MetricEstimate& m, const Beams& beams, double cell) {
-  const bool has_view =
-      std::any_of(m.bearings.begin(), m.bearings.end(), [](float bearing) { return !std::isnan(bearing); });
-  if (has_view)
-    if (const Box box = box_of(m, cell); !(box == box_))
-      lay_out(box);
+  if (const Box box = box_of(beams.fan(), m.range_max, cell); !(box == box_))
+    lay_out(box);
   const double thickness = 1.5 * box_.resolution; // no gap on a diagonal
   cells_.clear();
   for (const Polar& place : places_) {

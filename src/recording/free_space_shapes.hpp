@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "exchange/metric_estimate.hpp"
@@ -10,37 +11,36 @@
 
 namespace terrainseg::recording {
 
-/// Beams of equal angles over the view; each is the least of the columns in it.
+/// Beams of equal angles, by REP 117; each is the least of the columns in it.
 class Beams {
  public:
-  /// A column that is not known makes a beam without an obstacle unknown. The beams are as far apart as the
-  /// two neighbouring columns that are farthest apart, so that each has one. Of a frame without any bearing
-  /// the beams are those of the last, unknown.
+  /// The fan is that of the first frame, also for all frames after it; all directions where that one states
+  /// none. A beam without a column is NaN, as is one with a column that is not known and no obstacle.
+  /// Columns outside the fan are in no beam.
   void take(const MetricEstimate& metric);
-  bool empty() const { return ranges_.empty(); }  ///< no bearing was ever known
-  double angle_min() const { return angle_min_; } ///< of the rightmost, radians; may be below -pi
-  double increment() const { return increment_; } ///< 0 when there is only one
+  const ScanFan& fan() const { return fan_; }
   const std::vector<float>& ranges() const {
     return ranges_;
-  } ///< from right to left; NaN, +infinity as there
-  /// The beam of a direction; nullptr outside the view.
+  } ///< from right to left; NaN unknown, +infinity free
+  /// The beam of a direction; nullptr outside the fan.
   const float* at(double angle) const;
 
  private:
-  double angle_min_ = 0, increment_ = 0;
+  std::optional<std::size_t> beam_of(double angle) const;
+
+  ScanFan fan_;
   std::vector<float> ranges_;
-  std::vector<std::pair<double, float>> columns_;
 };
 
 /// Where the free space ends at something: columns that are free as far as range_max, or unknown, give none.
 void boundary_points(std::vector<BoundaryPoint>& points, const MetricEstimate& metric);
 
-/// The ground in view as cells. The grid holds the whole view to range_max and moves with the vehicle.
+/// The ground in view as cells. The grid holds the whole fan to range_max and moves with the vehicle.
 class FreeSpaceGrid {
  public:
   /// `cell` in metres; doubled until a side has at most most_cells.
   void draw(const MetricEstimate& metric, const Beams& beams, double cell);
-  OccupancyGrid grid() const; ///< without cells before a view was known
+  OccupancyGrid grid() const; ///< without cells before the first draw()
 
   static constexpr int most_cells = 512;
 
@@ -53,7 +53,7 @@ class FreeSpaceGrid {
   struct Polar {
     float range, angle;
   };
-  static Box box_of(const MetricEstimate& metric, double cell);
+  static Box box_of(const ScanFan& fan, double range_max, double cell);
   void lay_out(const Box& box);
   void stamp_boundary(const MetricEstimate& metric);
 

@@ -1,34 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "recording/ros_messages.hpp"
 
-#include <initializer_list>
-
 #include "recording/cdr.hpp"
+#include "recording/message_parts.hpp"
 
 namespace terrainseg::recording {
 namespace {
-
-/// A type by its short name, package/Name, and its members.
-struct Definition {
-  const char* name;
-  const char* members;
-};
-
-constexpr Definition time_type{"builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"};
-constexpr Definition header_type{"std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"};
-constexpr Definition vector_type{"geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n"};
-constexpr Definition quaternion_type{"geometry_msgs/Quaternion",
-                                     "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"};
-
-/// The members, then each part behind a line of 80 equals signs and its name.
-std::string schema(const char* members, std::initializer_list<Definition> parts) {
-  std::string text = members;
-  for (const Definition& part : parts)
-    text.append(80, '=').append("\nMSG: ").append(part.name).append("\n").append(part.members);
-  return text;
-}
-
-constexpr std::uint64_t second = 1'000'000'000;
 
 void put_time(CdrWriter& out, std::uint64_t time) {
   out.i32(static_cast<std::int32_t>(time / second));
@@ -77,16 +54,15 @@ MessageType point_cloud_type() {
 }
 
 MessageType occupancy_grid_type() {
-  return {
-      "nav_msgs/msg/OccupancyGrid",
-      schema("std_msgs/Header header\nnav_msgs/MapMetaData info\nint8[] data\n",
-             {header_type,
-              time_type,
-              {"nav_msgs/MapMetaData", "builtin_interfaces/Time map_load_time\nfloat32 resolution\n"
-                                       "uint32 width\nuint32 height\ngeometry_msgs/Pose origin\n"},
-              {"geometry_msgs/Pose", "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"},
-              {"geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n"},
-              quaternion_type})};
+  return {"nav_msgs/msg/OccupancyGrid",
+          schema("std_msgs/Header header\nnav_msgs/MapMetaData info\nint8[] data\n",
+                 {header_type,
+                  time_type,
+                  {"nav_msgs/MapMetaData", "builtin_interfaces/Time map_load_time\nfloat32 resolution\n"
+                                           "uint32 width\nuint32 height\ngeometry_msgs/Pose origin\n"},
+                  pose_type,
+                  point_type,
+                  quaternion_type})};
 }
 
 MessageType camera_info_type() {
@@ -111,6 +87,22 @@ MessageType compressed_video_type() {
   return {"foxglove_msgs/msg/CompressedVideo",
           schema("builtin_interfaces/Time timestamp\nstring frame_id\nuint8[] data\nstring format\n",
                  {time_type})};
+}
+
+MessageType compressed_image_type() {
+  return {"sensor_msgs/msg/CompressedImage",
+          schema("std_msgs/Header header\nstring format\nuint8[] data\n", {header_type, time_type})};
+}
+
+MessageType diagnostic_array_type() {
+  return {"diagnostic_msgs/msg/DiagnosticArray",
+          schema("std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n",
+                 {header_type,
+                  time_type,
+                  {"diagnostic_msgs/DiagnosticStatus",
+                   "byte OK=0\nbyte WARN=1\nbyte ERROR=2\nbyte STALE=3\nbyte level\nstring name\n"
+                   "string message\nstring hardware_id\ndiagnostic_msgs/KeyValue[] values\n"},
+                  {"diagnostic_msgs/KeyValue", "string key\nstring value\n"}})};
 }
 
 MessageType tf_message_type() {
@@ -220,6 +212,29 @@ void encode(Bytes& bytes, const Header& header, const Transform& transform) {
   out.string(transform.child);
   put_reals(out, transform.translation);
   put_reals(out, transform.rotation);
+}
+
+void encode(Bytes& bytes, const Header& header, const DiagnosticStatus& status) {
+  CdrWriter out(bytes);
+  put_header(out, header);
+  out.count(1);
+  out.u8(status.level);
+  out.string(status.name);
+  out.string(status.message);
+  out.string(""); // hardware_id
+  out.count(status.values.size());
+  for (const auto& [key, value] : status.values) {
+    out.string(key);
+    out.string(value);
+  }
+}
+
+void encode_picture(Bytes& bytes, const Header& header, ByteView file) {
+  CdrWriter out(bytes);
+  put_header(out, header);
+  out.string("jpeg");
+  out.count(file.size());
+  out.raw(file);
 }
 
 void encode_video(Bytes& bytes, const Header& header, ByteView unit) {

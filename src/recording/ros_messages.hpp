@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The ROS 2 messages that a recording holds: their types as text, and values as CDR.
+// The ROS 2 messages that leave: their types as text, and values as CDR.
 //
 // Frames are those of REP 103: x forward, y left, z up in metres; angles in radians, counter-clockwise.
 #pragma once
@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "metric/camera.hpp"
@@ -52,6 +53,14 @@ struct Transform {
   std::array<double, 4> rotation{0, 0, 0, 1}; ///< quaternion x, y, z, w
 };
 
+/// diagnostic_msgs/msg/DiagnosticStatus, one in diagnostic_msgs/msg/DiagnosticArray.
+struct DiagnosticStatus {
+  static constexpr std::uint8_t ok = 0, warn = 1;
+  std::uint8_t level = ok;
+  std::string name, message;
+  std::vector<std::pair<std::string, std::string>> values;
+};
+
 /// A type: its name and its text with all that it is made of, as ros2msg schemas have it.
 struct MessageType {
   const char* name;
@@ -63,7 +72,9 @@ MessageType occupancy_grid_type();
 MessageType camera_info_type();
 MessageType image_type();
 MessageType compressed_video_type();
+MessageType compressed_image_type();
 MessageType tf_message_type();
+MessageType diagnostic_array_type();
 
 /// Each puts one message into `out`, in place of what was there.
 void encode(Bytes& out, const Header& header, const LaserScan& scan);
@@ -74,6 +85,9 @@ void encode(Bytes& out, const Header& header, const metric::Camera& camera);
 /// sensor_msgs/msg/Image, mono8, rows without padding.
 void encode(Bytes& out, const Header& header, const GrayView& picture);
 void encode(Bytes& out, const Header& header, const Transform& transform);
+void encode(Bytes& out, const Header& header, const DiagnosticStatus& status);
+/// sensor_msgs/msg/CompressedImage: one JPEG file.
+void encode_picture(Bytes& out, const Header& header, ByteView file);
 /// foxglove_msgs/msg/CompressedVideo: one H.264 access unit, Annex B.
 void encode_video(Bytes& out, const Header& header, ByteView unit);
 

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """Whole frames of this build against those of another version, in turn on one processor.
 
-usage: paired.py OTHER_SOURCE OTHER_BUILD [--build BUILD] [--motion] [--rounds N] [--megabytes N]
+usage: paired.py OTHER_SOURCE OTHER_BUILD [--build BUILD] [--motion [--both]] [--rounds N] [--megabytes N]
   OTHER_SOURCE is a checkout of the other version, OTHER_BUILD an optimised build of it (so is BUILD, default
   build-release); tests/bench/frame_time.cpp is compiled against both. --motion: motion=auto in this version alone,
-  and means of eight frames in place of single ones.
+  and means of eight frames instead of single ones; with --both in the other version, too.
 Both programs render the same frames and let them rotate, N megabytes of them each; each processes eight, then the other
 does. Told is the time of a frame of each and the ratio, of the fastest frame, of the fastest tenth and of the median: on a
 machine where other programs run the fastest ones mean most.
@@ -20,7 +20,7 @@ import tempfile
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BENCH = ROOT / 'tests' / 'bench'
 # Name, width, height, mask level, threads.
-ROWS = [('1080p', 1920, 1080, 0, 1), ('1080p, mask-level=2', 1920, 1080, 2, 1), ('4K', 3840, 2160, 0, 1),
+ROWS = [('480p', 854, 480, 0, 1), ('1080p', 1920, 1080, 0, 1), ('1080p, mask-level=2', 1920, 1080, 2, 1), ('4K', 3840, 2160, 0, 1),
         ('4K, mask-level=2', 3840, 2160, 2, 1), ('4K, n-threads=2', 3840, 2160, 0, 2)]
 FRAMES = 8
 WARM_UP = 20
@@ -70,7 +70,7 @@ class Side:
 
 
 def compare(programs, row, options):
-    other, ours = Side(programs[0], row, False, options), Side(programs[1], row, options.motion, options)
+    other, ours = Side(programs[0], row, options.motion and options.both, options), Side(programs[1], row, options.motion, options)
     for turn in range(options.rounds):
         for side in (other, ours)[::1 if turn % 2 else -1]:
             side.measure()
@@ -87,6 +87,7 @@ def main():
     parser.add_argument('other_build', type=pathlib.Path)
     parser.add_argument('--build', type=pathlib.Path, default=ROOT / 'build-release')
     parser.add_argument('--motion', action='store_true')
+    parser.add_argument('--both', action='store_true')
     parser.add_argument('--rounds', type=int, default=100)
     parser.add_argument('--megabytes', type=int, default=600)
     options = parser.parse_args()

@@ -137,7 +137,7 @@ def main():
     build = pathlib.Path(sys.argv[1]).resolve()
     paths = [pathlib.Path(p) for p in sys.argv[2:]] or [TOP / 'README.md', *sorted((TOP / 'docs').rglob('*.md'))]
     environment = dict(os.environ, GST_PLUGIN_PATH=f'{build}/gst:{build}/lab', GST_REGISTRY=str(build / 'registry-docs.bin'),
-                       PATH=f"{build / 'src' / 'tools'}:{os.environ['PATH']}", TERRAINSEG_SOURCE=str(TOP))
+                       PATH=f"{build / 'src' / 'tools'}:{TOP / 'src' / 'tools' / 'rover'}:{os.environ['PATH']}", TERRAINSEG_SOURCE=str(TOP))
     environment.pop('DISPLAY', None)
     ran = failed = 0
     with tempfile.TemporaryDirectory() as scratch:

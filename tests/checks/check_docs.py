@@ -4,7 +4,7 @@
 
 usage: check_docs.py [--write] [--self-check] BUILD_FOLDER
 
-Each element of the plugins terrainseg, terrainmcap and terrainreference needs a page with three generated parts, between
+Each element of the plugins terrainseg, terrainmcap, terrainros2 and terrainreference needs a page with three generated parts, between
 <!-- pads --> <!-- properties --> <!-- signals --> and <!-- end -->. --write writes these parts (and a page that has only
 them where there is none). Without it, every difference is printed and the exit status is 1, and so is every link between the
 pages that leads to no file or to no heading.
@@ -16,7 +16,7 @@ import sys
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
 PAGES = TOP / 'docs' / 'elements'
-PLUGINS = ('terrainseg', 'terrainmcap', 'terrainreference')
+PLUGINS = ('terrainseg', 'terrainmcap', 'terrainros2', 'terrainreference')
 ONLY_IN_SOME_BUILDS = {'analytics-meta'}  # needs GStreamer 1.26: described in the prose
 
 
@@ -216,7 +216,7 @@ def broken_links(page, text):
 def self_check(describer):
     """The check must see a changed default, a lost row, a lost part and links that lead nowhere."""
     readme = TOP / 'README.md'
-    links = {'docs/house.md': 0, '#elements': 0, 'docs/absent.md': 1, '#no-such-heading': 1, 'docs/house.md#no-such': 1}
+    links = {'docs/architecture.md': 0, '#elements': 0, 'docs/absent.md': 1, '#no-such-heading': 1, 'docs/architecture.md#no-such': 1}
     if any(len(list(broken_links(readme, f'[a]({link})'))) != count for link, count in links.items()):
         return False
     wanted = parts(describer, 'terrainseg')
@@ -253,7 +253,7 @@ def main():
             wrong.append(f'docs/elements/{name}.md is missing')
             continue
         wrong += differences(name, page.read_text(), wanted)
-    present = {p.stem for p in PAGES.glob('*.md')} - {'terrainmcapsink', 'terrainreference'}  # which some builds do not have
+    present = {p.stem for p in PAGES.glob('*.md')} - {'terrainmcapsink', 'terrainros2sink', 'terrainreference'}  # which some builds do not have
     wrong += [f'docs/elements/{n}.md describes no element of the plugins' for n in sorted(present - set(names))]
     for page in sorted([*TOP.glob('*.md'), *(TOP / 'docs').rglob('*.md')]):
         if not page.name.endswith('.in.md'):  # a text before its figures and files are made

@@ -3,7 +3,7 @@
 """Holds the floors of the house: who may include whom.
 
 Each room sees the rooms that MAY gives it: the floors of the core in one direction (base, coarse, learning, then paper or
-freespace, then the segmenter), cues never curve, the two pipelines never each other; kernels nobody; what leaves the core
+freespace, then the segmenter), the folders of freespace along the values (look, score, learn or curve, holes, answer), the two pipelines never each other; kernels nobody; what leaves the core
 (exchange, painter, gst, tools) its public face. Nothing in the core knows GStreamer, OpenCV or Eigen, speaks floating point
 or includes in a circle, and no chain of includes is longer than LONGEST_CHAIN files.
 
@@ -25,46 +25,56 @@ COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.S)
 
 # The folder of each room; files of `src` itself are told by their name.
 ROOMS = {
-    'include/terrainseg': 'public', 'include/gst': 'meta',
-    'src/kernels': 'kernels', 'src/base': 'base', 'src/coarse': 'coarse', 'src/learning': 'learning',
+    'include/terrainseg/segmenter': 'facade', 'include/terrainseg': 'public', 'include/gst': 'meta',
+    'src/kernels': 'kernels', 'src/base/tuning': 'tuning', 'src/base': 'base', 'src/coarse': 'coarse', 'src/learning': 'learning',
     'src/motion': 'motion', 'src/paper': 'paper',
-    'src/freespace/cues': 'cues', 'src/freespace/curve': 'curve', 'src/freespace': 'freespace',
+    'src/freespace/look': 'look', 'src/freespace/score': 'score', 'src/freespace/learn': 'learn', 'src/freespace/curve': 'curve',
+    'src/freespace/holes': 'holes', 'src/freespace/answer': 'answer', 'src/freespace': 'freespace',
     'src/segmenter': 'segmenter', 'src/metric': 'metric', 'src/painter': 'painter', 'src/exchange': 'exchange',
     'src/pch': 'precompiled',
-    'src/recording': 'recording', 'src/scene': 'scene', 'src/tools': 'tools', 'lab/reference': 'reference', 'lab/eval': 'eval', 'lab/gst': 'lab',
-    'gst/recording': 'recorder', 'gst/support': 'support', 'gst/elements': 'elements', 'gst': 'plugin',
+    'src/recording': 'recording', 'src/ros2': 'ros2', 'src/scene': 'scene', 'src/tools': 'tools', 'lab/reference': 'reference', 'lab/eval': 'eval', 'lab/gst': 'lab',
+    'gst/recording': 'recorder', 'gst/ros2': 'bridge', 'gst/support': 'support', 'gst/elements': 'elements', 'gst': 'plugin',
 }
 
 # What each room may include of the project's own headers, besides itself.
 MAY = {
     'public': set(),
+    'facade': {'public'},
     'precompiled': set(),
     'meta': set(),
     'kernels': set(),
+    'tuning': set(),
     'base': {'public', 'kernels'},
     'coarse': {'public', 'kernels', 'base'},
     'learning': {'public', 'kernels', 'base', 'coarse'},
-    'motion': {'public', 'kernels', 'base', 'coarse'},
+    'motion': {'tuning', 'public', 'kernels', 'base', 'coarse'},
     'paper': {'public', 'kernels', 'base', 'coarse', 'learning'},
-    'cues': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion'},
-    'curve': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'cues'},
-    'freespace': {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'cues', 'curve'},
-    'segmenter': {'public', 'base', 'coarse', 'learning', 'paper', 'freespace'},
+    'look': {'tuning', 'public', 'kernels', 'base', 'coarse', 'learning'},
+    'score': {'tuning', 'public', 'kernels', 'base', 'coarse', 'learning', 'look'},
+    'learn': {'tuning', 'public', 'kernels', 'base', 'coarse', 'learning', 'look', 'score'},
+    'curve': {'tuning', 'public', 'kernels', 'base', 'coarse', 'learning', 'look', 'score'},
+    'holes': {'tuning', 'public', 'kernels', 'base', 'coarse', 'motion', 'look', 'curve'},
+    'answer': {'tuning', 'public', 'kernels', 'base', 'coarse', 'look', 'score', 'learn', 'curve', 'holes'},
+    'freespace': {'tuning', 'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'look', 'score', 'learn', 'curve', 'holes', 'answer'},
+    'segmenter': {'facade', 'public', 'base', 'coarse', 'learning', 'paper', 'freespace'},
     'metric': {'public', 'kernels'},
     'painter': {'public', 'kernels'},
     'exchange': {'public'},
     'recording': {'public', 'exchange', 'metric'},
+    'ros2': {'public', 'recording'},
     'scene': {'public'},
     'reference': {'public'},
-    'tools': {'public', 'exchange', 'metric', 'meta'},
-    'eval': {'public', 'painter', 'exchange', 'metric', 'scene', 'reference', 'tools'},
-    'lab': {'public', 'painter', 'exchange', 'reference', 'meta', 'support'},
-    'support': {'public', 'painter', 'exchange', 'metric', 'scene', 'meta'},
-    'elements': {'public', 'painter', 'exchange', 'metric', 'scene', 'meta', 'support'},
+    'tools': {'facade', 'public', 'exchange', 'metric', 'meta'},
+    'eval': {'tuning', 'facade', 'public', 'painter', 'exchange', 'metric', 'scene', 'reference', 'tools'},
+    'lab': {'facade', 'public', 'painter', 'exchange', 'reference', 'meta', 'support'},
+    'support': {'facade', 'public', 'painter', 'exchange', 'metric', 'scene', 'meta'},
+    'elements': {'facade', 'public', 'painter', 'exchange', 'metric', 'scene', 'meta', 'support'},
     'recorder': {'public', 'exchange', 'metric', 'recording', 'meta', 'support'},
+    'bridge': {'public', 'exchange', 'metric', 'recording', 'ros2', 'recorder', 'meta', 'support'},
     'plugin': {'support', 'elements', 'meta'},
 }
-CORE = {'public', 'kernels', 'base', 'coarse', 'learning', 'motion', 'paper', 'cues', 'curve', 'freespace', 'segmenter'}
+CORE = {'facade', 'public', 'kernels', 'tuning', 'base', 'coarse', 'learning', 'motion', 'paper', 'look', 'score', 'learn', 'curve', 'holes', 'answer',
+        'freespace', 'segmenter'}
 INTEGER_ROOMS = CORE | {'painter'}
 LONGEST_CHAIN = 11  # files, from a source down to a header that includes none of ours
 NO_FOREIGN = INTEGER_ROOMS | {'metric', 'exchange', 'recording', 'scene', 'precompiled'}
@@ -153,6 +163,7 @@ def self_check():
     """What the rules let through although they should not, and the other way round."""
     home = {name: pathlib.Path(folder) / 'a_file.hpp' for folder, name in ROOMS.items()}
     home['segmenter'], home['painter'] = pathlib.Path('src/segmenter.hpp'), pathlib.Path('src/painter.hpp')
+    home['facade'] = pathlib.Path('include/terrainseg/segmenter.hpp')
     wrong = [f'{name}: {path} is in room {room(path)}' for name, path in home.items() if room(path) != name]
     for here, path in home.items():
         for there, target in home.items():
@@ -164,9 +175,11 @@ def self_check():
                 wrong.append(f'{here}: {text.strip()}')
     # The floors, written apart from the table.
     for here, there in (('base', 'coarse'), ('coarse', 'learning'), ('learning', 'paper'), ('learning', 'freespace'),
-                        ('cues', 'curve'), ('paper', 'freespace'), ('freespace', 'paper'), ('kernels', 'public'),
+                        ('look', 'score'), ('score', 'curve'), ('learn', 'curve'), ('curve', 'learn'), ('curve', 'holes'), ('holes', 'score'),
+                        ('holes', 'answer'), ('paper', 'freespace'), ('freespace', 'paper'), ('kernels', 'public'),
                         ('exchange', 'base'), ('painter', 'base'), ('elements', 'freespace'), ('support', 'elements'),
-                        ('elements', 'reference'), ('tools', 'eval'), ('scene', 'eval'), ('motion', 'learning'), ('metric', 'base'), ('segmenter', 'metric'), ('freespace', 'metric')):
+                        ('elements', 'reference'), ('tools', 'eval'), ('scene', 'eval'), ('motion', 'learning'), ('metric', 'base'), ('segmenter', 'metric'), ('freespace', 'metric'),
+                        ('base', 'facade'), ('freespace', 'facade'), ('public', 'facade')):
         if there in MAY[here]:
             wrong.append(f'the table lets {here} include {there}')
     if not check_text(pathlib.Path('src/cellar/a_file.hpp'), ''):

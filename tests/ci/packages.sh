@@ -28,7 +28,7 @@ mkdir "$work/source"
 copy_source "$work/source" || exit 1
 check "dpkg-buildpackage" sh -c "cd '$work/source' && dpkg-buildpackage -b -us -uc"
 check "lintian has no error" sh -c "lintian --fail-on error --no-tag-display-limit --allow-root '$work'/*.changes"
-check "four packages and no more" sh -c "[ \"\$(ls '$work'/*.deb | grep -v dbgsym | wc -l)\" -eq 4 ]"
+check "five packages and no more" sh -c "[ \"\$(ls '$work'/*.deb | grep -v dbgsym | wc -l)\" -eq 5 ]"
 
 debian_root "$VERSION_CODENAME" "$root" || exit 1
 rm -rf "$root/packages" && mkdir "$root/packages" && cp "$work"/*.deb "$root/packages/" 2>/dev/null
@@ -36,13 +36,15 @@ rm -f "$root"/packages/*dbgsym*
 check "the plugin installs alone" in_root "$root" sh -c \
   'apt-get update && apt-get install -y --no-install-recommends /packages/gstreamer1.0-terrainseg_*.deb gstreamer1.0-tools'
 check "gst-inspect finds every element" in_root "$root" sh -c \
-  'for e in terrainseg terrainoverlay terrainextract terraincombine terrainstamp terrainscenesrc terrainmcapsink; do gst-inspect-1.0 $e >/dev/null || exit 1; done'
+  'for e in terrainseg terrainoverlay terrainextract terraincombine terrainstamp terrainscenesrc terrainmcapsink terrainros2sink; do gst-inspect-1.0 $e >/dev/null || exit 1; done'
 check "the plugin names its package as its origin" in_root "$root" sh -c \
   'gst-inspect-1.0 terrainseg | grep -q "Origin URL  *Debian package terrainseg [0-9]"'
 check "the filter runs" in_root "$root" sh -c \
   'gst-launch-1.0 -q terrainscenesrc num-buffers=20 ! terrainseg ! terrainextract ! application/x-ndjson ! filesink location=/tmp/t.jsonl && [ "$(wc -l </tmp/t.jsonl)" -eq 20 ]'
 check "all packages install" in_root "$root" sh -c 'apt-get install -y --no-install-recommends /packages/*.deb'
 check "terrainseg-process answers" in_root "$root" terrainseg-process --version
+check "terrainseg-rover answers" in_root "$root" sh -c \
+  'terrainseg-rover --help && [ -f /etc/terrainseg/rover.conf ] && [ -f /lib/systemd/system/terrainseg-rover.service ]'
 check "terrainseg-eval answers" in_root "$root" terrainseg-eval --help
 check "a program compiles against the library" in_root "$root" sh -c \
   'apt-get install -y --no-install-recommends g++ pkg-config >/dev/null &&

@@ -123,6 +123,11 @@ TEST_F(Leaks, NoPipelineLeavesOneWhenItIsStoppedInTheMiddle) {
   const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
   if (have("terrainmcapsink"))
     descriptions.push_back(scene + "terrainseg ! terrainmcapsink name=out fd=" + std::to_string(nowhere));
+  if (have("terrainros2sink")) {
+    g_setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF", TRUE); // nothing leaves this process
+    descriptions.push_back(scene +
+                           "terrainseg ! terrainros2sink name=out pose-topic=odom near-clear-topic=clear");
+  }
   for (const std::string& description : descriptions) {
     const std::string left = left_by([&] {
       Owned<GstElement> pipeline = make_element(description);

@@ -12,6 +12,7 @@ namespace terrainseg::test {
 struct Unref {
   void operator()(GstBuffer* p) const { gst_buffer_unref(p); }
   void operator()(GstBus* p) const { gst_object_unref(p); }
+  void operator()(GstClock* p) const { gst_object_unref(p); }
   void operator()(GstCaps* p) const { gst_caps_unref(p); }
   void operator()(GstElement* p) const {
     gst_element_set_state(p, GST_STATE_NULL);

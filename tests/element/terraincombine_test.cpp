@@ -1021,7 +1021,7 @@ TEST(TerrainCombine, SaysOnceWhyNothingMatches) {
   EXPECT_NE(told(late, -GstClockTimeDiff{400 * GST_MSECOND}, true).find("set latency to 400"),
             std::string::npos);
   Combine none(0);
-  EXPECT_NE(told(none, 0, false).find("no KLV unit has come"), std::string::npos);
+  EXPECT_NE(told(none, 0, false).find("no KLV unit"), std::string::npos);
   Combine ahead(0);
   EXPECT_NE(told(ahead, GstClockTimeDiff{10 * GST_SECOND}, true).find("10.000 s after"), std::string::npos);
   FileCombine before(0);

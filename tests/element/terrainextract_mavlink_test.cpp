@@ -246,6 +246,39 @@ TEST_F(Mavlink, AnObstacleAt30DegreesIsThere) {
     }
 }
 
+TEST_F(Mavlink, FineSectorsStayWhereTheyAre) {
+  for (const bool stated : {true, false}) {
+    start("mavlink-layout=fine");
+    std::optional<std::vector<double>> first;
+    for (int i = 0; i < 5; ++i) {
+      View view;
+      for (float& bearing : view.bearings)
+        bearing *= 1 + 0.05F * static_cast<float>(i % 3); // the boundary is nearer
+      view.ranges[40] = 2;
+      OwnedEstimate estimate = blank(64, 48, 64, 48);
+      auto buffer = frame_with(estimate.estimate, raw_size, 0);
+      GST_BUFFER_PTS(buffer.get()) = i * GST_SECOND;
+      MetricEstimate metric = view.metric();
+      metric.range_min += i * 0.01 * stated;
+      if (stated)
+        metric.fan = {-40 * degree, degree, 81, 0.3};
+      ASSERT_TRUE(writer.attach(buffer.get(), metric));
+      const auto packet = obstacles(std::move(buffer));
+      ASSERT_TRUE(packet);
+      std::vector<double> geometry;
+      for (const Sector& sector : sectors_of(*packet))
+        geometry.push_back(sector.right);
+      geometry.push_back(static_cast<double>(packet->number(152, 2)));
+      EXPECT_EQ(geometry, first.value_or(geometry)) << i;
+      first = geometry;
+      const auto found = taken(*packet);
+      ASSERT_FALSE(found.empty());
+      EXPECT_NEAR(found[0].right, -view.bearings[40] / degree, 2);
+    }
+    EXPECT_NEAR(first->front(), stated ? -40.5 + 81.0 / 144 : -34.45 + 68.9 / 144, 0.1);
+  }
+}
+
 TEST_F(Mavlink, ArduPilotKeepsEveryBlockedColumn) {
   for (const char* layout : {"portable", "fine"}) {
     start((std::string("mavlink-layout=") + layout).c_str());

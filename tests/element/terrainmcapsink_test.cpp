@@ -106,7 +106,7 @@ TEST_F(McapSink, AFileHasItsNameWhenItIsWholeAndIsNeverReplaced) {
   EXPECT_EQ(run(pipeline).error, "");
   const std::string bytes = bytes_of(at("drive.mcap"));
   EXPECT_TRUE(is_whole(bytes));
-  EXPECT_EQ(statistics_of(bytes).messages, 80u) << "mask and video";
+  EXPECT_EQ(statistics_of(bytes).messages, 82u) << "mask and video, diagnostics of two seconds";
   EXPECT_FALSE(fs::exists(at("drive.mcap.part")));
   const std::string error = run(pipeline).error;
   EXPECT_NE(error.find("drive.mcap\" is there already, and a recording replaces nothing"), std::string::npos)
@@ -124,7 +124,13 @@ TEST_F(McapSink, AFolderBecomesABag) {
   EXPECT_TRUE(is_whole(bytes_of(at("drive/drive_0.mcap"))));
   const std::string metadata = bytes_of(at("drive/metadata.yaml"));
   EXPECT_NE(metadata.find("- \"drive_0.mcap\"\n"), std::string::npos) << metadata;
-  EXPECT_NE(metadata.find("message_count: 40\n"), std::string::npos) << metadata;
+  EXPECT_NE(metadata.find("message_count: 42\n"), std::string::npos) << metadata;
+}
+
+TEST_F(McapSink, TakesJpegPictures) {
+  EXPECT_EQ(run(scene + "terrainseg ! jpegenc ! terrainmcapsink location=" + at("drive.mcap")).error, "");
+  const std::string bytes = bytes_of(at("drive.mcap"));
+  EXPECT_EQ(statistics_of(bytes).messages, 82u) << "mask and picture, diagnostics of two seconds";
 }
 
 TEST_F(McapSink, StoppingWithoutAnEndEndsTheFileToo) {

@@ -116,6 +116,90 @@ TEST_F(Metric, ColumnsAreWhereTheirRowsMeetTheGround) {
   EXPECT_TRUE(rig.warnings().empty());
 }
 
+/// The bearings of all columns with a range lie in the fan.
+void expect_inside(const MetricEstimate& m) {
+  for (std::size_t i = 0; i < m.bearings.size(); ++i)
+    if (!std::isnan(m.bearings[i])) {
+      const double half = m.fan.increment / 2 + 1e-5;
+      EXPECT_GE(m.bearings[i], m.fan.angle_min - half) << i;
+      EXPECT_LE(m.bearings[i], m.fan.angle_max() + half) << i;
+    }
+}
+
+TEST_F(Metric, ScansHaveOneFan) {
+  // Camera and mount alone decide: whatever is in the picture, and before anything was learned.
+  std::optional<ScanFan> fan;
+  for (const char* more : {"", "learning=false", "window-bottom=20 threshold=4"}) {
+    Rig rig(with() + more, caps);
+    for (int i = 0; i < 6; ++i) {
+      const auto out = rig.step();
+      const MetricReader metres(out.get());
+      ASSERT_TRUE(metres);
+      const MetricEstimate& m = metres.metric();
+      EXPECT_EQ(m.fan, fan.value_or(m.fan)) << more << i;
+      fan = m.fan;
+      expect_inside(m);
+    }
+  }
+  // A view of 60 degrees on the horizon; the columns at its middle are 0.41 degrees apart.
+  EXPECT_LT(fan->angle_min, -30 * degree);
+  EXPECT_GT(fan->angle_min, -45 * degree);
+  EXPECT_NEAR(fan->angle_max(), -fan->angle_min, 2 * fan->increment);
+  EXPECT_GT(fan->increment, 0.41 * degree);
+  EXPECT_LT(fan->increment, 0.7 * degree);
+  EXPECT_NEAR(fan->range_min, expected(80, height, 0.5, 10 * degree).range, 0.001);
+}
+
+TEST_F(Metric, TheFanHoldsWhileTheVehicleSways) {
+  Rig rig(with("height=0.5"), caps);
+  std::optional<ScanFan> fan;
+  std::optional<double> range_max;
+  int columns = 0;
+  for (int i = 0; i < 30; ++i) {
+    ASSERT_TRUE(gst_harness_push_event(rig.harness(), pose(8 * std::sin(0.7 * i), 20 + 8 * std::cos(0.9 * i),
+                                                           1000 * static_cast<guint64>(i) / 30)));
+    const auto out = rig.step();
+    const MetricReader metres(out.get());
+    ASSERT_TRUE(metres) << i;
+    const MetricEstimate& m = metres.metric();
+    EXPECT_EQ(m.fan, fan.value_or(m.fan)) << i;
+    EXPECT_EQ(m.range_max, range_max.value_or(m.range_max)) << i;
+    fan = m.fan;
+    range_max = m.range_max;
+    columns += !std::isnan(m.bearings[0]);
+    expect_inside(m);
+    EXPECT_LE(m.fan.range_min, m.range_min + 0.05);
+  }
+  EXPECT_GT(columns, 20);
+}
+
+TEST_F(Metric, ARegionOfTheCalibratedPictureHasItsOwnRanges) {
+  // The lower middle of a picture of twice the size: its calibration with roi, and that of the part.
+  const std::string whole = "width: 320\nheight: 240\nk: [138.5, 0, 139.5, 0, 138.5, 129.5, 0, 0, 1]\nroi: "
+                            "{x_offset: 60, y_offset: 70, width: 160, height: 120}\n";
+  const TemporaryFile region(whole);
+  std::vector<std::vector<float>> ranges;
+  for (const std::string& path : {camera.path, region.path}) {
+    Rig rig("terrainseg mount=height=0.5,pitch=10deg camera-info=" + path, caps);
+    Owned<GstBuffer> last;
+    for (int i = 0; i < 8; ++i)
+      last = rig.step();
+    const MetricReader metres(last.get());
+    ASSERT_TRUE(metres);
+    ranges.emplace_back(metres.metric().low.begin(), metres.metric().low.end());
+    EXPECT_TRUE(rig.warnings().empty());
+  }
+  for (std::size_t i = 0; i < ranges[0].size(); ++i)
+    EXPECT_TRUE(ranges[0][i] == ranges[1][i] || (std::isnan(ranges[0][i]) && std::isnan(ranges[1][i]))) << i;
+  // Frames of the whole picture contradict the roi.
+  Rig rig("terrainseg mount=height=0.5,pitch=10deg camera-info=" + region.path, caps_text("I420", 320, 240));
+  EXPECT_EQ(rig.push(new_frame(info_of(caps_text("I420", 320, 240)), 0)), GST_FLOW_ERROR);
+  bool said = false;
+  for (const auto& error : reports(rig.bus(), GST_MESSAGE_ERROR))
+    said |= error.contains("remove roi");
+  EXPECT_TRUE(said);
+}
+
 TEST_F(Metric, TheLimitIsWhereTheErrorReachesAFifth) {
   Rig rig(with("height=0.5,pitch=10deg,pitch-error=1deg"), caps);
   const auto out = rig.step();
@@ -145,8 +229,8 @@ TEST_F(Metric, NoCalibrationNoMetres) {
       continue;
     }
     ASSERT_EQ(warnings.size(), 1u) << half;
-    EXPECT_TRUE(warnings[0].contains(half.find("mount") == half.npos ? "mount is not set"
-                                                                     : "camera-info is not set"));
+    EXPECT_TRUE(warnings[0].contains(half.find("mount") == half.npos ? "mount is missing"
+                                                                     : "camera-info is missing"));
   }
 }
 

@@ -12,8 +12,8 @@
 #include <mutex>
 #include <set>
 
+#include "elements/terrainseg/announcer.hpp"
 #include "harness.hpp"
-#include "support/announcer.hpp"
 #include "terrainseg/segmenter.hpp"
 
 namespace terrainseg::test {

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The examples as users run them. READ_MASK, CORE_ONLY and SUPERVISE are the built programs."""
+import contextlib
 import json
 import math
 import os
@@ -8,6 +9,7 @@ import pathlib
 import re
 import shutil
 import subprocess
+import termios
 import time
 
 from example_runs import EXAMPLES, PYTHON, launch, module, reference_lines, run, scene
@@ -403,6 +405,30 @@ def nothing_in_an_address_or_a_name_is_run(folder):
     for target in '$(touch run):1', 'a;touch run:1', 'a ! filesink location=run:1', 'host', 'host:port':
         contains(run(EXAMPLES / 'ardupilot.sh', '--scene', target, code=1).stderr, 'is not HOST:PORT')
     assert not os.path.exists('run'), 'a word was run'
+
+
+@case
+def an_autopilot_on_a_serial_port(folder):
+    """A pseudo-terminal, which arrives with line editing on: every byte must come out as it is. It holds 4 kB."""
+    for baud in '', ':57600':
+        ours, theirs = os.openpty()
+        run(EXAMPLES / 'ardupilot.sh', '--scene', os.ttyname(theirs) + baud,
+            env={**os.environ, 'ATTITUDE': '', 'SCENE': 'terrainscenesrc num-buffers=20 ! video/x-raw,width=320,height=180,framerate=15/1'})
+        equal(termios.tcgetattr(ours)[5], termios.B57600 if baud else termios.B921600, 'speed')
+        os.set_blocking(ours, False)
+        data, kinds = b'', []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                data += os.read(ours, 65536)
+        while data:
+            equal(data[0], 0xFD, 'the first byte of a message')
+            kinds.append(int.from_bytes(data[7:10], 'little'))
+            data = data[12 + data[1]:]
+        assert kinds.count(330) >= 10 and kinds.count(0) >= 1, kinds # a busy machine drops frames
+        os.close(ours)
+        os.close(theirs)
+    contains(run(EXAMPLES / 'ardupilot.sh', '--scene', '/dev/ttyAbsent', code=1).stderr, 'there is no serial port /dev/ttyAbsent')
+    contains(run(EXAMPLES / 'ardupilot.sh', '--scene', '/dev/ptmx:77', code=1).stderr, 'does not take 77 baud')
 
 
 @case

@@ -318,18 +318,6 @@ def rtsp_says_why_there_is_no_picture(folder):
 
 
 @case
-def webrtc_says_that_there_is_no_camera(folder):
-    sender = EXAMPLES / 'webrtc/webrtc_sender.py'
-    result = subprocess.run([PYTHON, sender, '--port', str(free_port()), '--source', 'v4l2src device=/dev/no-such-camera ! decodebin'],
-                            capture_output=True, text=True, timeout=60)
-    if 'GstWebRTC not available' in result.stderr:
-        raise Skip('gir1.2-gst-plugins-bad-1.0 is missing')
-    equal((result.returncode, result.stdout), (1, ''), 'exit code, and no address')
-    contains(result.stderr, "webrtc_sender: the source cannot be opened: Cannot identify device '/dev/no-such-camera'")
-    contains(result.stderr, "--source 'terrainscenesrc is-live=true")
-
-
-@case
 def rtsp_asks_for_a_password(folder):
     server = os.environ['RTSP_SERVER']
     if not server:

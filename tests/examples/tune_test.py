@@ -13,6 +13,7 @@ import sys
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from ffmpeg import drive, ffmpeg  # noqa: E402
 from tap import Skip, contains, equal, main  # noqa: E402
 
 EXAMPLES = pathlib.Path(os.environ['TERRAINSEG_EXAMPLES'])
@@ -114,8 +115,11 @@ def pointer_and_keys_end_in_a_line_and_a_file(folder):
                 'mousemove 650 30', 'click 3',
                 'key 2', 'key plus', 'key plus', 'key 6', 'key plus', 'key 0', 'key plus', 'key BackSpace', 'key q')
     kept = settings()['terrainseg']
-    for name, wanted in (('window-x', 200), ('window-width', 200), ('window-height', 80), ('window-bottom', 40)):
-        assert abs(int(kept[name]) - wanted) <= 2, (name, kept)
+    # In fractions: in pixels it would lie somewhere else in frames of another size.
+    assert not [name for name in kept if name.startswith('window-') and name != 'window-rect'], kept
+    rect = [float(side) for side in kept['window-rect'].split(',')]
+    for side, wanted, whole in zip(rect, (200, 240, 200, 80), (640, 360) * 2):
+        assert abs(side * whole - wanted) <= 2, kept
     equal({name: kept.get(name) for name in ('caution', 'connected-ground', 'doubtful', 'overlay-style')},
           {'caution': '4', 'connected-ground': 'false', 'doubtful': '-12', 'overlay-style': None}, 'values')
     region = [int(number) for number in kept['ignore-regions'].replace('(int)', '').strip('<>').split(',')]
@@ -198,6 +202,28 @@ def a_value_that_the_filter_does_not_take_is_refused(folder):
         contains(run(TUNE, drive, *words, '--picture', 'out.png', code=1).stderr, reason)
         assert not os.path.exists('out.png'), words
     run(TUNE, drive, 'overlay-color=0x8000ff00', 'ignore-regions=<<0,0,10,10>>', 'stages=texture+refine', '--picture', 'out.png')
+
+
+@case
+def a_picture_of_real_clips(folder):
+    """The frame that ffmpeg shows, but for the drawn ground and the label; the same bytes each time."""
+    import cv2
+    for codec, size, name in ('libx264', (640, 360), 'a.mp4'), ('libx265', (360, 640), 'b.mkv'):
+        drive(name, size, 40, codec)
+        height = 480 * size[1] // size[0]
+        for shown, words in (25, ('--frames', '25')), (40, ()):
+            run(TUNE, name, '--picture', 'out.png', '--width', '480', *words)
+            first = pathlib.Path('out.png').read_bytes()
+            run(TUNE, name, '--picture', 'out.png', '--width', '480', *words)
+            assert pathlib.Path('out.png').read_bytes() == first, f'{name}: another picture the second time'
+            ffmpeg('-i', name, '-vf', f'select=eq(n\\,{shown - 1}),scale=480:{height}:flags=bilinear', '-frames:v', 1, 'frame.png')
+            seen, frame = (cv2.imread(file).astype(int) for file in ('out.png', 'frame.png'))
+            equal(seen.shape, (height, 480, 3), name)
+            # From below the label to above the horizon nothing is drawn.
+            rows = slice(40, height * 3 // 8)
+            assert abs(seen[rows] - frame[rows]).mean() < 4, f'{name}, frame {shown}: {abs(seen[rows] - frame[rows]).mean():.1f}'
+            ground = seen[height * 5 // 6:] - frame[height * 5 // 6:]
+            assert ground[..., 1].mean() > ground[..., 0].mean() + 10, f'{name}, frame {shown}: no green ground'
 
 
 @case

@@ -18,7 +18,7 @@ shift || true
 targets=("$@")
 [ ${#targets[@]} -gt 0 ] ||
   targets=(klv model_file model_frames motion metric mavlink stamp settings records terrainseg terraincombine terrainextract
-    terrainoverlay terrainmcapsink)
+    terrainoverlay terrainmcapsink ros_inputs)
 seconds=$mode seed=${SEED:-1}
 case $mode in
 night) seconds=7200 seed=${SEED:-0} ;;
@@ -56,7 +56,7 @@ longest() {
 # What a minute holds on the slower of two machines, two targets at once.
 runs_of_check() {
   case $1 in
-  klv | model_file | stamp) echo 1500000 ;;
+  klv | model_file | stamp | ros_inputs) echo 1500000 ;;
   model_frames) echo 150000 ;;
   motion) echo 1200 ;; # drives
   metric) echo 120000 ;;

@@ -8,8 +8,8 @@
 
 #include "element_input.hpp"
 #include "elements/terrainseg.hpp"
+#include "elements/terrainseg/settings_file.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/settings_file.hpp"
 
 namespace {
 

@@ -70,6 +70,25 @@ def only(root, pattern):
     return found[0]
 
 
+def check_after_install(folder):
+    """The loader's cache is renewed by root where it knows the folder, however much ldconfig prints behind that line."""
+    script = pathlib.Path(__file__).resolve().parent.parent.parent / 'tools/after_install.sh'
+    programs = folder / 'bin'
+    programs.mkdir()
+    (programs / 'ldconfig').write_text(
+        f'#!/bin/sh\n[ "$1" = -v ] || exec touch {folder}/renewed\necho "/usr/local/lib: (from a file)"\n'
+        'seq 100000 || exit 1\n')
+    (programs / 'id').write_text('#!/bin/sh\necho 0\n')
+    for program in programs.iterdir():
+        program.chmod(0o755)
+    path = {'PATH': f'{programs}:{os.environ["PATH"]}'}
+    for libraries, renewed in ('/usr/local/lib', True), ('/opt/lib', False):
+        (folder / 'renewed').unlink(missing_ok=True)
+        said = run([str(script), '/plugins', libraries, '/plugins'], **path)
+        if (folder / 'renewed').exists() != renewed or ('LD_LIBRARY_PATH' in said) == renewed:
+            sys.exit(f'after_install.sh with {libraries}: renewed {not renewed}, said {said!r}')
+
+
 def main():
     if len(sys.argv) != 2:
         sys.exit(__doc__)
@@ -80,6 +99,8 @@ def main():
     if 'terrainseg' not in run(['meson', 'devenv', '-C', str(build), 'gst-inspect-1.0', 'terrainseg']):
         sys.exit('meson devenv: gst-inspect-1.0 terrainseg does not answer')
 
+    with tempfile.TemporaryDirectory() as folder:
+        check_after_install(pathlib.Path(folder))
     with tempfile.TemporaryDirectory() as folder, installing(build):
         root = pathlib.Path(folder)
         run(['meson', 'install', '-C', str(build), '--no-rebuild', '--quiet', '--destdir', str(root / 'image')])
@@ -96,6 +117,12 @@ def main():
         answer = run(['gst-inspect-1.0', 'terrainseg'], **gst)
         if str(plugin) not in answer:
             sys.exit('gst-inspect-1.0 answers from another plugin than the installed one')
+
+        # The rover's page, where it is built: it finds its parts.
+        for rover in image.rglob('bin/terrainseg-rover'):
+            run([str(rover), '--help'], **gst)
+            only(image, 'page.html')
+            only(image, 'terrainseg-rover.service')
 
         # The files say where they will be installed; this test looks at them where they are now.
         configs = root / 'pkgconfig'

@@ -75,7 +75,7 @@ def libraries(plugin):
     lines = run(['ldd', plugin]).stdout.splitlines()
     names = [line.split()[0] for line in lines]
     print(len(names), 'shared libraries')
-    heavy = [n for n in names if re.search('opencv|eigen|python|gtk|Qt|zstd|mcap', n)]
+    heavy = [n for n in names if re.search('opencv|eigen|python|gtk|Qt|zstd|mcap|ddsc|iceoryx', n)]
     return (['ldd says nothing'] if len(names) < 3 else []) + \
            ([f'{len(names)} shared libraries, more than {MOST_LIBRARIES}'] if len(names) > MOST_LIBRARIES else []) + \
            [f'it pulls in {n}' for n in heavy]

@@ -7,6 +7,8 @@
 #include <wchar.h>
 
 #include <array>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -15,7 +17,9 @@
 #include "tools/process/conflicts.hpp"
 #include "tools/process/container.hpp"
 #include "tools/process/display.hpp"
+#include "tools/process/faults.hpp"
 #include "tools/process/inputs.hpp"
+#include "tools/process/iso_media.hpp"
 #include "tools/process/manifest.hpp"
 #include "tools/process/outputs.hpp"
 #include "tools/process/shard.hpp"
@@ -96,6 +100,51 @@ TEST_F(Container, MatroskaEndsWithItsSegment) {
   EXPECT_FALSE(
       missing_length(write("live.mkv", head + "\x18\x53\x80\x67\x01" + std::string(7, '\xff') + "data")))
       << "a stream of unknown length";
+}
+
+std::string full_box(const std::string& type, const std::string& payload) {
+  return box(type, std::string(4, '\0') + payload);
+}
+
+std::string words(std::initializer_list<std::uint32_t> values) {
+  std::string text;
+  for (const std::uint32_t value : values)
+    text += number(value, 4, true);
+  return text;
+}
+
+/// A movie of one video track of ten frames, 100 ticks of a thousandth each, with these edits.
+std::string movie(const std::string& edits) {
+  const std::string table = box("stbl", full_box("stts", words({1, 10, 100})));
+  const std::string media = box("mdia", full_box("mdhd", words({0, 0, 1000, 1000, 0})) +
+                                            full_box("hdlr", words({0}) + "vide") + box("minf", table));
+  const std::string list = edits.empty() ? "" : box("edts", full_box("elst", edits));
+  return box("ftyp", "isom0000") +
+         box("moov", full_box("mvhd", words({0, 0, 1000, 1000})) +
+                         box("trak", full_box("tkhd", words({0, 0, 7, 0, 1000})) + list + media));
+}
+
+TEST_F(Container, TheTablesOfAMovieSayWhatItShows) {
+  constexpr std::uint32_t once = 1 << 16, nothing = UINT32_MAX;
+  const auto track = [this](const std::string& edits) {
+    const auto tracks = iso_video_tracks(write("movie.mp4", movie(edits)));
+    return tracks.empty() ? IsoTrack{} : tracks.front();
+  };
+  EXPECT_EQ(track("").shown_frames(), 10u);
+  EXPECT_EQ(track("").id, 7u);
+  EXPECT_FALSE(track(words({1, 1000, 0, once})).followed_here()) << "all is shown";
+  const IsoTrack trimmed = track(words({2, 500, nothing, once, 400, 250, once}));
+  EXPECT_EQ(trimmed.shown_frames(), 4u) << "300 to 600";
+  EXPECT_TRUE(trimmed.followed_here());
+  EXPECT_FALSE(trimmed.shown_at(200'000'000));
+  EXPECT_EQ(trimmed.shown_at(300'000'000), 550'000'000u);
+  EXPECT_FALSE(track(words({2, 200, 600, once, 200, 0, once})).followed_here()) << "back in time";
+  EXPECT_EQ(track(words({2, 200, 600, once, 200, 0, once})).shown_frames(), 4u);
+  EXPECT_FALSE(track(words({1, 400, 250, 2 * once})).followed_here()) << "at double speed";
+  EXPECT_EQ(track(words({1, 0, 250, once})).shown_frames(), 7u) << "as long as there is something";
+  const std::string whole = movie(words({1, 400, 250, once}));
+  for (std::size_t length = 0; length < whole.size(); ++length)
+    iso_video_tracks(write("cut.mp4", whole.substr(0, length)));
 }
 
 TEST_F(Container, AGifEndsWithItsMark) {
@@ -487,6 +536,58 @@ TEST(ShardsOfAList, ShareEveryInputOnceWhateverElseIsInTheList) {
 
 // ---- causes
 
+TEST(Causes, EveryErrnoIsSortedAndWhatLastsIsNotTriedAgain) {
+  for (int error = 1; error < 134; ++error)
+    EXPECT_TRUE(cause_of_writing(error) == Cause::disk || cause_of_writing(error) == Cause::unwritable);
+  for (const int lasting :
+       {ENAMETOOLONG, EROFS, EFBIG, ELOOP, EINVAL, EISDIR, ENOTDIR, EACCES, EPERM, ENOTSUP})
+    EXPECT_FALSE(may_pass_later(cause_of_writing(lasting))) << strerror(lasting);
+  for (const int passing : {ENOSPC, EDQUOT, EIO, ESTALE, ENOMEM, EMFILE, ENFILE, ETIMEDOUT, EBUSY, EAGAIN})
+    EXPECT_TRUE(may_pass_later(cause_of_writing(passing)) && may_pass_later(cause_of_reading(passing)))
+        << strerror(passing);
+  EXPECT_TRUE(may_pass_later(cause_of_reading(ENOENT)) && may_pass_later(cause_of_reading(EACCES)));
+  EXPECT_FALSE(may_pass_later(cause_of_reading(ENAMETOOLONG)));
+}
+
+/// The message that an element of GStreamer would post; a source reads, others decode or write.
+GstMessage* error_of(const char* factory, GQuark domain, int code, const char* debug = "") {
+  GstElement* element = GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr)));
+  GError* error = g_error_new_literal(domain, code, "text");
+  GstMessage* message = gst_message_new_error(GST_OBJECT(element), error, debug);
+  g_error_free(error);
+  gst_object_unref(element);
+  return message;
+}
+
+TEST(Causes, EveryErrorOfGStreamerIsSorted) {
+  gst_init(nullptr, nullptr);
+  const auto in_source = [](GstMessage* message) {
+    const Cause cause = cause_in_source(message);
+    gst_message_unref(message);
+    return cause;
+  };
+  const auto behind = [](GstMessage* message) {
+    const Cause cause = cause_behind_source(message, true);
+    gst_message_unref(message);
+    return cause;
+  };
+  EXPECT_EQ(in_source(error_of("filesrc", GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_READ)), Cause::missing);
+  EXPECT_EQ(in_source(error_of("filesrc", GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_NOT_AUTHORIZED)),
+            Cause::unsupported)
+      << "a password that is wrong stays wrong";
+  EXPECT_EQ(in_source(error_of("identity", GST_STREAM_ERROR, GST_STREAM_ERROR_DECODE)), Cause::damaged);
+  EXPECT_EQ(in_source(error_of("identity", GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_NO_SPACE_LEFT)),
+            Cause::resources);
+  EXPECT_EQ(behind(error_of("fdsink", GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_NO_SPACE_LEFT)), Cause::disk);
+  EXPECT_EQ(behind(error_of("fdsink", GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_WRITE,
+                            "Error while writing to file descriptor 7: File too large")),
+            Cause::unwritable);
+  EXPECT_EQ(behind(error_of("fdsink", GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_WRITE,
+                            "Error while writing to file descriptor 7: Input/output error")),
+            Cause::disk);
+  EXPECT_EQ(behind(error_of("identity", GST_STREAM_ERROR, GST_STREAM_ERROR_ENCODE)), Cause::unsupported);
+}
+
 TEST(Causes, WhatMayPassLater) {
   for (const Cause cause : {Cause::none, Cause::damaged, Cause::unsupported, Cause::stalled, Cause::crashed})
     EXPECT_FALSE(may_pass_later(cause)) << name_of(cause);
@@ -592,7 +693,7 @@ TEST_F(Outputs, TwoNeverWriteTheSameFile) {
   ASSERT_FALSE(first.open(folder / "out"));
   const auto problem = second.open(folder / "out");
   ASSERT_TRUE(problem);
-  EXPECT_NE(problem->find("another run"), std::string::npos);
+  EXPECT_NE(problem->text.find("another run"), std::string::npos);
   ASSERT_FALSE(first.commit(folder / "out"));
   EXPECT_FALSE(second.open(folder / "out")) << "free again";
 }
@@ -601,7 +702,7 @@ TEST_F(Outputs, FailuresNameTheFile) {
   AtomicFile file;
   const auto missing = file.open(folder / "no" / "out");
   ASSERT_TRUE(missing);
-  EXPECT_NE(missing->find("no/out"), std::string::npos);
+  EXPECT_NE(missing->text.find("no/out"), std::string::npos);
   EXPECT_TRUE(file.open(folder)) << "a folder is no file";
   EXPECT_TRUE(prepare_folder(write("file") / "sub"));
   EXPECT_FALSE(prepare_folder(folder / "a" / "b"));

@@ -16,10 +16,12 @@ import select
 import shutil
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
 import time
+import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 from ffmpeg import ffmpeg, mark_turned  # noqa: E402
@@ -1309,6 +1311,257 @@ def what_is_not_reached_may_be_tried_again_and_what_is_broken_not(folder):
     for name, web, code in ('refused', Web(None), 75), ('not found', Web(clip, code=404), 75), ('no video', Web(noise), 1):
         with web as address:
             contains(ok('-q', '-o', name, address, code=code).stderr, address)
+
+
+def drive(path, *encoder, size='320x180', frames=60, sound=False, filters=()):
+    """The renderer's drive, encoded as a camera does: with B-frames unless `encoder` says otherwise, and with sound."""
+    width, height = size.split('x')
+    source = pathlib.Path(f'drive-{size}-{frames}.y4m')
+    if not source.exists():
+        subprocess.run(['gst-launch-1.0', '-q', 'terrainscenesrc', f'num-buffers={frames}', '!',
+                        f'video/x-raw,format=I420,width={width},height={height},framerate=25/1', '!', 'y4menc', '!',
+                        'filesink', f'location={source}'], check=True)
+    audio = ('-f', 'lavfi', '-i', f'sine=duration={frames / 25}', '-map', '0:v', '-map', '1:a') if sound else ()
+    ffmpeg('-i', source, *audio, *filters, *(encoder or ('-c:v', 'libx264', '-preset', 'veryfast', '-bf', '3')), path)
+    return path
+
+
+H264 = ('-c:v', 'libx264', '-bf', '3', '-g', '12', '-x264-params', 'open-gop=1:b-adapt=0:scenecut=0')
+HEVC = ('-c:v', 'libx265', '-x265-params', 'log-level=error:open-gop=1:keyint=12:bframes=3:b-adapt=0:scenecut=0')
+
+
+def differences(one, other, size):
+    """Of each pair of frames that ffmpeg shows: the mean absolute difference of their bytes, in RGB."""
+    length = int(size.split('x')[0]) * int(size.split('x')[1]) * 3
+    frames = []
+    for path in one, other:
+        data = subprocess.run(['ffmpeg', '-v', 'fatal', '-i', str(path), '-map', '0:V:0', '-fps_mode', 'passthrough', '-f',
+                               'rawvideo', '-pix_fmt', 'rgb24', '-'], capture_output=True, check=True).stdout
+        frames.append([data[at:at + length] for at in range(0, len(data), length)])
+    equal(len(frames[0]), len(frames[1]), f'frames of {one} and {other}')
+    return [sum(abs(a - b) for a, b in zip(x[::61], y[::61])) / len(x[::61]) for x, y in zip(*frames)]
+
+
+def start_of(path):
+    return float(subprocess.run(['ffprobe', '-v', 'error', '-select_streams', 'v', '-show_entries', 'stream=start_time', '-of',
+                                 'csv=p=0', str(path)], capture_output=True, text=True, check=True).stdout.split()[0])
+
+
+def lines_of(path):
+    return [json.loads(line) for line in open(path)]
+
+
+@case
+def trimmed_files_give_every_frame_that_a_player_shows(folder):
+    for codec, encoder, size in ('h264', H264, '320x180'), ('hevc', HEVC, '180x320'):
+        drive('whole.mkv', *encoder, size=size, sound=True)
+        for start, length in ('0.6', '9'), ('1.3', '0.7'), ('0.1', '1'):
+            ffmpeg('-ss', start, '-i', 'whole.mkv', '-t', length, '-c', 'copy', 'trim.mp4')
+            shown = shown_times('trim.mp4')
+            shutil.rmtree('out', ignore_errors=True)
+            ok('-q', '-o', 'out', '--set', 'overlay-alpha=0', 'trim.mp4')
+            pts = [line['pts'] for line in lines_of('out/trim.jsonl')]
+            equal(len(pts), len(shown), f'frames of {codec} from {start}')
+            # ffmpeg moves the first frame to where the edit begins; we leave it where its own time is.
+            assert all(abs(a - b) < 40e6 for a, b in zip(pts, shown)), (codec, start, pts, shown)
+            worst = max(differences('trim.mp4', 'out/trim.annotated.mp4', size))
+            assert worst < 8, (codec, start, worst)
+
+
+@case
+def what_the_tables_of_a_file_promise_and_do_not_give_is_partial(folder):
+    """No sample is missing for the demuxer, but the first group of pictures has lost its key frame."""
+    drive('whole.mp4', '-c:v', 'libx264', '-bf', '0', '-g', '20', '-preset', 'ultrafast', '-x264-params', 'scenecut=0')
+    data = bytearray(pathlib.Path('whole.mp4').read_bytes())
+    at = data.index(b'mdat') + 4
+    data[at:at + 4000] = bytes(4000)
+    pathlib.Path('hole.mp4').write_bytes(data)
+    ok('-q', '-o', 'out', '--outputs', 'json', 'hole.mp4', code=1)
+    assert not os.path.exists('out/hole.jsonl')
+    drive('short.mkv', sound=False)
+    data = pathlib.Path('short.mkv').read_bytes()
+    at = data.index(b'\x44\x89\x88') + 3  # the duration of the segment, a double in milliseconds
+    pathlib.Path('short.mkv').write_bytes(data[:at] + struct.pack('>d', 9000) + data[at + 8:])
+    contains(ok('-q', '-o', 'out', '--outputs', 'json', 'short.mkv', code=1).stderr, 'it lasts 9.0 s, and its frames end after 2.4 s')
+
+
+@case
+def one_of_two_video_tracks_is_taken_and_named(folder):
+    drive('base.mp4')
+    ffmpeg('-i', 'base.mp4', '-frames:v', '1', '-c:v', 'mjpeg', 'cover.jpg')
+    ffmpeg('-i', 'base.mp4', '-i', 'base.mp4', '-map', '0', '-map', '1', '-c', 'copy', 'two.mp4')
+    ffmpeg('-i', 'cover.jpg', '-i', 'base.mp4', '-map', '0:v', '-map', '1:v', '-c', 'copy', 'cover.mkv')
+    for name, number in ('two.mp4', 1), ('cover.mkv', 2):
+        contains(ok('-o', 'out', name).stderr, f'it has 2 video tracks; number {number} was taken')
+        check_outputs(f'out/{pathlib.Path(name).stem}', 60, (320, 180))
+    drive('only.avi', '-c:v', 'mjpeg', '-q:v', '3')
+    equal(ok('-o', 'out', 'only.avi').stderr.count('track'), 0, 'one track of pictures is a video')
+
+
+@case
+def full_range_is_converted(folder):
+    drive('full.avi', '-c:v', 'mjpeg', '-q:v', '2')
+    for space, name in ('bt709', 'full709.mkv'), ('smpte170m', 'full601.mkv'):
+        drive(name, '-c:v', 'libx264', '-crf', '10', '-pix_fmt', 'yuvj420p', '-colorspace', space, '-color_primaries', space,
+              '-color_trc', space, filters=('-vf', f'scale=out_range=full:out_color_matrix={space.replace("smpte170m", "bt601")}'))
+    os.mkdir('frames')
+    drive('frames/%03d.jpg', '-q:v', '2', frames=10)
+    for name in 'full.avi', 'full709.mkv', 'full601.mkv', 'frames/%03d.jpg':
+        stem = pathlib.Path(name).parent.name or pathlib.Path(name).stem
+        ok('-q', '-o', 'out', '--fps', '25', '--quality', '5', '--set', 'overlay-alpha=0', name)
+        made = f'out/{stem}.annotated.mp4'
+        equal(probe(made).get('color_range'), 'tv', f'range of {name}')
+        worst = max(differences(name, made, '320x180'))
+        assert worst < 5, (name, worst)
+
+
+@case
+def the_outputs_of_a_run_have_one_clock(folder):
+    drive('base.mp4')
+    ffmpeg('-i', 'base.mp4', '-c', 'copy', 'a.ts')
+    ffmpeg('-itsoffset', '2', '-i', 'base.mp4', '-f', 'lavfi', '-i', 'sine=duration=4', '-map', '0:v', '-map', '1:a', '-c:v', 'copy',
+           'late.mp4')
+    for name, start in ('base.mp4', 0), ('a.ts', None), ('late.mp4', 2):
+        stem = pathlib.Path(name).stem
+        shutil.rmtree('out', ignore_errors=True)
+        ok('-q', '-o', 'out', name)
+        first = lines_of(f'out/{stem}.jsonl')[0]['pts'] / 1e9
+        starts = [start_of(f'out/{stem}.{kind}') for kind in ('annotated.mp4', 'masks.mkv')]
+        assert all(abs(each - first) < 0.002 for each in starts), (name, first, starts)
+        assert start is None or abs(first - start) < 0.002, (name, first)
+        check_outputs(f'out/{stem}', 60, (320, 180))
+
+
+@case
+def a_name_that_no_file_can_have_fails_for_good(folder):
+    long = 'n' * 246
+    drive(f'{long}.mp4')
+    drive('base.mp4')
+    result = ok('-o', 'out', f'{long}.mp4', 'base.mp4', code=1)
+    contains(result.stderr, 'names of more than 255 bytes')
+    equal(left('out'), outputs_of('base'), 'the other one is whole')
+    ok('-q', '-o', 'named', '--name', 'short', f'{long}.mp4')
+    ok('-q', '-o', 'out', 'x' * 300 + '.mp4', code=1)
+
+
+@case
+def what_is_written_to_while_it_is_read_is_tried_again(folder):
+    drive('other.mp4')
+    for change in 'copied over', 'replaced', 'touched':
+        drive('long.mp4', '-c:v', 'libx264', '-preset', 'ultrafast', size='640x360', frames=250)
+        process = subprocess.Popen([PROCESS, '-q', '-o', change, '--outputs', 'json', 'long.mp4'], stderr=subprocess.PIPE, text=True)
+        while not os.path.exists(f'{change}/long.jsonl.part'):
+            time.sleep(0.01)
+        if change == 'copied over':
+            shutil.copyfile('other.mp4', 'long.mp4')
+        elif change == 'replaced':
+            shutil.copyfile('other.mp4', 'new.mp4')
+            os.replace('new.mp4', 'long.mp4')
+        else:
+            os.utime('long.mp4')
+        said = process.communicate()[1]
+        equal(process.returncode, 75, f'{change}: {said}')
+        contains(said, 'it was written to or replaced while it was read')
+        assert not os.path.exists(f'{change}/long.summary.json')
+
+
+@case
+def lists_may_begin_with_a_byte_order_mark(folder):
+    video('a.mp4', frames=3)
+    video('b.mp4', frames=3)
+    for number, encoding in enumerate(('utf-8-sig', 'utf-16', 'utf-8')):
+        pathlib.Path('list.txt').write_bytes('a.mp4\r\nb.mp4\r\n'.encode(encoding))
+        ok('-q', '-o', f'out{number}', '--outputs', 'csv', '--inputs-from', 'list.txt')
+        equal(len(left(f'out{number}')), 4, encoding)
+
+
+@case
+def the_index_of_the_annotated_video_is_in_front(folder):
+    video('clip.mp4', frames=30)
+    ok('-q', '-o', 'out', 'clip.mp4')
+    data = pathlib.Path('out/clip.annotated.mp4').read_bytes()
+    assert data.index(b'moov') < data.index(b'mdat')
+    equal(left('out'), outputs_of('clip'), 'nothing else is left')
+
+
+@case
+def seconds_between_two_frames_are_no_fault(folder):
+    video('slow.mkv', frames=6, rate='0.15', extra=('-bf', '0'))
+    equal(ok('-q', '-o', 'out', 'slow.mkv').stderr, '', 'messages')
+    check_outputs('out/slow', 6, (64, 48))
+
+
+@case
+def two_views_in_one_picture_are_warned_of(folder):
+    video('stereo.mkv', frames=3, extra=('-metadata:s:v', 'stereo_mode=left_right'))
+    contains(ok('-o', 'out', 'stereo.mkv').stderr, 'stereo video (side-by-side)')
+
+
+def wide_picture(path, width, height):
+    def chunk(kind, data):
+        return struct.pack('>I', len(data)) + kind + data + struct.pack('>I', zlib.crc32(kind + data))
+    rows = (b'\0' + bytes(width)) * height
+    path.write_bytes(b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', struct.pack('>IIBBBBB', width, height, 8, 0, 0, 0, 0))
+                     + chunk(b'IDAT', zlib.compress(rows, 1)) + chunk(b'IEND', b''))
+
+
+@case
+def pictures_that_are_too_large_are_named_or_drawn_smaller(folder):
+    wide_picture(folder / 'giant.png', 100000, 64)
+    contains(ok('-q', '-o', 'out', 'giant.png', code=1).stderr, 'its pictures are 100000 x 64 pixels')
+    for name, size in ('wide.png', (20000, 64)), ('tall.png', (64, 20000)):
+        wide_picture(folder / name, *size)
+        ok('-q', '-o', 'out', name)
+        stem = pathlib.Path(name).stem
+        masks, annotated = probe(f'out/{stem}.masks.mkv'), probe(f'out/{stem}.annotated.mp4')
+        equal((masks['width'], masks['height']), size, 'masks')
+        equal(max(annotated['width'], annotated['height']), 16384, 'annotated')
+        equal(lines_of(f'out/{stem}.jsonl')[0]['width'], size[0], 'lines')
+
+
+@case
+def a_start_time_in_seconds_is_refused(folder):
+    video('clip.mp4', frames=3)
+    for digits in 10, 13, 16:
+        contains(ok('-q', '-o', 'out', '--set', f'start-time={"1700000000000000000"[:digits]}', 'clip.mp4', code=2).stderr,
+                 'a number is nanoseconds since 1970')
+    ok('-q', '-o', 'out', '--set', 'start-time=1700000000000000000', 'clip.mp4')
+
+
+SERVER = """
+import sys, gi
+gi.require_version('Gst', '1.0'); gi.require_version('GstRtspServer', '1.0')
+from gi.repository import Gst, GstRtspServer, GLib
+Gst.init(None)
+server = GstRtspServer.RTSPServer(service=sys.argv[1])
+factory = GstRtspServer.RTSPMediaFactory()
+factory.set_launch('( videotestsrc is-live=true ! video/x-raw,width=64,height=48,framerate=15/1 ! x264enc tune=zerolatency '
+                   'key-int-max=5 ! rtph264pay name=pay0 )')
+server.get_mount_points().add_factory('/x', factory)
+server.attach(None)
+print('ready', flush=True)
+GLib.MainLoop().run()
+"""
+
+
+@case
+def a_server_that_dies_leaves_a_part_that_may_be_tried_again(folder):
+    if subprocess.run([sys.executable, '-c', "import gi; gi.require_version('GstRtspServer', '1.0')"], stderr=subprocess.DEVNULL).returncode:
+        raise Skip('no GstRtspServer for Python')
+    for attempt in range(3):
+        port, out = free_port(), f'out{attempt}'
+        server = subprocess.Popen([sys.executable, '-c', SERVER, str(port)], stdout=subprocess.PIPE, text=True)
+        equal(server.stdout.readline().strip(), 'ready')
+        process = subprocess.Popen([PROCESS, '-q', '-o', out, '--outputs', 'csv', f'rtsp://127.0.0.1:{port}/x'], stderr=subprocess.PIPE,
+                                   text=True)
+        until = time.time() + 20
+        while time.time() < until and not (os.path.exists(f'{out}/x.csv.part') and os.stat(f'{out}/x.summary.json.part')):
+            time.sleep(0.05)
+        time.sleep(3)
+        server.kill()
+        server.wait()
+        said = process.communicate(timeout=60)[1]
+        equal((process.returncode, left(out)), (75, ['x.partial.csv', 'x.partial.summary.json']), said)
 
 
 if __name__ == '__main__':

@@ -65,6 +65,11 @@ def long_commands_are_never_silent(folder):
         lines.append(line.strip())
     equal(process.wait(), 7, 'status')
     assert lines and lines[0] == '[2/3] step' and longest < 9, (lines, longest)
+    # A step that runs is named, not the one that has ended before it.
+    pathlib.Path('build.ninja').write_text('rule make\n command = sleep $seconds; touch -r build.ninja -- $out # -o $out \n'
+                                           'build short.o: make\n seconds = 1\nbuild long.o: make | short.o\n seconds = 8\n')
+    text = shell(['bash', '-c', f'. {TOP}/examples/heartbeat.sh; heartbeat log ninja']).stdout
+    equal(text.split('\n')[0].strip(), '[1/2] making long.o', 'the step that runs')
     text = shell(['bash', '-c', f'. {TOP}/examples/heartbeat.sh; heartbeat log sleep 13']).stdout
     equal([line.strip() for line in text.splitlines()][:2], ['waiting ...', 'waiting ... (still)'], 'a command without a word')
 
@@ -116,6 +121,8 @@ def settings_reach_the_filter_and_a_bonnet_is_named(folder):
     rows = int(re.search(r'try window-bottom=(\d+)', quickstart('car.mp4').stdout)[1])
     assert 50 <= rows <= 60, rows
     assert 'never change' not in quickstart(f'window-bottom={rows}', 'car.mp4').stdout
+    equal(sorted(path.name for path in pathlib.Path('results/earlier-1').iterdir()), list(RESULTS), 'what the first run left')
+    assert pathlib.Path('results/earlier-1/terrain.jsonl').read_bytes() != pathlib.Path('results/terrain.jsonl').read_bytes()
     window = json.loads(open('results/terrain.jsonl').readline())['window']
     equal(window[1] + window[3], 240 - rows, 'the lower edge of the window')
 

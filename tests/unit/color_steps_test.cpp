@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/cues/color_steps.hpp"
+#include "freespace/look/color_steps.hpp"
 
 #include <cmath>
 #include <random>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/confidence.hpp"
+#include "freespace/answer/confidence.hpp"
 
 #include <gtest/gtest.h>
 

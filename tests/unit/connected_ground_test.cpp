@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/cues/connected_ground.hpp"
+#include "freespace/look/connected_ground.hpp"
 
 #include <algorithm>
 #include <cmath>

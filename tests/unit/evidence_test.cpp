@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/evidence.hpp"
+#include "freespace/answer/evidence.hpp"
 
 #include <gtest/gtest.h>
 
@@ -88,7 +88,7 @@ TEST_F(EvidenceOf, WhatIsOddSpeaksAgainstTheCellItIsIn) {
   set(40, 60, 56);
   set(40, 59, 88); // centred at x = 236, which cell 30 (centred at 240, from 236 on) has
   set(39, 61, 24); // no more than ground often is
-  evidence_.subtract_oddness({odd, 80, 60, 2, 0});
+  evidence_.subtract({mask_doubtful, {}, {odd, 80, 60, 2, 0, 80}, {}});
   EXPECT_EQ(at(20, 30), before - (88 - 24) / 2) << "the oddest one counts";
   EXPECT_EQ(at(20, 31), before);
   EXPECT_EQ(at(20, 29), before);
@@ -99,7 +99,7 @@ TEST_F(EvidenceOf, WhatStandsSpeaksAgainstIt) {
   std::vector<std::int16_t> standing(80 * 60);
   standing[50 * 80 + 20] = 32; // covers x 80..83, y 200..203
   standing[50 * 80 + 30] = -60;
-  evidence_.subtract_standing({standing, 80, 60, 2, 2});
+  evidence_.subtract({mask_not_traversable, {}, {}, {standing, 80, 60, 2, 2, 80}});
   EXPECT_EQ(at(25, 10), before - 64) << "two nats";
   EXPECT_EQ(at(25, 15), before) << "what lies is no evidence for the ground here";
 }
@@ -118,7 +118,7 @@ TEST_F(EvidenceOf, TheMasksLabelIsWhatItIsFor) {
 
 TEST_F(EvidenceOf, AHoleIsTheSurerTheMoreSpeaksForIt) {
   std::vector<std::int16_t> standing(80 * 60, 100);
-  evidence_.subtract_standing({standing, 80, 60, 2, 2});
+  evidence_.subtract({mask_not_traversable, {}, {}, {standing, 80, 60, 2, 2, 80}});
   EXPECT_GT(told(20 * 8, 0)[grid_.at(15, 9)], 150);
 }
 

@@ -129,10 +129,10 @@ TEST(FreeSpacePipeline, EveryStageCanBeSwitchedOffAndMatters) {
       {"exposure", [](Settings& s) { s.exposure = false; }},
       {"row-prior", [](Settings& s) { s.row_prior = false; }},
       {"local-reference", [](Settings& s) { s.local_reference = false; }},
-      {"geodesic", [](Settings& s) { s.geodesic = false; }},
       {"second-look", [](Settings& s) { s.second_look = false; }},
       {"connected-ground", [](Settings& s) { s.connected_ground = false; }},
       {"ground-behind", [](Settings& s) { s.ground_behind = false; }},
+      {"upright", [](Settings& s) { s.upright = false; }},
       {"odd-spots", [](Settings& s) { s.odd_spots = false; }},
       {"refine", [](Settings& s) { s.refine = false; }},
       {"free-space", [](Settings& s) { s.free_space = false; }},
@@ -150,6 +150,10 @@ TEST(FreeSpacePipeline, EveryStageCanBeSwitchedOffAndMatters) {
     for (const std::uint8_t m : mask)
       ASSERT_TRUE(m == 0 || m == 128 || m == 255) << name;
   }
+  // In this drive upright edges leave nothing for it to change.
+  Settings with, without;
+  with.upright = without.upright = without.geodesic = false;
+  EXPECT_TRUE(masks_of_drive(with) != masks_of_drive(without)) << "geodesic";
 }
 
 TEST(FreeSpacePipeline, MoreCautionIsLessGround) {
@@ -161,6 +165,26 @@ TEST(FreeSpacePipeline, MoreCautionIsLessGround) {
     EXPECT_LE(now, last + 5) << caution; // the prior follows its own horizon: not strictly
     last = now;
   }
+}
+
+TEST(FreeSpacePipeline, NothingAboveAHintIsGround) {
+  Settings settings;
+  settings.motion = Motion::off;
+  settings.horizon_hint_q8 = 256 * 3 / 4;
+  const Segmenter hinted = after_drive(settings);
+  const Estimate& e = hinted.estimate();
+  const int first = 240 * 3 / 4 - 240 / 32 - 8; // a cell has eight rows
+  for (int y = 0; y < first; ++y)
+    for (int x = 0; x < e.mask.width; ++x)
+      ASSERT_NE(e.mask.plane.row(y)[x], mask_traversable) << y << ' ' << x;
+  EXPECT_EQ(e.vanishing_row, -1) << "a hint is no measurement";
+  const Bytes mask = mask_of(e);
+  EXPECT_NE(std::count(mask.begin(), mask.end(), mask_traversable), 0);
+  // What is known is surer than a hint.
+  settings.vanishing_row = 60;
+  const Segmenter known = after_drive(settings);
+  settings.horizon_hint_q8 = -256;
+  EXPECT_EQ(mask_of(known.estimate()), mask_of(after_drive(settings).estimate()));
 }
 
 TEST(FreeSpacePipeline, HorizonModes) {
@@ -285,6 +309,69 @@ TEST(FreeSpacePipeline, AnotherSizeKeepsTheTerrain) {
   s.reset();
   run(s, 0, 1);
   EXPECT_TRUE(s.estimate().flags & flag_unknown);
+}
+
+/// Another place: all but the lower quarter upside down.
+scene::Picture cut_to(const scene::Picture& picture) {
+  scene::Picture other = picture;
+  const Frame from = picture.frame();
+  const MutableFrame to = other.mutable_frame();
+  for (std::size_t p = 0; p < 3; ++p) {
+    const int width = p == 0 ? 320 : 160, height = p == 0 ? 240 : 120;
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x)
+        to.planes[p].row(y)[x] = from.planes[p].row(y < height * 3 / 4 ? height - 1 - y : y)[x];
+  }
+  return other;
+}
+
+// The boundary of another place says nothing of this one's ground.
+TEST(FreeSpacePipeline, NegativesAreSplitByTheSamePlacesBoundaryOnly) {
+  const scene::Picture other = cut_to(drive()[5]);
+  for (const Temporal temporal : {Temporal::automatic, Temporal::off}) {
+    Settings split;
+    split.negatives = Negatives::split;
+    split.temporal = temporal;
+    Segmenter cut = after_drive(split), fresh = after_drive(split);
+    fresh.reset_temporal();
+    ASSERT_TRUE(cut.process(other.frame()).ok());
+    ASSERT_TRUE(fresh.process(other.frame()).ok());
+    EXPECT_TRUE(cut.terrain().negative_colors == fresh.terrain().negative_colors);
+    // Where the place stays the same it does.
+    Segmenter on = after_drive(split), off = after_drive(split);
+    off.reset_temporal();
+    ASSERT_TRUE(on.process(drive()[5].frame()).ok());
+    ASSERT_TRUE(off.process(drive()[5].frame()).ok());
+    EXPECT_TRUE(on.terrain().negative_colors != off.terrain().negative_colors);
+  }
+}
+
+// Each detector alone, on a plain with stones: what one switch leaves out another does not find.
+TEST(FreeSpacePipeline, EachDetectorHasASwitchOfItsOwn) {
+  scene::Renderer renderer({scene::Kind::plain, scene::Light::day, scene::Motion::straight, 101}, 640, 360);
+  scene::Picture picture(PixelFormat::I420, 640, 360);
+  renderer.render(40, picture);
+  const auto doubtful_with = [&](bool near, bool far, bool stones, bool any = true) {
+    Settings settings;
+    settings.near_spots = near;
+    settings.far_spots = far;
+    settings.stone_field = stones;
+    settings.odd_spots = any;
+    settings.doubtful = -96; // so that nothing else is
+    Segmenter segmenter(settings);
+    EXPECT_TRUE(segmenter.process(picture.frame()).ok());
+    EXPECT_TRUE(segmenter.process(picture.frame()).ok());
+    const Bytes mask = mask_of(segmenter.estimate());
+    return std::count(mask.begin(), mask.end(), mask_doubtful);
+  };
+  const auto none = doubtful_with(false, false, false), near = doubtful_with(true, false, false),
+             far = doubtful_with(false, true, false), all = doubtful_with(true, true, true);
+  EXPECT_EQ(none, 0);
+  EXPECT_GT(near, 0);
+  EXPECT_GT(far, 0);
+  EXPECT_GE(all, std::max(near, far));
+  EXPECT_LE(all, near + far + doubtful_with(false, false, true));
+  EXPECT_EQ(doubtful_with(true, true, true, false), 0);
 }
 
 } // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/cues/geodesic.hpp"
+#include "freespace/score/geodesic.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/horizon_row.hpp"
+#include "freespace/answer/horizon_row.hpp"
 
 #include <gtest/gtest.h>
 
@@ -51,7 +51,7 @@ TEST(HorizonHold, HoldsWithFallingConfidenceWhileFramesContinue) {
   EXPECT_EQ(hold.follow({}, false).row, -1) << "another scene";
   EXPECT_EQ(hold.follow({}, true).row, -1) << "and the old one is forgotten";
   hold.follow({50, 60}, true);
-  hold.forget();
+  hold = {};
   EXPECT_EQ(hold.follow({}, true).row, -1);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/cues/likelihood.hpp"
+#include "freespace/score/likelihood.hpp"
 
 #include <algorithm>
 #include <cmath>

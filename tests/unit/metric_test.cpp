@@ -316,9 +316,13 @@ TEST(Mount, Text) {
   EXPECT_EQ(mount->yaw, 1e-3);
   EXPECT_EQ(mount->y, -0.1);
   EXPECT_NEAR(mount->pitch_error, degree, 1e-15);
-  for (const char* wrong : {"", "pitch=0.1", "height=0", "height=-1", "height=nan", "height=inf",
-                            "height=1,pitch=90deg", "height=1,pitch=10", "height=1m", "height",
-                            "height=1,tilt=3", "height=1deg", "height=1,,", "height=1e300"}) {
+  EXPECT_EQ(parse_mount("height=1,pitch_error=0.25", error).value().pitch_error, 0.25);
+  EXPECT_EQ(read_mount("height: 1\npitch-error: 0.25\n", error).value().pitch_error, 0.25);
+  EXPECT_EQ(read_mount("mount: {height: 1, pitch_error: 0.25}\n", error).value().pitch_error, 0.25);
+  for (const char* wrong :
+       {"", "pitch=0.1", "height=0", "height=-1", "height=nan", "height=inf", "height=1,pitch=90deg",
+        "height=1,pitch=10", "height=1m", "height", "height=1,tilt=3", "height=1,height=1",
+        "height=1,pitch_error=0.1,pitch-error=0.1", "height=1deg", "height=1,,", "height=1e300"}) {
     error.clear();
     EXPECT_FALSE(parse_mount(wrong, error)) << wrong;
     EXPECT_FALSE(error.empty()) << wrong;
@@ -380,6 +384,98 @@ TEST(CameraInfo, WhatCannotBeRead) {
   expect_refused(std::string(5000, '['), "nested");
   expect_refused(std::string(5000, ' ') + "a: 1", "indented");
   expect_refused(std::string(2 << 20, 'a'), "1 MiB");
+}
+
+/// A message of ROS 2 as `ros2 topic echo` prints it.
+std::string echoed(const std::string& more, const char* d = "-0.28\n- 0.07\n- 0.0002\n- 2.0e-05\n- 0.0") {
+  return "header:\n  stamp:\n    sec: 1\n    nanosec: 2\n  frame_id: camera_optical\nheight: 480\nwidth: "
+         "640\n"
+         "distortion_model: plumb_bob\nd:\n- " +
+         std::string(d) +
+         "\nk:\n- 554.25\n- 0.0\n- 320.5\n- 0.0\n- 554.25\n- 240.5\n- 0.0\n- 0.0\n- 1.0\nr:\n- 1.0\np:\n- "
+         "1.0\n" +
+         more + "---\n";
+}
+
+TEST(CameraInfo, EverySpellingIsOneName) {
+  std::string error;
+  const std::string none = "binning_x: 0\nbinning_y: 0\nroi:\n  x_offset: 0\n  y_offset: 0\n  height: 0\n  "
+                           "width: 0\n  do_rectify: false\n";
+  for (const std::string& text :
+       {echoed(none),
+        echoed("binning_x: 1\nbinning_y: 1\nroi: {x_offset: 0, y_offset: 0, height: 480, width: 640}\n"),
+        std::string("width: 640\nheight: 480\nK: [554.25, 0, 320.5, 0, 554.25, 240.5, 0, 0, 1]\n"
+                    "D: [-0.28, 0.07, 0.0002, 2.0e-05, 0]\n"),
+        std::string("image_Width: 640\nimage_Height: 480\ncameraMatrix: {data: [554.25, 0, 320.5, 0, 554.25, "
+                    "240.5, 0, 0, 1]}\nDistortion_Coefficients: {data: [-0.28, 0.07, 0.0002, 2.0e-05]}\n")}) {
+    const auto camera = read_camera_info(text, error);
+    ASSERT_TRUE(camera) << text << error;
+    EXPECT_EQ(*camera, barrel());
+  }
+  expect_refused(echoed("K: [554.25, 0, 320.5, 0, 554.25, 240.5, 0, 0, 1]\n"), "state the same");
+  expect_refused(echoed("image_width: 640\n"), "state the same");
+}
+
+TEST(CameraInfo, ARegionIsItsOwnCamera) {
+  std::string error;
+  const auto part =
+      read_camera_info(echoed("roi: {x_offset: 160, y_offset: 200, width: 320, height: 240}\n"), error);
+  ASSERT_TRUE(part) << error;
+  EXPECT_EQ(part->width, 320);
+  EXPECT_EQ(part->height, 240);
+  // A pixel of the part and the same pixel of the whole have one ray.
+  const auto in_part = undistort(*part, 100, 150), in_whole = undistort(barrel(), 260, 350);
+  EXPECT_NEAR(in_part->x, in_whole->x, 1e-9);
+  EXPECT_NEAR(in_part->y, in_whole->y, 1e-9);
+  const auto binned = read_camera_info(
+      echoed("binning_x: 2\nbinning_y: 4\nroi: {x_offset: 160, y_offset: 200, width: 320, height: 240}\n"),
+      error);
+  ASSERT_TRUE(binned) << error;
+  EXPECT_EQ(binned->width, 160);
+  EXPECT_EQ(binned->height, 60);
+  // The middle of a super-pixel of 2 x 4.
+  const auto in_binned = undistort(*binned, 50, 37), in_pixels = undistort(*part, 100.5, 149.5);
+  EXPECT_NEAR(in_binned->x, in_pixels->x, 1e-9);
+  EXPECT_NEAR(in_binned->y, in_pixels->y, 1e-9);
+  for (const char* wrong :
+       {"roi: {x_offset: 400, y_offset: 0, width: 320, height: 240}\n", "roi: {x_offset: 4}\n",
+        "roi: {x_offset: 0, y_offset: 0, width: 0, height: 240}\n",
+        "roi: {x_offset: -4, width: 320, height: 240}\n", "roi: [1, 2, 3, 4]\n",
+        "roi: {x_offset: 0.5, width: 320, height: 240}\n"})
+    expect_refused(echoed(wrong), "roi");
+  expect_refused(echoed("binning_x: -1\n"), "binning_x");
+  expect_refused(echoed("binning_x: 1000\n"), "binning");
+}
+
+TEST(CameraInfo, WhatChangesTheMeaningIsAppliedOrRefused) {
+  std::string error;
+  const std::string sizes = "image_width: 640\nimage_height: 480\n";
+  const std::string good = sizes + "camera_matrix: {data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n";
+  const auto fisheye =
+      read_camera_info(good + "fisheye_model: 1\ndistortion_coefficients: {data: [0.1, 0, 0, 0]}\n", error);
+  ASSERT_TRUE(fisheye) << error;
+  EXPECT_EQ(fisheye->distortion, Distortion::equidistant);
+  EXPECT_EQ(read_camera_info(good + "fisheye_model: 0\n", error).value().distortion,
+            Distortion::brown_conrady);
+  expect_refused(good + "fisheye_model: 1\ndistortion_model: plumb_bob\n", "contradict");
+  expect_refused(good + "fisheye_model: maybe\n", "fisheye_model");
+  expect_refused(sizes + "k: [500, 2, 320, 0, 500, 240, 0, 0, 1]\n", "skew");
+  expect_refused(sizes + "k: [500, 0, 0, 0, 500, 0, 320, 240, 1]\n", "column");
+  expect_refused(sizes + "k: [500, 0, 320, 0, 500, 240, 0, 0, 0]\n", "column");
+  expect_refused(good + "distortion_model: plumb_bob\nd: [0.1, 0, 0, 0, 0, 0.1, 0, 0]\n", "at most 5");
+  expect_refused(good + "distortion_model: equidistant\nd: [0.1, 0, 0, 0, 0.1]\n", "at most 4");
+  expect_refused(good + "d: [0.1]\n", "four or more");
+  ASSERT_TRUE(read_camera_info(good + "d: []\n", error)) << error;
+  ASSERT_TRUE(read_camera_info(
+      good + "distortion_model: rational_polynomial\nd: [0.1, 0, 0, 0, 0, 0.1, 0, 0]\n", error));
+  const std::string kalibr =
+      "cam0: {camera_model: pinhole, intrinsics: [500, 500, 320, 240], resolution: [640, 480], ";
+  expect_refused(kalibr + "distortion_model: none, distortion_coeffs: [0.1, 0, 0, 0]}\n", "none");
+  ASSERT_TRUE(read_camera_info(kalibr + "distortion_model: none}\n", error)) << error;
+  ASSERT_TRUE(read_camera_info(kalibr + "distortion_model: none, distortion_coeffs: []}\n", error)) << error;
+  expect_refused("cam0: {camera_model: omni, intrinsics: [500, 500, 320, 240], resolution: [640, 480]}\n",
+                 "omni");
+  expect_refused(kalibr + "distortion_model: fov, distortion_coeffs: [1, 0, 0, 0]}\n", "fov");
 }
 
 TEST(CameraInfo, MountFileComesBack) {

@@ -11,6 +11,7 @@
 #include <map>
 #include <numbers>
 #include <random>
+#include <set>
 
 #include "recording/free_space_shapes.hpp"
 #include "recording/h264_unit.hpp"
@@ -449,62 +450,84 @@ std::vector<float> random_ranges(std::mt19937& random, std::size_t columns) {
   return ranges;
 }
 
+/// Directions by which two angles differ, within half a turn.
+double between(double a, double b) {
+  return std::abs(std::remainder(a - b, 2 * std::numbers::pi));
+}
+
 TEST(Beams, AreTheLeastOfTheirColumns) {
   std::mt19937 random(3);
   for (const double yaw : {0.0, 0.4, std::numbers::pi, -2.0}) // behind: bearings jump from -pi to pi
-    for (const std::size_t columns : {1u, 2u, 3u, 20u, 321u}) {
-      const View view(yaw + 0.6, yaw - 0.6, random_ranges(random, columns));
+    for (const ScanFan& fan :
+         {ScanFan{yaw - 0.603, 0.0101, 121, 2.5}, ScanFan{yaw - 0.5, 0.041, 21, 0}, whole_circle(500, 1)}) {
       Beams beams;
-      beams.take(view.metric);
-      const std::vector<float>& ranges = beams.ranges();
-      ASSERT_FALSE(ranges.empty());
-      std::vector<std::vector<float>> inside(ranges.size());
-      for (std::size_t i = 0; i < columns; ++i) {
-        double offset = view.bearings[i] - beams.angle_min();
-        while (offset < -0.01)
-          offset += 2 * std::numbers::pi;
-        while (offset > 2 * std::numbers::pi - 0.01)
-          offset -= 2 * std::numbers::pi;
-        const double beam = columns > 1 ? offset / beams.increment() : 0;
-        ASSERT_LT(beam, static_cast<double>(ranges.size()) - 0.4);
-        inside[static_cast<std::size_t>(beam + 0.5)].push_back(view.ranges[i]);
-        EXPECT_EQ(beams.at(view.bearings[i]), &ranges[static_cast<std::size_t>(beam + 0.5)]);
-      }
-      for (std::size_t i = 0; i < ranges.size(); ++i) {
-        ASSERT_FALSE(inside[i].empty()) << "beam " << i << " of " << ranges.size();
-        float least = inf_value;
-        bool unknown = false;
-        for (const float value : inside[i]) {
-          unknown |= std::isnan(value);
-          least = value < least ? value : least;
+      for (const std::size_t columns : {1u, 2u, 20u, 321u}) {
+        View view(yaw + 0.6, yaw - 0.6, random_ranges(random, columns));
+        view.metric.fan = fan;
+        beams.take(view.metric);
+        ASSERT_EQ(beams.ranges().size(), fan.beams);
+        std::size_t told = 0;
+        for (std::uint32_t beam = 0; beam < fan.beams; ++beam) {
+          const double angle = fan.angle_min + beam * fan.increment;
+          EXPECT_EQ(beams.at(angle), &beams.ranges()[beam]);
+          float least = inf_value;
+          bool unknown = true, any = false;
+          for (std::size_t i = 0; i < columns; ++i)
+            if (between(view.bearings[i], angle) < fan.increment / 2 - 1e-9) {
+              unknown = any ? unknown || std::isnan(view.ranges[i]) : std::isnan(view.ranges[i]);
+              any = true;
+              least = view.ranges[i] < least ? std::max(view.ranges[i], static_cast<float>(fan.range_min))
+                                             : least;
+            }
+          const float range = beams.ranges()[beam];
+          told += any;
+          if (least == inf_value && unknown) {
+            EXPECT_TRUE(std::isnan(range)) << beam << ": " << range;
+          } else {
+            EXPECT_EQ(range, least) << beam;
+          }
         }
-        if (least == inf_value && unknown) {
-          EXPECT_TRUE(std::isnan(ranges[i]));
-        } else {
-          EXPECT_EQ(ranges[i], least);
-        }
+        EXPECT_GE(told, columns == 321 ? 20u : columns == 20 ? 10u : 0u);
       }
-      if (columns > 1) {
+      if (fan.beams < 500) {
         EXPECT_EQ(beams.at(yaw + std::numbers::pi), nullptr) << "behind the camera";
-        EXPECT_EQ(beams.at(yaw + 0.61 + beams.increment()), nullptr) << "beside it";
+        EXPECT_EQ(beams.at(yaw + 0.61 + fan.increment), nullptr) << "beside it";
       }
     }
 }
 
-TEST(Beams, OfAnUnknownFrameAreUnknown) {
+TEST(Beams, KeepTheirGeometryWhateverTheFrameHas) {
   Beams beams;
-  const View nothing(0.5, -0.5, {nan_value, nan_value});
-  MetricEstimate unknown = nothing.metric;
-  unknown.bearings = nothing.ranges; // NaN
-  beams.take(unknown);
-  EXPECT_TRUE(beams.empty()) << "no view was ever known";
-  const View known(0.5, -0.5, {2, 3, 4});
-  beams.take(known.metric);
-  EXPECT_EQ(beams.ranges(), (std::vector<float>{4, 3, 2})) << "from right to left";
-  beams.take(unknown);
-  ASSERT_EQ(beams.ranges().size(), 3u);
-  for (const float range : beams.ranges())
-    EXPECT_TRUE(std::isnan(range));
+  View first(0.5, -0.5, {2, 3, 4});
+  first.metric.fan = {-0.6, 0.02, 61, 1};
+  beams.take(first.metric);
+  EXPECT_EQ(beams.fan(), first.metric.fan);
+  const auto finite = [&] {
+    return std::count_if(beams.ranges().begin(), beams.ranges().end(),
+                         [](float r) { return std::isfinite(r); });
+  };
+  EXPECT_EQ(finite(), 3);
+  EXPECT_EQ(*beams.at(-0.5), 4) << "the right column";
+  View other(0.8, -0.3, {2, 3, 4, 5});
+  other.metric.fan = {-0.1, 0.5, 3, 0};
+  beams.take(other.metric);
+  EXPECT_EQ(beams.fan(), first.metric.fan);
+  EXPECT_EQ(finite(), 3) << "the leftmost column is outside";
+  // Nothing is known of this frame.
+  std::fill(other.ranges.begin(), other.ranges.end(), nan_value);
+  other.metric.bearings = other.ranges;
+  beams.take(other.metric);
+  ASSERT_EQ(beams.ranges().size(), 61u);
+  EXPECT_TRUE(
+      std::all_of(beams.ranges().begin(), beams.ranges().end(), [](float r) { return std::isnan(r); }));
+}
+
+TEST(Beams, AreAllAroundWhereNoFanIsStated) {
+  Beams beams;
+  const View view(0.5, -0.5, {2, 3, 4});
+  beams.take(view.metric);
+  EXPECT_EQ(beams.fan(), whole_circle(720, view.metric.range_min));
+  EXPECT_EQ(*beams.at(0), 3);
 }
 
 TEST(BoundaryPoints, AreWhereTheFreeSpaceEnds) {
@@ -523,7 +546,8 @@ TEST(BoundaryPoints, AreWhereTheFreeSpaceEnds) {
 TEST(FreeSpaceGrid, IsFreeOnlyBetweenTheNearestRowAndTheBoundary) {
   std::mt19937 random(5);
   for (const double yaw : {0.0, 1.0, std::numbers::pi}) {
-    const View view(yaw + 0.6, yaw - 0.6, random_ranges(random, 200));
+    View view(yaw + 0.6, yaw - 0.6, random_ranges(random, 200));
+    view.metric.fan = {yaw - 0.6, 0.01, 121, 1};
     Beams beams;
     beams.take(view.metric);
     FreeSpaceGrid drawer;
@@ -573,7 +597,8 @@ TEST(FreeSpaceGrid, IsFreeOnlyBetweenTheNearestRowAndTheBoundary) {
 }
 
 TEST(FreeSpaceGrid, HasAtMost512CellsASide) {
-  const View view(0.6, -0.6, std::vector<float>(50, 90), 1, 100);
+  View view(0.6, -0.6, std::vector<float>(50, 90), 1, 100);
+  view.metric.fan = {-0.6, 0.01, 121, 1};
   Beams beams;
   beams.take(view.metric);
   FreeSpaceGrid drawer;
@@ -581,6 +606,27 @@ TEST(FreeSpaceGrid, HasAtMost512CellsASide) {
   drawer.draw(view.metric, beams, 0.1);
   EXPECT_LE(std::max(drawer.grid().width, drawer.grid().height), 512u);
   EXPECT_DOUBLE_EQ(drawer.grid().resolution, 0.4);
+}
+
+TEST(FreeSpaceGrid, StaysWhereTheFanIs) {
+  Beams beams;
+  FreeSpaceGrid drawer;
+  std::optional<std::array<double, 5>> geometry;
+  for (const double turn : {0.0, 0.1, -0.3, 3.0}) {
+    View view(turn + 0.5, turn - 0.5, std::vector<float>(50, 5), 1 + std::abs(turn));
+    view.metric.fan = {-0.6, 0.01, 121, 1};
+    if (turn == -0.3) {
+      std::fill(view.ranges.begin(), view.ranges.end(), nan_value);
+      view.metric.bearings = view.ranges;
+    }
+    beams.take(view.metric);
+    drawer.draw(view.metric, beams, 0.1);
+    const OccupancyGrid g = drawer.grid();
+    const std::array<double, 5> now{g.resolution, static_cast<double>(g.width), static_cast<double>(g.height),
+                                    g.x, g.y};
+    EXPECT_EQ(now, geometry.value_or(now)) << turn;
+    geometry = now;
+  }
 }
 
 /// What a quaternion makes of a vector, by its matrix.
@@ -616,7 +662,7 @@ ReadTransform read_transform(const Bytes& data) {
 }
 
 /// One frame of a small recording, read back by topic.
-std::map<std::string, Bytes> record_one(const RecordedFrame& frame, RecordingOptions options,
+std::map<std::string, Bytes> record_one(const MessageFrame& frame, MessageOptions options,
                                         std::string* yaml = nullptr) {
   Disk disk;
   TerrainRecording recording(disk.sink(), std::move(options));
@@ -635,9 +681,9 @@ std::map<std::string, Bytes> record_one(const RecordedFrame& frame, RecordingOpt
 }
 
 TEST(TerrainRecording, TransformIsThatOfTheProjection) {
-  RecordingOptions options;
+  MessageOptions options;
   options.mount = metric::Mount{0.7, 0.2, 0.1, 0.3, 0.4, -0.1};
-  RecordedFrame frame;
+  MessageFrame frame;
   frame.time = 5;
   const ReadTransform t = read_transform(record_one(frame, options).at("/tf"));
   EXPECT_EQ(t.parent, "base_link\0"s);
@@ -656,13 +702,13 @@ TEST(TerrainRecording, TransformIsThatOfTheProjection) {
 }
 
 TEST(TerrainRecording, TheAttitudeOfTheMomentReplacesTheMounts) {
-  RecordingOptions options;
+  MessageOptions options;
   options.mount = metric::Mount{0.7, 0.2};
   View view(0.5, -0.5, {2, 3, 4});
   view.metric.pitch = 0.5;
   view.metric.yaw = 0;
   view.metric.height = 0.9;
-  RecordedFrame frame;
+  MessageFrame frame;
   frame.metric = &view.metric;
   const ReadTransform t = read_transform(record_one(frame, options).at("/tf"));
   const auto forward = rotated(t.rotation, {0, 0, 1}), right = rotated(t.rotation, {1, 0, 0});
@@ -672,8 +718,132 @@ TEST(TerrainRecording, TheAttitudeOfTheMomentReplacesTheMounts) {
   EXPECT_EQ(t.translation[2], 0.9);
 }
 
+/// Keeps the messages of the topics that it wants.
+struct Kept : MessageOutlet {
+  std::set<Topic> wanted;
+  std::vector<std::pair<Topic, Bytes>> messages;
+  bool wants(Topic topic) override { return wanted.count(topic) != 0; }
+  bool put(Topic topic, std::uint64_t, ByteView message) override {
+    messages.emplace_back(topic, Bytes(message.begin(), message.end()));
+    return true;
+  }
+};
+
+TEST(TerrainMessages, TheAttitudeSaysWhichTransformItIs) {
+  MessageOptions options;
+  options.mount = metric::Mount{0.7, 0.2};
+  TerrainMessages messages(options);
+  Kept kept;
+  kept.wanted = {Topic::tf, Topic::tf_static};
+  View view(0.5, -0.5, {2, 3, 4});
+  MessageFrame frame;
+  EXPECT_TRUE(messages.add(frame, kept));
+  frame.metric = &view.metric;
+  EXPECT_TRUE(messages.add(frame, kept));
+  view.metric.flags = metric_flag_pose;
+  EXPECT_TRUE(messages.add(frame, kept));
+  ASSERT_EQ(kept.messages.size(), 3u);
+  EXPECT_EQ(kept.messages[0].first, Topic::tf_static);
+  EXPECT_EQ(kept.messages[1].first, Topic::tf_static);
+  EXPECT_EQ(kept.messages[2].first, Topic::tf);
+}
+
+TEST(TerrainMessages, AScanIsTheSameWhetherTheOthersAreWantedOrNot) {
+  std::vector<Bytes> scans;
+  for (const bool alone : {false, true}) {
+    TerrainMessages messages{MessageOptions()};
+    Kept kept;
+    kept.wanted = {Topic::scan};
+    View view(0.5, -0.5, {2, 3, 4});
+    for (std::uint64_t i = 0; i < 3; ++i) {
+      if (!alone && i < 2)
+        kept.wanted = i == 0 ? std::set{Topic::points, Topic::grid} : std::set<Topic>();
+      else
+        kept.wanted = {Topic::scan};
+      MessageFrame frame;
+      frame.time = i * 100'000'000;
+      frame.metric = &view.metric;
+      EXPECT_TRUE(messages.add(frame, kept));
+    }
+    scans.push_back(kept.messages.back().second);
+  }
+  EXPECT_EQ(scans[0], scans[1]) << "scan_time counts frames, not messages";
+}
+
+TEST(TerrainMessages, DiagnosticsComeWithAChangeAndOnceASecond) {
+  TerrainMessages messages{MessageOptions()};
+  Kept kept;
+  kept.wanted = {Topic::diagnostics};
+  Estimate e;
+  e.frame_width = e.frame_height = 8;
+  MessageFrame frame;
+  frame.estimate = &e;
+  const auto add = [&](std::uint64_t milliseconds, std::uint32_t flags, std::optional<bool> near_clear) {
+    e.flags = flags;
+    e.confidence = static_cast<std::uint8_t>(milliseconds % 251);
+    frame.time = milliseconds * 1'000'000;
+    frame.near_clear = near_clear;
+    const std::size_t before = kept.messages.size();
+    EXPECT_TRUE(messages.add(frame, kept));
+    return kept.messages.size() - before;
+  };
+  EXPECT_EQ(add(0, flag_unknown, {}), 1u);
+  EXPECT_EQ(add(33, flag_unknown, {}), 0u) << "only the confidence is another";
+  EXPECT_EQ(add(66, flag_learned, {}), 1u);
+  EXPECT_EQ(add(99, flag_learned, false), 1u);
+  EXPECT_EQ(add(1098, flag_learned, false), 0u);
+  EXPECT_EQ(add(1099, flag_learned, false), 1u) << "a second";
+  EXPECT_EQ(add(50, flag_learned, false), 1u) << "time went back";
+  Reader r(kept.messages[2].second);
+  r.view(4 + 8);
+  EXPECT_EQ(r.string(), "base_link\0"s);
+  r.align(4);
+  EXPECT_EQ(r.take<std::uint32_t>(), 1u);
+  EXPECT_EQ(r.take<std::uint8_t>(), DiagnosticStatus::ok);
+  std::vector<std::string> texts;
+  for (int i = 0; i < 3; ++i) {
+    r.align(4);
+    texts.push_back(r.string());
+  }
+  EXPECT_EQ(texts, (std::vector{"terrainseg: terrain\0"s, "terrain is known\0"s, "\0"s}));
+  r.align(4);
+  const auto count = r.take<std::uint32_t>();
+  std::map<std::string, std::string> values;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    r.align(4);
+    const std::string key = r.string();
+    r.align(4);
+    values[key] = r.string();
+  }
+  EXPECT_TRUE(r.over());
+  EXPECT_EQ(values.at("learning\0"s), "learning\0"s);
+  EXPECT_EQ(values.at("near_clear\0"s), "false\0"s);
+  EXPECT_EQ(values.at("confidence\0"s), "99\0"s);
+}
+
+TEST(TerrainMessages, APictureIsTheFileItself) {
+  TerrainMessages messages{MessageOptions()};
+  Kept kept;
+  kept.wanted = {Topic::picture};
+  const Bytes file = {0xff, 0xd8, 1, 2, 3, 0xff, 0xd9};
+  MessageFrame frame;
+  frame.time = 7;
+  frame.picture = file;
+  EXPECT_TRUE(messages.add(frame, kept));
+  ASSERT_EQ(kept.messages.size(), 1u);
+  Reader r(kept.messages[0].second);
+  r.view(4 + 8);
+  EXPECT_EQ(r.string(), "camera_optical\0"s);
+  r.align(4);
+  EXPECT_EQ(r.string(), "jpeg\0"s);
+  r.align(4);
+  const ByteView data = r.view(r.take<std::uint32_t>());
+  EXPECT_EQ(Bytes(data.begin(), data.end()), file);
+  EXPECT_TRUE(r.over());
+}
+
 TEST(TerrainRecording, WritesOnlyWhatIsKnown) {
-  RecordedFrame frame;
+  MessageFrame frame;
   EXPECT_EQ(record_one(frame, {}).size(), 0u);
   std::vector<std::uint8_t> pixels(6 * 4, 255); // four columns of a stride of six
   Estimate e;
@@ -682,10 +852,10 @@ TEST(TerrainRecording, WritesOnlyWhatIsKnown) {
   e.mask = {{pixels.data(), 6}, 4, 4};
   frame.estimate = &e;
   const auto plain = record_one(frame, {});
-  ASSERT_EQ(plain.size(), 1u);
-  EXPECT_EQ(plain.begin()->first, "/terrain/mask");
-  EXPECT_EQ(plain.begin()->second.size() % 4, 0u);
-  RecordingOptions options;
+  ASSERT_EQ(plain.size(), 2u);
+  EXPECT_EQ(plain.begin()->first, "/diagnostics");
+  EXPECT_EQ(plain.at("/terrain/mask").size() % 4, 0u);
+  MessageOptions options;
   options.camera = metric::Camera{16, 16, 10, 10, 7.5, 7.5, {}, {}};
   options.mount = metric::Mount{1};
   const View view(0.5, -0.5, {2, 3, 4});
@@ -695,7 +865,7 @@ TEST(TerrainRecording, WritesOnlyWhatIsKnown) {
   frame.time = 1'700'000'000'123'456'789;
   std::string yaml;
   const auto all = record_one(frame, options, &yaml);
-  EXPECT_EQ(all.size(), 7u);
+  EXPECT_EQ(all.size(), 8u);
   // Scaled to the frame: half of the calibration's picture.
   Reader info(all.at("/camera/camera_info"));
   info.view(4);
@@ -714,8 +884,8 @@ TEST(TerrainRecording, WritesOnlyWhatIsKnown) {
 
   const YAML::Node bag = YAML::Load(yaml)["rosbag2_bagfile_information"];
   EXPECT_EQ(bag["storage_identifier"].as<std::string>(), "mcap");
-  EXPECT_EQ(bag["message_count"].as<int>(), 7);
-  EXPECT_EQ(bag["topics_with_message_count"].size(), 7u);
+  EXPECT_EQ(bag["message_count"].as<int>(), 8);
+  EXPECT_EQ(bag["topics_with_message_count"].size(), 8u);
   EXPECT_EQ(bag["starting_time"]["nanoseconds_since_epoch"].as<std::uint64_t>(), frame.time);
   EXPECT_EQ(bag["duration"]["nanoseconds"].as<std::uint64_t>(), 0u);
   EXPECT_EQ(bag["relative_file_paths"][0].as<std::string>(), "a \"b\"\n.mcap");

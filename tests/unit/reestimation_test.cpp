@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "freespace/cues/color_bins.hpp"
+#include "freespace/look/color_bins.hpp"
 #include "support/grids.hpp"
 
 namespace terrainseg {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Holes where motion says that something stands: a rendered drive through the whole core, and a board in it.
-#include "freespace/curve/standing_things.hpp"
+#include "freespace/holes/standing_things.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/stone_field.hpp"
+#include "freespace/holes/stone_field.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -26,17 +26,17 @@ struct Scene {
     view.rgb = format == PixelFormat::RGB;
     pyramid.build(owned.frame(), {level + 1, 0, 0});
     view.horizon = 64;
-    view.window = {width * 2 / 5, height * 7 / 8, width / 5, height / 8};
     curves.boundary.assign(static_cast<std::size_t>(width), static_cast<std::uint16_t>(height / 4));
     curves.safe = curves.boundary;
   }
   bool find() {
-    return field.find(pyramid, color_transform_of(view.rgb, owned.frame().colorimetry), curves, view);
+    return field.find(pyramid, color_transform_of(view.rgb, owned.frame().colorimetry), curves, view, watch,
+                      found.holes);
   }
   /// Another picture of the same size, the same search.
   bool find_in(Scene& other) {
     return field.find(other.pyramid, color_transform_of(false, other.owned.frame().colorimetry), other.curves,
-                      other.view);
+                      other.view, watch, found.holes);
   }
   bool stone(int row, int column) const {
     return field.oddness().values[static_cast<std::size_t>(row * field.width() + column)] != 0;
@@ -52,6 +52,8 @@ struct Scene {
   FreeSpaceCurves curves;
   StoneView view;
   StoneField field;
+  StoneField::Watch watch;
+  Detection found;
 };
 
 /// The definition, every box summed by itself.
@@ -102,12 +104,7 @@ class ByDefinition {
   /// Seeds, growth, pieces, and which of them are stones, of the code's own deviations.
   Bytes stones() const {
     const std::span<const std::uint8_t> z = s_.field.deviations();
-    const int k = s_.view.level;
-    const Rectangle& window = s_.view.window;
-    const auto in_window = [&](int i, int j) {
-      return i >= window.y >> k && j >= window.x >> k && j <= (window.x + window.width) >> k;
-    };
-    const auto candidate = [&](int i, int j) { return i >= first_ && z[at(i, j)] >= 24 && !in_window(i, j); };
+    const auto candidate = [&](int i, int j) { return i >= first_ && z[at(i, j)] >= 24; };
     const auto sum_over = [&](int i, int j, const auto& value) {
       const int reach =
           std::max(static_cast<int>(std::floor(20.0 * std::max(i - horizon_, 30) / 1024 + 0.5)), 1);
@@ -184,7 +181,7 @@ class ByDefinition {
             to = std::max(to, j);
           }
         for (int j = from; j <= to; ++j)
-          stones[at(i, j)] = !in_window(i, j);
+          stones[at(i, j)] = 1;
       }
     return stones;
   }
@@ -325,9 +322,9 @@ TEST(StoneField, AFewAreNoFieldUnlessThereWasOne) {
   EXPECT_TRUE(many.find_in(few));
   EXPECT_FALSE(many.find_in(fewest));
   EXPECT_EQ(many.stones(), 0) << "nothing is left of the frame before";
-  many.field.forget();
+  many.watch = {};
   ASSERT_TRUE(many.find());
-  many.field.forget();
+  many.watch = {};
   EXPECT_FALSE(many.find_in(few));
 }
 
@@ -337,7 +334,7 @@ TEST(StoneField, LooksMoreSeldomWhereThereIsNone) {
   // A field is shown after so many frames without one: the frame in which it is found.
   const std::vector<std::pair<int, int>> found_in{{0, 0}, {1, 3}, {3, 3}, {4, 8}, {8, 8}, {9, 17}, {18, 26}};
   for (const auto& [without, found] : found_in) {
-    even.field.forget();
+    even.watch = {};
     for (int frame = 0; frame < without; ++frame)
       ASSERT_FALSE(even.find());
     int frame = without;
@@ -358,7 +355,7 @@ TEST(StoneField, ANewPlaceIsLookedAtAtOnce) {
   for (int frame = 0; frame < 12; ++frame)
     ASSERT_FALSE(even.find());
   ASSERT_FALSE(even.find_in(many)) << "it waits";
-  even.field.look_again();
+  even.watch.look_again();
   EXPECT_TRUE(even.find_in(many));
 }
 
@@ -387,21 +384,18 @@ TEST(StoneField, WhatTheGroundDoesNotSurroundIsNoStone) {
     EXPECT_FALSE(s.stone(other.y + other.height - 2, other.x + 2)) << other.x;
   const std::vector<Rectangle> ignored{{0, 0, 90, 240}};
   s.view.ignored = ignored;
-  s.field.forget();
+  s.watch = {};
   ASSERT_TRUE(s.find());
   for (int y = 0; y < 240; ++y)
     for (int x = 0; x < 90; ++x)
       ASSERT_FALSE(s.stone(y, x)) << y << ' ' << x;
 }
 
-TEST(StoneField, WhatIsInTheWindowIsGround) {
+TEST(StoneField, WhatStandsNearestIsSeenToo) {
   std::vector<Rectangle> stones = field_of(32, 320, 240);
-  const Rectangle before{150, 215, 16, 14};
+  const Rectangle before{150, 215, 16, 14}; // where the training window lies
   stones.push_back(before);
   Scene s(320, 240, 0, ground_with(stones));
-  ASSERT_TRUE(s.find());
-  EXPECT_FALSE(s.stone(221, 153));
-  s.view.window = {0, 240, 0, 0};
   ASSERT_TRUE(s.find());
   EXPECT_TRUE(s.stone(221, 153));
 }
@@ -429,11 +423,11 @@ TEST(StoneField, AreHolesInTheMaskAndEndTheFreeSpace) {
     ASSERT_TRUE(s.find());
     const int width = subsampled(320, mask_level), height = subsampled(240, mask_level);
     std::vector<std::uint8_t> mask(static_cast<std::size_t>(width * height), mask_traversable);
-    const std::uint64_t turned = s.field.mark({mask.data(), width}, width, height, mask_level);
+    const std::uint64_t turned = mark(s.found, {mask.data(), width}, width, height, mask_level);
     EXPECT_EQ(turned, static_cast<std::uint64_t>(std::count(mask.begin(), mask.end(), mask_doubtful)));
     EXPECT_GT(turned, 0u);
     FrameCurve rows(static_cast<std::size_t>(width), 60);
-    s.field.lower(mask_level, rows);
+    lower_below(s.found, mask_level, rows);
     for (int x = 0; x < width; ++x) {
       int lowest = 60;
       for (int y = 0; y < 240; ++y)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/cues/temporal.hpp"
+#include "freespace/score/temporal.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,37 +19,47 @@ test::OwnedGrid scene(int shift, int seed = 0) {
 
 constexpr std::int64_t ms = 1'000'000;
 
-TEST(ScoreAverage, LikePicturesInQuickSuccessionContinue) {
-  ScoreAverage a;
-  EXPECT_FALSE(a.continues(scene(0), 0, Temporal::automatic)); // the first
-  EXPECT_TRUE(a.continues(scene(1), 66 * ms, Temporal::automatic));
-  EXPECT_TRUE(a.continues(scene(0), 2066 * ms, Temporal::automatic));
-  EXPECT_FALSE(a.continues(scene(1), 4067 * ms, Temporal::automatic));     // too late
-  EXPECT_FALSE(a.continues(scene(25, 9), 4100 * ms, Temporal::automatic)); // another picture
-  EXPECT_TRUE(a.continues(scene(25, 9), -1, Temporal::automatic));         // time unknown: the picture tells
-  EXPECT_TRUE(a.continues(scene(25, 9), 10 * ms, Temporal::automatic));
+/// Whether a picture shows the same place as the one before, which it then is.
+struct Pictures {
+  LastPicture last;
+  bool shows_same(const Grid& grid, std::int64_t pts, Temporal mode) {
+    const bool same = shows_same_place(last, grid, pts, mode);
+    remember(grid, pts, last);
+    return same;
+  }
+};
+
+TEST(LastPicture, LikePicturesInQuickSuccessionContinue) {
+  for (const Temporal mode : {Temporal::automatic, Temporal::off}) {
+    Pictures p;
+    EXPECT_FALSE(p.shows_same(scene(0), 0, mode)); // the first
+    EXPECT_TRUE(p.shows_same(scene(1), 66 * ms, mode));
+    EXPECT_TRUE(p.shows_same(scene(0), 2066 * ms, mode));
+    EXPECT_FALSE(p.shows_same(scene(1), 4067 * ms, mode));     // too late
+    EXPECT_FALSE(p.shows_same(scene(25, 9), 4100 * ms, mode)); // another picture
+    EXPECT_TRUE(p.shows_same(scene(25, 9), -1, mode));         // time unknown: the picture tells
+    EXPECT_TRUE(p.shows_same(scene(25, 9), 10 * ms, mode));
+  }
 }
 
-TEST(ScoreAverage, OnAndOff) {
-  ScoreAverage a;
-  EXPECT_FALSE(a.continues(scene(0), 0, Temporal::on));
-  EXPECT_TRUE(a.continues(scene(25, 9), 5000 * ms, Temporal::on));
-  EXPECT_FALSE(a.continues(scene(25, 9), 5001 * ms, Temporal::off));
-  a.forget();
-  EXPECT_FALSE(a.continues(scene(25, 9), 5002 * ms, Temporal::on));
+TEST(LastPicture, WhereAveragingIsOnOnlyTheSizeMatters) {
+  Pictures p;
+  EXPECT_FALSE(p.shows_same(scene(0), 0, Temporal::on));
+  EXPECT_TRUE(p.shows_same(scene(25, 9), 5000 * ms, Temporal::on));
+  p.last = {};
+  EXPECT_FALSE(p.shows_same(scene(25, 9), 5002 * ms, Temporal::on));
 }
 
-TEST(ScoreAverage, MovesByThreeQuarters) {
-  ScoreAverage a;
+TEST(AverageScores, MovesByThreeQuarters) {
   CellScores average;
-  a.add({100, -400}, true, average); // nothing to continue
+  average_scores({100, -400}, true, average); // nothing to continue
   EXPECT_EQ(average, (CellScores{100, -400}));
-  a.add({500, -400}, true, average);
+  average_scores({500, -400}, true, average);
   EXPECT_EQ(average, (CellScores{400, -400}));
-  a.add({0, 768}, false, average);
+  average_scores({0, 768}, false, average);
   EXPECT_EQ(average, (CellScores{0, 768}));
   for (int i = 0; i < 40; ++i)
-    a.add({-768, 768}, true, average);
+    average_scores({-768, 768}, true, average);
   EXPECT_EQ(average, (CellScores{-768, 768}));
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/cues/texture.hpp"
+#include "freespace/look/texture.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/window_guard.hpp"
+#include "freespace/learn/window_guard.hpp"
 
 #include <gtest/gtest.h>
 
@@ -66,7 +66,7 @@ TEST_F(Guard, GivesInWithoutFlapping) {
   for (int i = 0; i < 100; ++i)
     refused += refuses(1, 0);
   EXPECT_LE(refused, 85);
-  guard_.forget();
+  guard_ = {};
   EXPECT_TRUE(refuses(1, 0));
 }
 

@@ -193,7 +193,7 @@ static inline GstBuffer* gst_terrain_seg_meta_get_mask(const GstStructure* meta)
 
 /** How sure the mask's label is, one byte for each cell of the grid that was thought on, spread over the
  * mask's region: GRAY8 like the mask, 255 * (2 p - 1) where p is the share of right labels to expect. Read
- * only. NULL where there is none: free-space=false, an estimate that came as KLV. */
+ * only. NULL where there is none: preset=paper, an estimate that came as KLV. */
 static inline GstBuffer* gst_terrain_seg_meta_get_confidence_map(const GstStructure* meta) {
   return gst_terrain_seg_meta_get_buffer_(meta, "confidence-map");
 }
@@ -337,6 +337,27 @@ static inline gdouble gst_terrain_metric_meta_get_range_max(const GstStructure* 
 /** Metres of the nearest ground that the mask shows: a column without free space ends there or farther. */
 static inline gdouble gst_terrain_metric_meta_get_range_min(const GstStructure* meta) {
   return gst_terrain_metric_meta_get_double_(meta, "range-min");
+}
+
+/** Geometry of scans made of these metres, the same for every frame of a stream. Number of beams; 0 when the
+ *  meta states no geometry. */
+static inline guint gst_terrain_metric_meta_get_fan_beams(const GstStructure* meta) {
+  return gst_terrain_seg_meta_get_uint_(meta, "fan-beams", 0);
+}
+
+/** Direction of the first beam, the rightmost, radians counter-clockwise from straight ahead. */
+static inline gdouble gst_terrain_metric_meta_get_fan_angle_min(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "fan-angle-min");
+}
+
+/** From one beam to the next, radians counter-clockwise. */
+static inline gdouble gst_terrain_metric_meta_get_fan_increment(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "fan-increment");
+}
+
+/** Metres; a beam is not shorter. */
+static inline gdouble gst_terrain_metric_meta_get_fan_range_min(const GstStructure* meta) {
+  return gst_terrain_metric_meta_get_double_(meta, "fan-range-min");
 }
 
 /** GstTerrainMetricFlags. */

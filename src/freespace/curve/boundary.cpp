@@ -6,33 +6,34 @@
 #include <cstdlib>
 
 #include "base/fixed_log.hpp"
+#include "base/tuning.hpp"
 
 namespace terrainseg {
 namespace {
 
 // All in units of the score, 32 = 1 nat; used in Q4.
-constexpr int edge_limit = 288;
-constexpr int edge_per_octave = 88;
+TERRAINSEG_TUNED(int, boundary, edge_limit, 288);
+TERRAINSEG_TUNED(int, boundary, edge_per_octave, 88);
 /// With 200 India is 8.15 % wrong in place of 8.07, with 230 15 Hz 2.46 in place of 2.42.
-constexpr int shadow_limit = 215;
-constexpr int shadow_per_grey = 10;
-constexpr int step_price = 140;
-constexpr int least_step_price = 16;
+TERRAINSEG_TUNED(int, boundary, shadow_limit, 215);
+TERRAINSEG_TUNED(int, boundary, shadow_per_grey, 10);
+TERRAINSEG_TUNED(int, boundary, step_price, 140);
+TERRAINSEG_TUNED(int, boundary, least_step_price, 16);
 /// What an upright edge takes off the price, per octave above a difference of 32: obstacles have upright
 /// sides. Takes 0.2 points of error and a tenth of the unsafe pixels off a drive in town.
-constexpr int upright_per_octave = 72;
-constexpr int upright_floor = 32;
+TERRAINSEG_TUNED(int, boundary, upright_per_octave, 72);
+TERRAINSEG_TUNED(int, boundary, upright_floor, 32);
 /// For leaving the last frame's row, per row, three rows at most. At 15 Hz, with 48 for two rows: 2.70 / 12.1
 /// in place of 2.45 / 10.7 and 1.62 % flicker in place of 1.48; with 96 2.64 / 11.0, with four rows roads and
 /// trails lose.
-constexpr int leave_price = 80;
-constexpr int leave_rows = 3;
+TERRAINSEG_TUNED(int, boundary, leave_price, 80);
+TERRAINSEG_TUNED(int, boundary, leave_rows, 3);
 /// For ground above an obstacle. Without it a column is cut at an obstacle only when the ground behind it
 /// weighs less; below 300 kerbs and markings cut the ground, too.
-constexpr int behind_price = 360;
+TERRAINSEG_TUNED(int, boundary, behind_price, 360);
 /// For a curve where the picture has no edge. Flat from 300 to 500; at 200 corridors are 8.0 in place of 5.8
 /// % wrong.
-constexpr int edgeless_price = 300;
+TERRAINSEG_TUNED(int, boundary, edgeless_price, 300);
 
 // What a colour step is worth, in Q4: logarithms of few enough values to be looked up.
 template <typename Worth> constexpr std::array<std::int16_t, most_color_step + 1> table_of(Worth worth) {
@@ -46,11 +47,13 @@ constexpr int octaves_above(int step, int floor, int per_octave) {
           per_octave) >>
          8;
 }
-constexpr auto edge_worth =
-    table_of([](int step) { return std::min(edge_limit, octaves_above(step, 4, edge_per_octave)); });
-constexpr auto step_prices = table_of([](int step) {
-  return std::max(step_price - octaves_above(step, upright_floor, upright_per_octave), least_step_price);
-});
+TERRAINSEG_TUNED_TABLE(edge_worth, table_of([](int step) {
+                         return std::min(edge_limit, octaves_above(step, 4, edge_per_octave));
+                       }));
+TERRAINSEG_TUNED_TABLE(step_prices, table_of([](int step) {
+                         return std::max(step_price - octaves_above(step, upright_floor, upright_per_octave),
+                                         least_step_price);
+                       }));
 
 } // namespace
 

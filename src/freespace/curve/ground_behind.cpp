@@ -5,17 +5,22 @@
 #include <array>
 #include <cstdlib>
 
+#include "base/tuning.hpp"
+
 namespace terrainseg {
 namespace {
 
-constexpr int unseen = 255;
-constexpr int free_below = 14;   ///< distance from the ground beside it without a penalty
-constexpr int follow_below = 24; ///< distance that is still the same surface
-constexpr int most = 60;
+TERRAINSEG_TUNED(int, ground_behind, unseen, 255);
+TERRAINSEG_TUNED(int, ground_behind, free_below,
+                 14); ///< distance from the ground beside it without a penalty
+TERRAINSEG_TUNED(int, ground_behind, follow_below, 24); ///< distance that is still the same surface
+TERRAINSEG_TUNED(int, ground_behind, most, 60);
 
-constexpr int margin = 8;     ///< a quarter of a nat: roofs and bonnets in the dark score a little above 0
-constexpr int least_sum = 64; ///< 2 nats; half of it makes 0.05 points more flicker at 15 Hz
-constexpr int least_rows = 2;
+TERRAINSEG_TUNED(int, ground_behind, margin,
+                 8); ///< a quarter of a nat: roofs and bonnets in the dark score a little above 0
+TERRAINSEG_TUNED(int, ground_behind, least_sum,
+                 64); ///< 2 nats; half of it makes 0.05 points more flicker at 15 Hz
+TERRAINSEG_TUNED(int, ground_behind, least_rows, 2);
 
 } // namespace
 

@@ -6,25 +6,28 @@
 
 #include "base/fixed_log.hpp"
 #include "base/percentile.hpp"
-#include "freespace/cues/color_bins.hpp"
+#include "base/tuning.hpp"
+#include "freespace/look/color_bins.hpp"
 
 namespace terrainseg {
 namespace {
 
 /// Counts are multiples of it, so that smoothing loses nothing.
-constexpr std::uint32_t one = 64;
-constexpr std::uint32_t least_cells = 50;
+TERRAINSEG_TUNED(std::uint32_t, reestimation, one, 64);
+TERRAINSEG_TUNED(std::uint32_t, reestimation, least_cells, 50);
 /// What is taken to have been counted in every bin; and for how many bins at most.
-constexpr std::uint32_t color_floor = one, color_floors = 50;
-constexpr std::uint32_t texture_floor = 2 * one;
+TERRAINSEG_TUNED(std::uint32_t, reestimation, color_floor, one);
+TERRAINSEG_TUNED(std::uint32_t, reestimation, color_floors, 50);
+TERRAINSEG_TUNED(std::uint32_t, reestimation, texture_floor, 2 * one);
 /// Q4 of the score per octave: a quarter of the ratio of colours, an eighth of that of textures.
-constexpr int color_weight = 89, texture_weight = 44;
+TERRAINSEG_TUNED(int, reestimation, color_weight, 89);
+TERRAINSEG_TUNED(int, reestimation, texture_weight, 44);
 /// Q4, three eighths of a nat: flat from 10 to 20 thirty-seconds. What the frame shows here may correct, not
 /// overrule.
-constexpr int limit = 192;
+TERRAINSEG_TUNED(int, reestimation, limit, 192);
 /// Of the limit, Q4 per unit of the penalty: two units each.
-constexpr int limit_per_penalty = 32;
-constexpr int upper_end = 10; ///< percent of the columns
+TERRAINSEG_TUNED(int, reestimation, limit_per_penalty, 32);
+TERRAINSEG_TUNED(int, reestimation, upper_end, 10); ///< percent of the columns
 
 int ratio(std::uint32_t ground, std::uint32_t ground_total, std::uint32_t rest, std::uint32_t rest_total,
           int weight) {

@@ -11,7 +11,7 @@
 
 #include "base/quantities.hpp"
 #include "coarse/grid.hpp"
-#include "freespace/cues/color_bins.hpp"
+#include "freespace/look/color_bins.hpp"
 
 namespace terrainseg {
 

@@ -4,21 +4,24 @@
 #include <algorithm>
 
 #include "base/percentile.hpp"
+#include "base/tuning.hpp"
 
 namespace terrainseg {
 namespace {
 
-constexpr int strongest = 32; ///< 1 nat at the picture's edges; 24 and 40 are worse by 0.1 points
-constexpr int middle = 51;    ///< the neutral row lies below the horizon: Q8 of the height at horizon 0 ...
-constexpr int middle_per_row = 214; ///< ... and what it gains with the horizon, Q8
-constexpr int first_middle = 128;
+TERRAINSEG_TUNED(int, row_prior, strongest,
+                 32); ///< 1 nat at the picture's edges; 24 and 40 are worse by 0.1 points
+TERRAINSEG_TUNED(int, row_prior, middle,
+                 51); ///< the neutral row lies below the horizon: Q8 of the height at horizon 0 ...
+TERRAINSEG_TUNED(int, row_prior, middle_per_row, 214); ///< ... and what it gains with the horizon, Q8
+TERRAINSEG_TUNED(int, row_prior, first_middle, 128);
 /// Most that the prior's horizon lies below the vanishing row, Q8 of the height. On 16 rendered trails 5.43
 /// -> 5.16 % error, on six in a low sun 17.3 -> 13.3; with 16 5.10 and 13.0, but of 15 Hz 11.1 % are unsafe
 /// in place of 10.7, with 32 5.26 and 14.0.
-constexpr int most_below = 24;
-constexpr int upper_end = 14; ///< percent of the columns
+TERRAINSEG_TUNED(int, row_prior, most_below, 24);
+TERRAINSEG_TUNED(int, row_prior, upper_end, 14); ///< percent of the columns
 /// 8 nats a cell: with 2 a ridge of the ground's colour stays ground where it has no edge to the ground.
-constexpr int denied = 256;
+TERRAINSEG_TUNED(int, row_prior, denied, 256);
 
 } // namespace
 

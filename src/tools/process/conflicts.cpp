@@ -2,7 +2,9 @@
 #include "tools/process/conflicts.hpp"
 
 #include <glib.h>
+#include <limits.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <map>
 #include <utility>
@@ -138,6 +140,29 @@ std::vector<std::string> find_conflicts(const std::vector<Input>& inputs, const 
     if (auto conflict = manifest_clash(options.manifest, files, claimed))
       conflicts.push_back(*conflict);
   return conflicts;
+}
+
+void refuse_long_names(std::vector<Input>& inputs, const Options& options) {
+  fs::path folder = options.output_dir;
+  std::error_code error;
+  while (!fs::exists(folder, error) && folder.has_parent_path())
+    folder = folder.parent_path();
+  const long told = pathconf(folder.empty() ? "." : folder.c_str(), _PC_NAME_MAX);
+  const std::size_t most = told > 0 ? static_cast<std::size_t>(told) : NAME_MAX;
+  for (Input& input : inputs) {
+    if (!input.problem.empty())
+      continue;
+    for (const fs::path& path : written_paths(naming_of(options, input), options)) {
+      bool fits = path.native().size() < PATH_MAX;
+      for (const fs::path& part : path)
+        fits = fits && part.native().size() <= most;
+      if (fits || !input.problem.empty())
+        continue;
+      input.problem = "its outputs would have names of more than " + std::to_string(most) + " bytes, or " +
+                      std::to_string(PATH_MAX) + " with their folders; choose a shorter one with --name";
+      input.cause = Cause::unwritable;
+    }
+  }
 }
 
 std::optional<std::string> foreign_files(const Naming& naming, const Input& input, const Options& options) {

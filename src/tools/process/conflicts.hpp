@@ -20,6 +20,9 @@ Naming naming_of(const Options& options, const Input& input);
 /// them apart; files in the folder that were not made from this input. Empty: nothing is in the way.
 std::vector<std::string> find_conflicts(const std::vector<Input>& inputs, const Options& options);
 
+/// Gives inputs whose outputs would have names that their file system does not take a problem that lasts.
+void refuse_long_names(std::vector<Input>& inputs, const Options& options);
+
 /// Why the files that lie under these names must not be replaced; nothing when there are none, or when their
 /// record says that they were made from this very input.
 std::optional<std::string> foreign_files(const Naming& naming, const Input& input, const Options& options);

@@ -123,6 +123,13 @@ std::optional<std::uint64_t> missing_length(const std::filesystem::path& path) {
   return std::nullopt;
 }
 
+bool tells_duration(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  const Head head = head_at(file, 0);
+  return (is_tag(&head[0], "RIFF") && is_tag(&head[8], "AVI ")) || big_endian(&head[0], 4) == 0x1a45dfa3 ||
+         is_tag(&head[0], "FLV\x01");
+}
+
 bool lacks_end_mark(const std::filesystem::path& path) {
   constexpr char end_mark = 0x3b;
   std::ifstream file(path, std::ios::binary);

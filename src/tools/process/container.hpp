@@ -14,6 +14,9 @@ namespace terrainseg::process {
 /// that cannot be read.
 std::optional<std::uint64_t> missing_length(const std::filesystem::path& file);
 
+/// True for a container whose header says how long it lasts, and not by an estimate: AVI, Matroska, FLV.
+bool tells_duration(const std::filesystem::path& file);
+
 /// True for a GIF whose last byte is not its end mark: it tells no length, but how it must end.
 bool lacks_end_mark(const std::filesystem::path& file);
 

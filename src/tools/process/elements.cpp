@@ -95,6 +95,10 @@ const char* h264_encoder() {
   return exists("x264enc") ? "x264enc" : "openh264enc";
 }
 
+int most_encoded_side() {
+  return exists("x264enc") ? 16384 : 3840;
+}
+
 std::optional<std::string> missing_elements(const Options& options) {
   std::vector<Needed> needed = {{"terrainseg", own_package},
                                 {"uridecodebin", "gstreamer1.0-plugins-base"},

@@ -21,6 +21,8 @@ std::optional<std::string> missing_elements(const Options& options);
 
 /// "x264enc" where it is there, else "openh264enc".
 const char* h264_encoder();
+/// The longest side of a picture that it encodes.
+int most_encoded_side();
 
 /// Sets a property from its text form, as gst-launch-1.0 does, but refuses what is unknown, unreadable,
 /// read-only or out of range, and says what would be right.

@@ -2,6 +2,7 @@
 #include "tools/process/inputs.hpp"
 
 #include <glib.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <charconv>
@@ -11,6 +12,7 @@
 #include <set>
 
 #include "exchange/counted.hpp"
+#include "tools/process/faults.hpp"
 #include "tools/process/handles.hpp"
 #include "tools/process/options.hpp"
 
@@ -150,7 +152,8 @@ void add_folder(const fs::path& given, Found& found) {
   const fs::path folder = given.has_filename() ? given : given.parent_path(); // "recordings/"
   Members members;
   if (const std::error_code error = read_folder(folder, members)) {
-    found.inputs.push_back(failed(folder.string(), "cannot read the folder: " + error.message()));
+    found.inputs.push_back(failed(folder.string(), "cannot read the folder: " + error.message(),
+                                  cause_of_reading(error.value())));
     return;
   }
   members.left_out.note(folder, found.notes);
@@ -287,9 +290,9 @@ void add(const std::string& argument, Found& found) {
   }
   if (const auto pattern = read_pattern(path.filename().string()))
     return add_pattern(path, *pattern, found);
-  found.inputs.push_back(failed(path.string(), status.type() == fs::file_type::not_found
-                                                   ? "there is no such file or folder"
-                                                   : error.message()));
+  const bool absent = status.type() == fs::file_type::not_found;
+  found.inputs.push_back(failed(path.string(), absent ? "there is no such file or folder" : error.message(),
+                                absent ? Cause::missing : cause_of_reading(error.value())));
 }
 
 /// The path as it was written, without its extension and what leads out of the folder of the outputs.
@@ -338,6 +341,24 @@ Identity Input::identity() const {
   if (!problem.empty() || kind == Kind::uri)
     return {};
   return kind == Kind::file ? identity_of(path) : identity_of(images);
+}
+
+std::string Input::state() const {
+  std::string text;
+  const auto add = [&text](const fs::path& file) {
+    struct stat status = {};
+    stat(file.c_str(), &status);
+    for (const std::int64_t number :
+         {static_cast<std::int64_t>(status.st_dev), static_cast<std::int64_t>(status.st_ino),
+          static_cast<std::int64_t>(status.st_size), static_cast<std::int64_t>(status.st_mtim.tv_sec),
+          static_cast<std::int64_t>(status.st_mtim.tv_nsec)})
+      text += std::to_string(number) + " ";
+  };
+  if (kind == Kind::file)
+    add(path);
+  for (const fs::path& image : images)
+    add(image);
+  return text;
 }
 
 std::string Input::place() const {

@@ -24,6 +24,8 @@ struct Input {
 
   /// What is in it; unknown for a stream.
   Identity identity() const;
+  /// Which files it is and when they were last written, for a comparison; empty for a stream.
+  std::string state() const;
   /// Where it is, the same however it was spelled: the whole path without links, or the URI.
   std::string place() const;
 };

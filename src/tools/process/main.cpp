@@ -335,10 +335,10 @@ Exit check(const Options& options, const std::vector<Input>& inputs) {
 
 int process(int argc, char** argv) {
   std::setlocale(LC_CTYPE, ""); // file names on the command line; numbers stay as they are
-  const std::vector<std::string> arguments(argv, argv + argc); // reading them takes them away
-  if (argc < 2 || std::string_view(argv[1]) != worker_option)  // a worker has it from its run
+  const std::vector<std::string> arguments(argv, argv + argc);
+  if (argc < 2 || std::string_view(argv[1]) != worker_option) // a worker has it from its run
     point_to_own_plugin();
-  const auto parsed = parse_options(argc, argv);
+  const auto parsed = parse_options(arguments);
   if (const EarlyExit* early = std::get_if<EarlyExit>(&parsed)) {
     if (!early->message.empty())
       complain(early->message);
@@ -378,13 +378,14 @@ int process(int argc, char** argv) {
     complain("--name is for one input, but these are " + std::to_string(inputs.size()));
     return static_cast<int>(Exit::usage);
   }
+  refuse_long_names(inputs, options);
   // The whole list, not only this shard's share: tasks that start together must all refuse.
   if (refuse_conflicts(inputs, options))
     return static_cast<int>(Exit::usage);
   inputs = share_of(options.shard, std::move(inputs));
   if (auto problem = prepare_folder(options.output_dir)) {
     complain(problem->text);
-    return static_cast<int>(problem->passes ? Exit::try_again : Exit::output);
+    return static_cast<int>(may_pass_later(problem->cause) ? Exit::try_again : Exit::output);
   }
   struct sigaction action {};
   action.sa_handler = on_signal;
@@ -395,13 +396,13 @@ int process(int argc, char** argv) {
   Manifest manifest;
   if (!options.manifest.empty())
     if (auto problem = manifest.open(options, inputs.size())) {
-      complain(*problem);
-      return static_cast<int>(Exit::try_again);
+      complain(problem->text);
+      return static_cast<int>(may_pass_later(problem->cause) ? Exit::try_again : Exit::output);
     }
   Exit result = Batch(options, std::move(inputs), manifest, arguments).run();
   if (auto problem = manifest.close()) {
-    complain(*problem);
-    result = Exit::try_again;
+    complain(problem->text);
+    result = may_pass_later(problem->cause) ? Exit::try_again : Exit::output;
   }
   if (last_signal && result != Exit::ok) {
     complain("interrupted; finished outputs are kept, the unfinished one is gone");

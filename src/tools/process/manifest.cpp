@@ -89,7 +89,9 @@ class Checker {
 };
 
 void Checker::take(const std::string& text, int number) {
-  auto json = nlohmann::json::parse(text, nullptr, false);
+  const std::size_t mark = text.starts_with("\xEF\xBB\xBF") ? 3 : 0; // of an editor's
+  auto json =
+      nlohmann::json::parse(text.begin() + static_cast<std::ptrdiff_t>(mark), text.end(), nullptr, false);
   try {
     if (json.contains("manifest")) {
       ++runs_;
@@ -190,7 +192,7 @@ Check Checker::finish(const std::vector<Input>& inputs) {
 
 } // namespace
 
-std::optional<std::string> Manifest::open(const Options& options, std::size_t inputs) {
+std::optional<Fault> Manifest::open(const Options& options, std::size_t inputs) {
   if (auto problem = file_.open(options.manifest))
     return problem;
   std::error_code error;
@@ -245,7 +247,7 @@ void Manifest::write(const std::string& line) {
   file_.flush();
 }
 
-std::optional<std::string> Manifest::close() {
+std::optional<Fault> Manifest::close() {
   return is_open() ? file_.commit(file_.final_path()) : std::nullopt;
 }
 

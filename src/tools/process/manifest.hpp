@@ -19,14 +19,14 @@ namespace terrainseg::process {
 class Manifest {
  public:
   /// Creates the file and writes the run's line; `inputs` are those of this shard. Why it cannot, or nothing.
-  std::optional<std::string> open(const Options& options, std::size_t inputs);
+  std::optional<Fault> open(const Options& options, std::size_t inputs);
   bool is_open() const { return file_.fd() >= 0; }
   /// One input that was processed, in whole, in part or not at all, or skipped as complete. Reads the outputs
   /// again for their SHA-256.
   static std::string line(const Options& options, const Input& input, const Record& record, bool skipped,
                           bool kept);
   void write(const std::string& line);
-  std::optional<std::string> close();
+  std::optional<Fault> close();
 
  private:
   AtomicFile file_;

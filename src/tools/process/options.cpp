@@ -5,15 +5,21 @@
 #include <gst/gst.h>
 
 #include <algorithm>
-#include <cstring>
 #include <fstream>
 #include <iostream>
 #include <iterator>
-#include <memory>
+#include <sstream>
 
+#include "tools/command_line.hpp"
 #include "tools/process/handles.hpp"
 
 namespace terrainseg::process {
+
+using tools::OptionContext;
+using tools::UsageError;
+using tools::Word;
+using tools::Words;
+
 namespace {
 
 constexpr const char* summary_text =
@@ -48,51 +54,117 @@ constexpr const char* description_text =
     "  terrainseg-process --output-dir out --fps 15 'frames/%04d.png'\n"
     "  terrainseg-process --set window-bottom=40 --set caution=8 --outputs json,csv drive.mp4";
 
-EarlyExit usage(const std::string& message) {
-  return {Exit::usage, message + "\nTry 'terrainseg-process --help'."};
+/// What GLib reads, before it is checked.
+struct Given {
+  Word output_dir, outputs, name, names, inputs_from, shard, manifest, check, preset, camera_info, mount, fps;
+  Words settings, inputs;
+  gint64 frames = 0;
+  int worker_socket = -1;
+  gboolean json_mask = FALSE, resume = FALSE, quiet = FALSE, version = FALSE;
+};
+
+std::vector<GOptionEntry> entries_of(Given& given, Options& options) {
+  return {
+      {"output-dir", 'o', 0, G_OPTION_ARG_FILENAME, &given.output_dir.text,
+       "Folder for the outputs, made if missing (default: the current one)", "DIR"},
+      {"outputs", 0, 0, G_OPTION_ARG_STRING, &given.outputs.text,
+       "Which: annotated,masks,json,csv,mcap (default: all but mcap)", "LIST"},
+      {"name", 0, 0, G_OPTION_ARG_FILENAME, &given.name.text,
+       "Name of the outputs of a single input; empty: annotated.mp4, masks.mkv, terrain.jsonl, terrain.csv",
+       "NAME"},
+      {"names", 0, 0, G_OPTION_ARG_STRING, &given.names.text,
+       "How outputs are named: base (drive), path (as it was written: monday/drive), hash (drive-1f0c5a2e); "
+       "default: base; with --inputs-from: path",
+       "HOW"},
+      {"inputs-from", 0, 0, G_OPTION_ARG_FILENAME, &given.inputs_from.text,
+       "Inputs from a file or - for standard input: one a line, or ended by NUL (find -print0)", "FILE"},
+      {"shard", 0, 0, G_OPTION_ARG_STRING, &given.shard.text,
+       "Only the I-th of N shares of the inputs; auto: as Slurm's array or a Kubernetes indexed Job says",
+       "I/N"},
+      {"manifest", 0, 0, G_OPTION_ARG_FILENAME, &given.manifest.text,
+       "Write what became of every input, with the outputs' SHA-256, as JSON Lines", "FILE"},
+      {"check", 0, 0, G_OPTION_ARG_FILENAME, &given.check.text,
+       "Process nothing: name what is missing or damaged of what a manifest promises (- for standard input)",
+       "FILE"},
+      {"preset", 'p', 0, G_OPTION_ARG_STRING, &given.preset.text,
+       "Settings of terrainseg to start from: default or paper", "PRESET"},
+      {"set", 's', 0, G_OPTION_ARG_STRING_ARRAY, &given.settings.list,
+       "Any property of terrainseg (gst-inspect-1.0 terrainseg); may be repeated", "PROPERTY=VALUE"},
+      {"camera-info", 0, 0, G_OPTION_ARG_FILENAME, &given.camera_info.text,
+       "Calibration of the camera (ROS, Kalibr or OpenCV YAML); with --mount json, csv and mcap have metres",
+       "FILE"},
+      {"mount", 0, 0, G_OPTION_ARG_FILENAME, &given.mount.text,
+       "How the camera stands over the ground: a file, or height=0.5,pitch=10deg", "MOUNT"},
+      {"json-mask", 0, 0, G_OPTION_ARG_NONE, &given.json_mask,
+       "Put the mask into the JSON lines, as run lengths", nullptr},
+      {"fps", 0, 0, G_OPTION_ARG_STRING, &given.fps.text, "Frame rate of image sequences (default: 30)",
+       "N[/D]"},
+      {"frames", 0, 0, G_OPTION_ARG_INT64, &given.frames,
+       "Only the first N frames of each input (default: all)", "N"},
+      {"quality", 0, 0, G_OPTION_ARG_INT, &options.quality,
+       "Of the annotated video, 1 best to 50 smallest (default: 21)", "Q"},
+      {"resume", 'r', 0, G_OPTION_ARG_NONE, &given.resume,
+       "Skip inputs whose outputs are whole and were made with the same settings", nullptr},
+      {"jobs", 'j', 0, G_OPTION_ARG_INT, &options.jobs, "Inputs processed at a time (default: 1)", "N"},
+      {"stall-timeout", 0, 0, G_OPTION_ARG_INT, &options.stall_seconds,
+       "Give an input up when no frame came for so long, in seconds (default: 60)", "SECONDS"},
+      {"threads", 0, 0, G_OPTION_ARG_INT, &options.threads,
+       "Of the decoder and of each encoder of an input (default: the processors allowed, over --jobs)", "N"},
+      {"quiet", 'q', 0, G_OPTION_ARG_NONE, &given.quiet, "No progress and no summary, only problems",
+       nullptr},
+      {"version", 0, 0, G_OPTION_ARG_NONE, &given.version, "Print the version", nullptr},
+      {"worker", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_INT, &given.worker_socket, nullptr, nullptr},
+      {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &given.inputs.list, nullptr, "INPUT..."},
+      {}};
 }
 
-std::optional<std::string> read_outputs(const char* list, Options& options) {
+void read_outputs(const std::string& list, Options& options) {
   for (bool& wanted : options.wanted)
     wanted = false;
-  const std::string text = list;
-  std::size_t begin = 0;
-  while (begin <= text.size()) {
-    const std::size_t comma = std::min(text.find(',', begin), text.size());
-    const std::string word = text.substr(begin, comma - begin);
-    begin = comma + 1;
+  std::istringstream words(list + ",");
+  for (std::string word; std::getline(words, word, ',');) {
     bool known = false;
     for (int i = 0; i < static_cast<int>(Output::bag); ++i)
       if (word == output_kinds[i].name)
         known = options.wanted[i] = true;
     if (!known)
-      return "--outputs: '" + word + "' is none of annotated, masks, json, csv, mcap";
+      throw UsageError("--outputs: '" + word + "' is none of annotated, masks, json, csv, mcap");
   }
   options.wanted[static_cast<int>(Output::bag)] = options.wanted[static_cast<int>(Output::mcap)];
-  return std::nullopt;
+}
+
+/// A text without its byte order mark; UTF-16 with one, as Windows writes it, becomes UTF-8.
+std::string plain_text(std::string text) {
+  if (text.starts_with("\xEF\xBB\xBF"))
+    return text.substr(3);
+  const bool little = text.starts_with("\xFF\xFE");
+  if (!little && !text.starts_with("\xFE\xFF"))
+    return text;
+  gsize length = 0;
+  const CharPointer converted(g_convert(text.data() + 2, static_cast<gssize>(text.size() - 2), "UTF-8",
+                                        little ? "UTF-16LE" : "UTF-16BE", nullptr, &length, nullptr));
+  if (!converted)
+    throw UsageError("--inputs-from: the list begins as UTF-16 and is none");
+  return {converted.get(), length};
 }
 
 /// Appends the inputs that a file or standard input lists. An empty list is one: a shard may have no share.
-std::optional<std::string> read_list(const std::string& name, std::vector<std::string>& inputs) {
+void read_list(const std::string& name, std::vector<std::string>& inputs) {
   std::ifstream file;
   if (name != "-")
     file.open(name, std::ios::binary);
   std::istream& stream = name == "-" ? std::cin : file;
-  const std::string text{std::istreambuf_iterator<char>(stream), {}};
+  const std::string text = plain_text({std::istreambuf_iterator<char>(stream), {}});
   if ((name != "-" && !file.is_open()) || stream.bad())
-    return "--inputs-from: cannot read " + name;
+    throw UsageError("--inputs-from: cannot read " + name);
   const char separator = text.find('\0') != std::string::npos ? '\0' : '\n';
-  std::size_t begin = 0;
-  while (begin < text.size()) {
-    const std::size_t end = std::min(text.find(separator, begin), text.size());
-    std::string line = text.substr(begin, end - begin);
-    if (separator == '\n' && !line.empty() && line.back() == '\r') // a list from Windows
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line, separator);) {
+    if (separator == '\n' && line.ends_with('\r')) // a list from Windows
       line.pop_back();
     if (!line.empty())
       inputs.push_back(std::move(line));
-    begin = end + 1;
   }
-  return std::nullopt;
 }
 
 /// The processors that this process may use, shared out among the jobs; Slurm's word counts where it binds
@@ -105,199 +177,133 @@ int threads_per_job(int jobs) {
   return std::max(static_cast<int>(processors) / jobs, 1);
 }
 
-std::optional<std::string> read_names(const std::string& text, Options& options) {
-  if (text != "base" && text != "path" && text != "hash")
-    return "--names: '" + text + "' is none of base, path, hash";
-  options.names = text == "base" ? Names::base : text == "path" ? Names::path : Names::hash;
-  return std::nullopt;
+void read_name(const std::string& name, Options& options) {
+  if (name.find('/') != std::string::npos)
+    throw UsageError("--name: '" + name + "' holds a '/'; the folder is --output-dir");
+  if (name == "." || name == "..")
+    throw UsageError("--name: '" + name + "' is a folder's name; '' leaves the name out");
+  options.name = name;
 }
 
-std::optional<std::string> read_fps(const char* text, Options& options) {
+void read_names(const std::string& text, Options& options) {
+  if (text != "base" && text != "path" && text != "hash")
+    throw UsageError("--names: '" + text + "' is none of base, path, hash");
+  options.names = text == "base" ? Names::base : text == "path" ? Names::path : Names::hash;
+}
+
+void read_fps(const std::string& text, Options& options) {
   GValue value = G_VALUE_INIT;
   g_value_init(&value, GST_TYPE_FRACTION);
-  const bool ok = gst_value_deserialize(&value, text) && gst_value_get_fraction_numerator(&value) > 0;
-  if (ok) {
-    options.fps_numerator = gst_value_get_fraction_numerator(&value);
-    options.fps_denominator = gst_value_get_fraction_denominator(&value);
+  if (!gst_value_deserialize(&value, text.c_str()) || gst_value_get_fraction_numerator(&value) <= 0)
+    throw UsageError("--fps: '" + text + "' is no frame rate above 0 such as 15 or 30000/1001");
+  options.fps_numerator = gst_value_get_fraction_numerator(&value);
+  options.fps_denominator = gst_value_get_fraction_denominator(&value);
+  options.fps_given = true;
+}
+
+void read_shard_of(const std::string& text, Options& options) {
+  auto result = read_shard(text);
+  if (const std::string* problem = std::get_if<std::string>(&result))
+    throw UsageError(*problem);
+  options.shard = std::get<Shard>(result);
+}
+
+/// A calibration is made of settings of terrainseg like any other, which the recording takes too.
+void read_settings(const Given& given, Options& options) {
+  for (const std::string& setting : given.settings.all()) {
+    const std::size_t equals = setting.find('=');
+    if (equals == std::string::npos || equals == 0)
+      throw UsageError("--set: '" + setting + "' is no PROPERTY=VALUE");
+    options.settings.emplace_back(setting.substr(0, equals), setting.substr(equals + 1));
   }
-  g_value_unset(&value);
-  if (!ok)
-    return std::string("--fps: '") + text + "' is no frame rate above 0 such as 15 or 30000/1001";
-  return std::nullopt;
+  for (const auto& [name, word] : {std::pair("camera-info", &given.camera_info), {"mount", &given.mount}})
+    if (word->text)
+      options.settings.emplace_back(name, word->text);
+  if (options.setting("camera-info").empty() != options.setting("mount").empty())
+    throw UsageError("metres take both --camera-info and --mount");
+}
+
+void read_inputs(const Given& given, Options& options) {
+  options.inputs = given.inputs.all();
+  if (given.worker_socket >= 0)
+    options.worker_socket = given.worker_socket;
+  else if (given.inputs_from.text) // may be standard input, which can be read but once
+    read_list(given.inputs_from.text, options.inputs);
+  if (given.inputs_from.text)
+    options.names = Names::path;
+  if (options.inputs.empty() && !given.inputs_from.text && !given.check.text)
+    throw UsageError("no INPUT given");
+}
+
+void check_ranges(gint64 frames, const Options& options) {
+  if (frames < 0)
+    throw UsageError("--frames: must be 0 (all) or more");
+  const struct {
+    const char* name;
+    int value, least, most;
+    const char* unit;
+  } ranges[] = {{"--quality", options.quality, 1, 50, ""},
+                {"--jobs", options.jobs, 1, 64, ""},
+                {"--threads", options.threads, 0, 256, ""},
+                {"--stall-timeout", options.stall_seconds, 1, 86400, " seconds"}};
+  for (const auto& range : ranges)
+    if (range.value < range.least || range.value > range.most)
+      throw UsageError(std::string(range.name) + ": must lie in " + std::to_string(range.least) + ".." +
+                       std::to_string(range.most) + range.unit);
+}
+
+/// Checks what was given, and puts it where the program looks for it.
+void take(const Given& given, Options& options) {
+  const auto read = [&options](const Word& word, auto reader) {
+    if (word.text)
+      reader(word.text, options);
+  };
+  read_inputs(given, options);
+  options.check = given.check.value();
+  options.manifest = given.manifest.value();
+  if (given.check.text && given.manifest.text)
+    throw UsageError("--check processes nothing, so there is nothing for --manifest");
+  read(given.shard, read_shard_of);
+  options.output_dir_given = given.output_dir.text != nullptr;
+  options.output_dir = given.output_dir.value(".");
+  if (options.output_dir.empty())
+    throw UsageError("--output-dir: an empty name is no folder");
+  read(given.name, read_name);
+  read(given.names, read_names);
+  options.preset = given.preset.value();
+  read(given.outputs, read_outputs);
+  read(given.fps, read_fps);
+  read_settings(given, options);
+  check_ranges(given.frames, options);
+  if (options.threads == 0)
+    options.threads = threads_per_job(options.jobs);
+  options.max_frames = static_cast<std::uint64_t>(given.frames);
+  options.json_mask = given.json_mask;
+  options.resume = given.resume;
+  options.quiet = given.quiet;
 }
 
 } // namespace
 
-std::variant<Options, EarlyExit> parse_options(int argc, char** argv) {
+std::variant<Options, EarlyExit> parse_options(const std::vector<std::string>& arguments) {
   Options options;
-  char* output_dir = nullptr;
-  char* name = nullptr;
-  char* outputs = nullptr;
-  char* names = nullptr;
-  char* inputs_from = nullptr;
-  char* shard = nullptr;
-  char* manifest = nullptr;
-  char* check = nullptr;
-  char* preset = nullptr;
-  char* camera_info = nullptr;
-  char* mount = nullptr;
-  char* fps = nullptr;
-  char** settings = nullptr;
-  char** inputs = nullptr;
-  gint64 frames = 0;
-  int worker_socket = -1;
-  gboolean json_mask = FALSE, resume = FALSE, quiet = FALSE, version = FALSE;
-  const GOptionEntry entries[] = {
-      {"output-dir", 'o', 0, G_OPTION_ARG_FILENAME, &output_dir,
-       "Folder for the outputs, made if missing (default: the current one)", "DIR"},
-      {"outputs", 0, 0, G_OPTION_ARG_STRING, &outputs,
-       "Which: annotated,masks,json,csv,mcap (default: all but mcap)", "LIST"},
-      {"name", 0, 0, G_OPTION_ARG_FILENAME, &name,
-       "Name of the outputs of a single input; empty: annotated.mp4, masks.mkv, terrain.jsonl, terrain.csv",
-       "NAME"},
-      {"names", 0, 0, G_OPTION_ARG_STRING, &names,
-       "How outputs are named: base (drive), path (as it was written: monday/drive), hash (drive-1f0c5a2e); "
-       "default: base; with --inputs-from: path",
-       "HOW"},
-      {"inputs-from", 0, 0, G_OPTION_ARG_FILENAME, &inputs_from,
-       "Inputs from a file or - for standard input: one a line, or ended by NUL (find -print0)", "FILE"},
-      {"shard", 0, 0, G_OPTION_ARG_STRING, &shard,
-       "Only the I-th of N shares of the inputs; auto: as Slurm's array or a Kubernetes indexed Job says",
-       "I/N"},
-      {"manifest", 0, 0, G_OPTION_ARG_FILENAME, &manifest,
-       "Write what became of every input, with the outputs' SHA-256, as JSON Lines", "FILE"},
-      {"check", 0, 0, G_OPTION_ARG_FILENAME, &check,
-       "Process nothing: name what is missing or damaged of what a manifest promises (- for standard input)",
-       "FILE"},
-      {"preset", 'p', 0, G_OPTION_ARG_STRING, &preset,
-       "Settings of terrainseg to start from: default or paper", "PRESET"},
-      {"set", 's', 0, G_OPTION_ARG_STRING_ARRAY, &settings,
-       "Any property of terrainseg (gst-inspect-1.0 terrainseg); may be repeated", "PROPERTY=VALUE"},
-      {"camera-info", 0, 0, G_OPTION_ARG_FILENAME, &camera_info,
-       "Calibration of the camera (ROS, Kalibr or OpenCV YAML); with --mount json, csv and mcap have metres",
-       "FILE"},
-      {"mount", 0, 0, G_OPTION_ARG_FILENAME, &mount,
-       "How the camera stands over the ground: a file, or height=0.5,pitch=10deg", "MOUNT"},
-      {"json-mask", 0, 0, G_OPTION_ARG_NONE, &json_mask, "Put the mask into the JSON lines, as run lengths",
-       nullptr},
-      {"fps", 0, 0, G_OPTION_ARG_STRING, &fps, "Frame rate of image sequences (default: 30)", "N[/D]"},
-      {"frames", 0, 0, G_OPTION_ARG_INT64, &frames, "Only the first N frames of each input (default: all)",
-       "N"},
-      {"quality", 0, 0, G_OPTION_ARG_INT, &options.quality,
-       "Of the annotated video, 1 best to 50 smallest (default: 21)", "Q"},
-      {"resume", 'r', 0, G_OPTION_ARG_NONE, &resume,
-       "Skip inputs whose outputs are whole and were made with the same settings", nullptr},
-      {"jobs", 'j', 0, G_OPTION_ARG_INT, &options.jobs, "Inputs processed at a time (default: 1)", "N"},
-      {"stall-timeout", 0, 0, G_OPTION_ARG_INT, &options.stall_seconds,
-       "Give an input up when no frame came for so long, in seconds (default: 60)", "SECONDS"},
-      {"threads", 0, 0, G_OPTION_ARG_INT, &options.threads,
-       "Of the decoder and of each encoder of an input (default: the processors allowed, over --jobs)", "N"},
-      {"quiet", 'q', 0, G_OPTION_ARG_NONE, &quiet, "No progress and no summary, only problems", nullptr},
-      {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", nullptr},
-      {"worker", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_INT, &worker_socket, nullptr, nullptr},
-      {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &inputs, nullptr, "INPUT..."},
-      {}};
-
-  GOptionContext* context = g_option_context_new(nullptr);
-  g_option_context_set_summary(context, summary_text);
-  g_option_context_set_description(context, description_text);
-  g_option_context_add_main_entries(context, entries, nullptr);
-  g_option_context_add_group(context, gst_init_get_option_group());
-  GError* error = nullptr;
-  const bool parsed = g_option_context_parse(context, &argc, &argv, &error);
-  g_option_context_free(context);
-
-  const CharPointer owned[] = {CharPointer(output_dir),  CharPointer(name), CharPointer(outputs),
-                               CharPointer(preset),      CharPointer(fps),  CharPointer(names),
-                               CharPointer(camera_info), CharPointer(mount)};
-  const StringArray owned_arrays[] = {StringArray(settings), StringArray(inputs)};
-  if (!parsed) {
-    const EarlyExit result = usage(error->message);
-    g_error_free(error);
-    return result;
+  Given given;
+  const std::vector<GOptionEntry> entries = entries_of(given, options);
+  const OptionContext context(g_option_context_new(nullptr));
+  g_option_context_set_summary(context.get(), summary_text);
+  g_option_context_set_description(context.get(), description_text);
+  g_option_context_add_main_entries(context.get(), entries.data(), nullptr);
+  g_option_context_add_group(context.get(), gst_init_get_option_group());
+  try {
+    tools::parse(context.get(), {arguments.begin() + 1, arguments.end()}, arguments.front().c_str());
+    if (given.version) {
+      g_printf("terrainseg-process %s\n", TERRAINSEG_VERSION);
+      return EarlyExit{Exit::ok, {}};
+    }
+    take(given, options);
+  } catch (const UsageError& error) {
+    return EarlyExit{Exit::usage, error.what() + std::string("\nTry 'terrainseg-process --help'.")};
   }
-  if (version) {
-    g_printf("terrainseg-process %s\n", TERRAINSEG_VERSION);
-    return EarlyExit{Exit::ok, {}};
-  }
-
-  for (char** input = inputs; input && *input; ++input)
-    options.inputs.emplace_back(*input);
-  if (worker_socket >= 0)
-    options.worker_socket = worker_socket;
-  else if (inputs_from) // may be standard input, which can be read but once
-    if (auto problem = read_list(inputs_from, options.inputs))
-      return usage(*problem);
-  if (inputs_from)
-    options.names = Names::path;
-  if (check)
-    options.check = check;
-  if (options.inputs.empty() && !inputs_from && !check)
-    return usage("no INPUT given");
-  if (manifest)
-    options.manifest = manifest;
-  if (check && manifest)
-    return usage("--check processes nothing, so there is nothing for --manifest");
-  if (shard) {
-    auto result = read_shard(shard);
-    if (const std::string* problem = std::get_if<std::string>(&result))
-      return usage(*problem);
-    options.shard = std::get<Shard>(result);
-  }
-  options.output_dir_given = output_dir != nullptr;
-  if (output_dir)
-    options.output_dir = output_dir;
-  if (options.output_dir.empty())
-    return usage("--output-dir: an empty name is no folder");
-  if (name) {
-    options.name = name;
-    if (options.name->find('/') != std::string::npos)
-      return usage("--name: '" + *options.name + "' holds a '/'; the folder is --output-dir");
-    if (*options.name == "." || *options.name == "..")
-      return usage("--name: '" + *options.name + "' is a folder's name; '' leaves the name out");
-  }
-  if (names)
-    if (auto problem = read_names(names, options))
-      return usage(*problem);
-  if (preset)
-    options.preset = preset;
-  if (outputs)
-    if (auto problem = read_outputs(outputs, options))
-      return usage(*problem);
-  options.fps_given = fps != nullptr;
-  if (fps)
-    if (auto problem = read_fps(fps, options))
-      return usage(*problem);
-  for (char** setting = settings; setting && *setting; ++setting) {
-    const char* equals = std::strchr(*setting, '=');
-    if (!equals || equals == *setting)
-      return usage(std::string("--set: '") + *setting + "' is no PROPERTY=VALUE");
-    options.settings.emplace_back(std::string_view(*setting, static_cast<std::size_t>(equals - *setting)),
-                                  std::string(equals + 1));
-  }
-  // Settings of terrainseg like any other, which the recording takes too.
-  if (camera_info)
-    options.settings.emplace_back("camera-info", camera_info);
-  if (mount)
-    options.settings.emplace_back("mount", mount);
-  if (options.setting("camera-info").empty() != options.setting("mount").empty())
-    return usage("metres take both --camera-info and --mount");
-  if (frames < 0)
-    return usage("--frames: must be 0 (all) or more");
-  if (options.quality < 1 || options.quality > 50)
-    return usage("--quality: must lie in 1..50");
-  if (options.jobs < 1 || options.jobs > 64)
-    return usage("--jobs: must lie in 1..64");
-  if (options.threads < 0 || options.threads > 256)
-    return usage("--threads: must lie in 0..256");
-  if (options.threads == 0)
-    options.threads = threads_per_job(options.jobs);
-  if (options.stall_seconds < 1 || options.stall_seconds > 86400)
-    return usage("--stall-timeout: must lie in 1..86400 seconds");
-  options.max_frames = static_cast<std::uint64_t>(frames);
-  options.json_mask = json_mask;
-  options.resume = resume;
-  options.quiet = quiet;
   return options;
 }
 

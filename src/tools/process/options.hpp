@@ -84,7 +84,8 @@ struct EarlyExit {
   std::string message;
 };
 
-/// Reads the command line; also initialises GStreamer (its own --gst-... options are understood).
-std::variant<Options, EarlyExit> parse_options(int argc, char** argv);
+/// Reads the command line, the name of the program first; also initialises GStreamer (its own --gst-...
+/// options are understood).
+std::variant<Options, EarlyExit> parse_options(const std::vector<std::string>& arguments);
 
 } // namespace terrainseg::process

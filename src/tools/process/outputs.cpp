@@ -22,10 +22,6 @@ using nlohmann::ordered_json;
 
 constexpr std::size_t buffer_limit = 64 * 1024;
 
-std::string because(const std::string& what, const fs::path& path, int error) {
-  return "cannot " + what + " " + path.string() + ": " + std::strerror(error);
-}
-
 /// The rename itself must reach the disk too.
 void sync_folder(const fs::path& file) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
@@ -53,6 +49,20 @@ AtomicFile::~AtomicFile() {
   discard();
 }
 
+ScratchFile::~ScratchFile() {
+  if (fd_ >= 0)
+    close(fd_);
+}
+
+bool ScratchFile::open(const fs::path& folder) {
+  fd_ = ::open(folder.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
+  return fd_ >= 0;
+}
+
+std::string ScratchFile::path() const {
+  return "/proc/self/fd/" + std::to_string(fd_);
+}
+
 void AtomicFile::discard() {
   if (fd_ < 0)
     return;
@@ -61,27 +71,27 @@ void AtomicFile::discard() {
   fd_ = -1;
 }
 
-std::optional<std::string> AtomicFile::open(const fs::path& final_path) {
+std::optional<Fault> AtomicFile::open(const fs::path& final_path) {
   discard();
   final_path_ = final_path;
   part_path_ = part_of(final_path);
   std::error_code ignored;
   if (fs::is_directory(final_path, ignored))
-    return because("write", final_path, EISDIR);
+    return cannot("write", final_path.string(), EISDIR);
   // The owner of a .part file may rename or delete it between open and flock: then look again.
   for (int attempt = 0; attempt < 100; ++attempt) {
     const int fd = ::open(part_path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (fd < 0)
-      return because("write", part_path_, errno);
+      return cannot("write", part_path_.string(), errno);
     if (flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
       close(fd);
-      return "cannot write " + part_path_.string() + ": another run is writing it";
+      return Fault{Cause::disk, "cannot write " + part_path_.string() + ": another run is writing it"};
     }
     if (same_file(fd, part_path_)) {
       if (ftruncate(fd, 0) != 0) {
         const int error = errno;
         close(fd);
-        return because("write", part_path_, error);
+        return cannot("write", part_path_.string(), error);
       }
       fd_ = fd;
       failure_ = 0;
@@ -90,7 +100,7 @@ std::optional<std::string> AtomicFile::open(const fs::path& final_path) {
     }
     close(fd);
   }
-  return because("lock", part_path_, EAGAIN);
+  return cannot("lock", part_path_.string(), EAGAIN);
 }
 
 void AtomicFile::write(const std::string& text) {
@@ -106,18 +116,18 @@ bool AtomicFile::flush() {
   return failure_ == 0;
 }
 
-std::optional<std::string> AtomicFile::commit(const fs::path& path) {
+std::optional<Fault> AtomicFile::commit(const fs::path& path) {
   if (flush() && fsync(fd_) != 0 && errno != EINVAL) // EINVAL: a special file, nothing to wait for
     failure_ = errno;
   if (failure_ != 0) {
     const int error = failure_;
     discard();
-    return because("write", path, error);
+    return cannot("write", path.string(), error);
   }
   if (rename(part_path_.c_str(), path.c_str()) != 0) {
     const int error = errno;
     discard();
-    return because("rename to", path, error);
+    return cannot("rename to", path.string(), error);
   }
   close(fd_);
   fd_ = -1;
@@ -255,23 +265,18 @@ bool is_complete(const Naming& naming, const Input& input, const Options& option
   }
 }
 
-std::optional<FolderProblem> prepare_folder(const fs::path& folder) {
-  const auto problem = [&folder](const char* what, int error) {
-    bool passes = false;
-    for (const int each : {ENOSPC, EDQUOT, EIO, ESTALE, ENOMEM, EMFILE, ENFILE, ETIMEDOUT})
-      passes = passes || error == each;
-    return FolderProblem{std::string("cannot ") + what + " the output folder " + folder.string() + ": " +
-                             std::strerror(error),
-                         passes};
-  };
+std::optional<Fault> prepare_folder(const fs::path& folder) {
+  const std::string name = "the output folder " + folder.string();
   std::error_code error;
   fs::create_directories(folder, error);
+  if (error.value() == ENOENT) // no folder can be made there, as in /proc
+    return Fault{Cause::unwritable, cannot("make", name, ENOENT).text};
   if (error)
-    return problem("make", error.value());
+    return cannot("make", name, error.value());
   std::string probe = (folder / ".terrainseg-process-XXXXXX").string();
   const int fd = mkstemp(probe.data());
   if (fd < 0)
-    return problem("write in", errno);
+    return cannot("write in", name, errno);
   close(fd);
   unlink(probe.c_str());
   return std::nullopt;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tools/process/cause.hpp"
+#include "tools/process/faults.hpp"
 #include "tools/process/inputs.hpp"
 #include "tools/process/options.hpp"
 
@@ -27,7 +28,7 @@ class AtomicFile {
   AtomicFile& operator=(const AtomicFile&) = delete;
 
   /// Creates the temporary file; on failure says why.
-  [[nodiscard]] std::optional<std::string> open(const std::filesystem::path& final_path);
+  [[nodiscard]] std::optional<Fault> open(const std::filesystem::path& final_path);
   int fd() const { return fd_; } ///< -1 when not open
   const std::filesystem::path& final_path() const { return final_path_; }
   /// Appends; remembers the first failure for commit().
@@ -35,7 +36,7 @@ class AtomicFile {
   /// Hands what was appended to the system; false when that failed, now or before.
   bool flush();
   /// Everything on disk (fsync), then renamed to `path`, which must lie on the same file system.
-  [[nodiscard]] std::optional<std::string> commit(const std::filesystem::path& path);
+  [[nodiscard]] std::optional<Fault> commit(const std::filesystem::path& path);
   std::uint64_t size() const;
 
  private:
@@ -44,6 +45,21 @@ class AtomicFile {
   int fd_ = -1;
   int failure_ = 0; ///< errno of the first failed write
   std::string buffer_;
+};
+
+/// A file without a name, which is gone with the process.
+class ScratchFile {
+ public:
+  ScratchFile() = default;
+  ~ScratchFile();
+  ScratchFile(const ScratchFile&) = delete;
+  ScratchFile& operator=(const ScratchFile&) = delete;
+  /// In a folder, on its disk; false where that file system has no such files.
+  bool open(const std::filesystem::path& folder);
+  std::string path() const; ///< by which this process opens it again
+
+ private:
+  int fd_ = -1;
 };
 
 /// The name of a file while it is being written.
@@ -109,13 +125,7 @@ std::string describe(const Options& options, const Input& input);
 /// with these settings, and the files are still there with the sizes they had.
 bool is_complete(const Naming& naming, const Input& input, const Options& options);
 
-/// Why a folder cannot be written, and whether that may pass by itself (a full disk, no memory).
-struct FolderProblem {
-  std::string text;
-  bool passes = false;
-};
-
-/// Makes the folder and tries to write in it.
-std::optional<FolderProblem> prepare_folder(const std::filesystem::path& folder);
+/// Makes the folder and tries to write in it. Cause::disk: it may pass (a full disk, no memory).
+std::optional<Fault> prepare_folder(const std::filesystem::path& folder);
 
 } // namespace terrainseg::process

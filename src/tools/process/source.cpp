@@ -6,6 +6,7 @@
 #include <gst/video/video.h>
 
 #include <algorithm>
+#include <cstring>
 #include <iterator>
 
 #include "tools/process/handles.hpp"
@@ -16,6 +17,48 @@ namespace {
 /// Pulls behind the end, one after the other, of a demuxer that would go on for ever; others ask once or
 /// twice.
 constexpr std::uint64_t often = 1000;
+
+/// The decoder that a pad's frames come from; null when there is none.
+GstElement* decoder_of(GstPad* pad) {
+  GstPad* at = GST_PAD(gst_object_ref(pad));
+  while (at) {
+    const PadPointer owner(at);
+    if (GST_IS_PROXY_PAD(at) && GST_IS_GHOST_PAD(at)) {
+      at = gst_ghost_pad_get_target(GST_GHOST_PAD(at));
+      continue;
+    }
+    GstElement* element = gst_pad_get_parent_element(at);
+    GstElementFactory* factory = element ? gst_element_get_factory(element) : nullptr;
+    if (!factory || gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_DECODER))
+      return element;
+    const ElementPointer passing(element);
+    const PadPointer sink(gst_element_get_static_pad(element, "sink"));
+    at = sink ? gst_pad_get_peer(sink.get()) : nullptr;
+  }
+  return nullptr;
+}
+
+/// True for what was encoded as single pictures.
+bool is_picture(GstPad* pad) {
+  const ElementPointer decoder(decoder_of(pad));
+  const PadPointer sink(decoder ? gst_element_get_static_pad(decoder.get(), "sink") : nullptr);
+  const CapsPointer caps(sink ? gst_pad_get_current_caps(sink.get()) : nullptr);
+  return caps && g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)), "image/");
+}
+
+/// Why no decoder gives pictures of these caps; empty when their size is fine or unknown.
+std::string too_large(const GstCaps* caps) {
+  constexpr int most = 32767; // of gst_video_info_set_format()
+  int width = 0, height = 0;
+  const GstStructure* format = gst_caps_get_structure(caps, 0);
+  gst_structure_get_int(format, "width", &width);
+  gst_structure_get_int(format, "height", &height);
+  if (width <= most && height <= most)
+    return {};
+  return "its pictures are " + std::to_string(width) + " x " + std::to_string(height) +
+         " pixels, and GStreamer takes " + std::to_string(most) +
+         " at most on each side; make them smaller: ffmpeg -i INPUT -vf scale=iw/4:ih/4 OUTPUT";
+}
 
 bool is_video(const GstCaps* caps) {
   return !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
@@ -40,7 +83,7 @@ bool is_turned(GstPad* pad) {
     gst_event_parse_tag(event, &tags);
     char* orientation = nullptr;
     if (gst_tag_list_get_string(tags, GST_TAG_IMAGE_ORIENTATION, &orientation))
-      turned = take(orientation) != "rotate-0";
+      turned = process::take(orientation) != "rotate-0";
     gst_event_unref(event);
   }
 }
@@ -55,7 +98,9 @@ void bound_threads(GstElement* decoder, int threads) {
 
 } // namespace
 
-Source::Source(const Input& input, const Options& options) : input_(input), threads_(options.threads) {
+Source::Source(const Input& input, const Options& options)
+    : input_(input), threads_(options.threads),
+      tables_(input.kind == Input::Kind::file ? iso_video_tracks(input.path) : std::vector<IsoTrack>()) {
   bin_ = gst_bin_new("source");
   tail_ = gst_element_factory_make("queue", nullptr);
   g_object_set(tail_, "max-size-buffers", 4, "max-size-bytes", 0, "max-size-time", guint64{0}, nullptr);
@@ -89,37 +134,51 @@ void Source::build_image_feeder(const Options& options) {
                "block", FALSE, nullptr);
   g_signal_connect(feeder_, "need-data", G_CALLBACK(on_need_data), this);
   g_signal_connect(decoder, "pad-added", G_CALLBACK(on_pad_added), this);
+  g_signal_connect(decoder, "no-more-pads", G_CALLBACK(on_no_more_pads), this);
+  g_signal_connect(decoder, "autoplug-continue", G_CALLBACK(on_autoplug_continue), this);
+  g_signal_connect(decoder, "deep-element-added", G_CALLBACK(on_element_added), this);
   gst_bin_add_many(GST_BIN(bin_), feeder_, decoder, nullptr);
   gst_element_link(feeder_, decoder);
 }
 
-/// Hands the next image to the decoder, whole, with its time.
-void Source::feed() {
-  GstAppSrc* feeder = GST_APP_SRC(feeder_);
-  if (next_image_ >= input_.images.size() || !problem().empty()) {
-    gst_app_src_end_of_stream(feeder);
-    return;
-  }
-  const auto& path = input_.images[next_image_];
+/// The next image, whole, with its type; null with a problem set when it cannot be used.
+GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& type) {
   gchar* data = nullptr;
   gsize size = 0;
   GError* error = nullptr;
   if (!g_file_get_contents(path.c_str(), &data, &size, &error)) {
-    set_problem(path.string() + ": " + error->message, Cause::missing);
+    set_problem(path.string() + ": " + error->message, cause_of_reading(error));
     g_error_free(error);
-    gst_app_src_end_of_stream(feeder);
-    return;
+    return nullptr;
   }
   GstBuffer* buffer = gst_buffer_new_wrapped(data, size);
-  GstCaps* caps = size ? gst_type_find_helper_for_buffer(GST_OBJECT(feeder_), buffer, nullptr) : nullptr;
-  const std::string type = caps ? gst_structure_get_name(gst_caps_get_structure(caps, 0)) : "";
-  if (caps)
-    gst_caps_unref(caps);
-  if (!g_str_has_prefix(type.c_str(), "image/")) {
-    gst_buffer_unref(buffer);
-    set_problem(path.string() + (size ? ": this is no image" : ": the file is empty") +
-                    (type.empty() ? "" : " but " + type),
-                Cause::damaged);
+  const CapsPointer caps(size ? gst_type_find_helper_for_buffer(GST_OBJECT(feeder_), buffer, nullptr)
+                              : nullptr);
+  type = caps ? gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)) : "";
+  std::string flaw;
+  if (size == 0)
+    flaw = "the file is empty";
+  else if (!type.starts_with("image/"))
+    flaw = "this is no image" + (type.empty() ? "" : " but " + type);
+  else if (next_image_ > 0 && type != image_type_)
+    flaw = "the sequence began as " + image_type_ + " but this is " + type;
+  else if (caps)
+    flaw = too_large(caps.get());
+  if (flaw.empty())
+    return buffer;
+  gst_buffer_unref(buffer);
+  set_problem(path.string() + ": " + flaw, Cause::damaged);
+  return nullptr;
+}
+
+/// Hands the next image to the decoder, with its time.
+void Source::feed() {
+  GstAppSrc* feeder = GST_APP_SRC(feeder_);
+  std::string type;
+  GstBuffer* buffer = next_image_ < input_.images.size() && problem().empty()
+                          ? read_image(input_.images[next_image_], type)
+                          : nullptr;
+  if (!buffer) {
     gst_app_src_end_of_stream(feeder);
     return;
   }
@@ -128,12 +187,6 @@ void Source::feed() {
     const CapsPointer full(gst_caps_new_simple(type.c_str(), "framerate", GST_TYPE_FRACTION, fps_numerator_,
                                                fps_denominator_, nullptr));
     gst_app_src_set_caps(feeder, full.get());
-  } else if (type != image_type_) {
-    gst_buffer_unref(buffer);
-    set_problem(path.string() + ": the sequence began as " + image_type_ + " but this is " + type,
-                Cause::damaged);
-    gst_app_src_end_of_stream(feeder);
-    return;
   }
   const auto time_of = [this](std::size_t index) {
     return gst_util_uint64_scale(index, GST_SECOND * static_cast<guint64>(fps_denominator_),
@@ -155,8 +208,14 @@ void Source::pad_added(GstPad* pad) {
   if (!caps)
     caps.reset(gst_pad_query_caps(pad, nullptr));
   if (is_video(caps.get())) {
-    if (!linked_) // a second camera of the same file is left alone
-      linked_ = link_video(pad);
+    ++videos_;
+    // A picture in front of the video (a cover, a preview) waits for it. What comes over a network cannot.
+    if (!linked_ && input_.kind != Input::Kind::uri && is_picture(pad)) {
+      if (!picture_)
+        picture_.reset(GST_PAD(gst_object_ref(pad)));
+    } else if (!linked_) { // a second camera of the same file is left alone
+      take(pad);
+    }
     return;
   }
   if (gst_caps_is_empty(caps.get()) || gst_caps_is_any(caps.get()))
@@ -164,6 +223,32 @@ void Source::pad_added(GstPad* pad) {
   const std::lock_guard lock(mutex_);
   other_streams_ += (other_streams_.empty() ? "" : ", ") +
                     std::string(gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)));
+}
+
+Source::Track* Source::track_of(GstPad* pad) {
+  const ElementPointer decoder(decoder_of(pad));
+  const std::lock_guard lock(mutex_);
+  for (const auto& track : tracks_)
+    if (track->decoder == decoder.get())
+      return track.get();
+  return nullptr;
+}
+
+void Source::take(GstPad* pad) {
+  taken_ = track_of(pad);
+  const CharPointer id(gst_pad_get_stream_id(pad));
+  if (const char* number = id ? std::strrchr(id.get(), '/') : nullptr)
+    track_id_ = static_cast<unsigned>(g_ascii_strtoull(number + 1, nullptr, 10));
+  taken_number_ = videos_;
+  linked_ = link_video(pad);
+}
+
+std::string Source::choice() const {
+  if (videos_ < 2)
+    return {};
+  return "it has " + std::to_string(videos_) + " video tracks; number " + std::to_string(taken_number_) +
+         " was taken" + (track_id_ ? " (track " + std::to_string(track_id_) + " of the file)" : "") +
+         ", the others were left out";
 }
 
 /// All of these let frames through untouched that do not need them.
@@ -192,7 +277,8 @@ bool Source::link_video(GstPad* pad) {
   const GstPadLinkReturn linked = gst_pad_link(pad, sink.get());
   if (ok && linked == GST_PAD_LINK_OK)
     return true;
-  set_problem("its video cannot be used: " + take(gst_caps_to_string(caps.get())), Cause::unsupported);
+  set_problem("its video cannot be used: " + process::take(gst_caps_to_string(caps.get())),
+              Cause::unsupported);
   return false;
 }
 
@@ -252,12 +338,18 @@ void Source::on_pad_added(GstElement*, GstPad* pad, gpointer self) {
 void Source::on_no_more_pads(GstElement*, gpointer self) {
   Source* source = static_cast<Source*>(self);
   const std::string others = source->other_streams();
+  if (!source->linked_ && source->picture_) {
+    source->taken_number_ = 1;
+    source->take(source->picture_.get());
+  }
   if (!source->linked_)
     source->set_problem(no_video + (others.empty() ? "" : ", only " + others), Cause::unsupported);
 }
 
 /// Sound and subtitles are neither decoded nor asked decoders for.
-gboolean Source::on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer) {
+gboolean Source::on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer self) {
+  if (const std::string flaw = too_large(caps); !flaw.empty())
+    static_cast<Source*>(self)->set_problem(flaw, Cause::unsupported);
   const char* name = gst_structure_get_name(gst_caps_get_structure(caps, 0));
   for (const char* ignored :
        {"audio/", "text/", "subpicture/", "closedcaption/", "application/x-subtitle", "meta/"})
@@ -272,6 +364,12 @@ void Source::on_need_data(GstElement*, guint, gpointer self) {
 
 void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self) {
   GstElementFactory* factory = gst_element_get_factory(element);
+  if (factory && g_str_equal(gst_plugin_feature_get_name(GST_PLUGIN_FEATURE(factory)), "qtdemux")) {
+    const PadPointer sink(gst_element_get_static_pad(element, "sink"));
+    gst_pad_add_probe(sink.get(),
+                      static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BUFFER),
+                      on_index, self, nullptr);
+  }
   if (factory && g_str_has_prefix(gst_plugin_feature_get_name(GST_PLUGIN_FEATURE(factory)), "avdemux_")) {
     const PadPointer sink(gst_element_get_static_pad(element, "sink"));
     gst_pad_add_probe(sink.get(),
@@ -283,12 +381,17 @@ void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer se
                       on_pull, self, nullptr);
   }
   if (!factory || !gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_DECODER |
-                                                                 GST_ELEMENT_FACTORY_TYPE_MEDIA_VIDEO))
+                                                                 GST_ELEMENT_FACTORY_TYPE_MEDIA_VIDEO |
+                                                                 GST_ELEMENT_FACTORY_TYPE_MEDIA_IMAGE))
     return;
-  bound_threads(element, static_cast<Source*>(self)->threads_);
+  Source* source = static_cast<Source*>(self);
+  bound_threads(element, source->threads_);
   const PadPointer sink(gst_element_get_static_pad(element, "sink"));
-  if (sink)
-    gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, self, nullptr);
+  if (!sink)
+    return;
+  const std::lock_guard lock(source->mutex_);
+  source->tracks_.push_back(std::make_unique<Track>(Track{element, true, {}}));
+  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, source->tracks_.back().get(), nullptr);
 }
 
 /// libav's demuxers in GStreamer 1.22 take an end for nothing yet and ask on (a cut GIF), with libav's lock
@@ -306,6 +409,34 @@ GstPadProbeReturn Source::on_pull(GstPad*, GstPadProbeInfo* info, gpointer self)
   return GST_PAD_PROBE_HANDLED;
 }
 
+/// Hides edit lists from qtdemux that it does not follow to the frame; on_decoded() follows them.
+GstPadProbeReturn Source::on_index(GstPad*, GstPadProbeInfo* info, gpointer self) {
+  const std::uint64_t begin = GST_PAD_PROBE_INFO_OFFSET(info);
+  for (const IsoTrack& track : static_cast<Source*>(self)->tables_)
+    for (const auto& [at, bytes] : track.untrimmed) {
+      GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
+      if (!track.followed_here() || !buffer || at < begin ||
+          at + bytes.size() > begin + gst_buffer_get_size(buffer))
+        continue;
+      buffer = gst_buffer_make_writable(buffer);
+      gst_buffer_fill(buffer, at - begin, bytes.data(), bytes.size());
+      GST_PAD_PROBE_INFO_DATA(info) = buffer;
+    }
+  return GST_PAD_PROBE_OK;
+}
+
+const IsoTrack* Source::table() const {
+  for (const IsoTrack& track : tables_)
+    if (track.id == track_id_ || tables_.size() == 1)
+      return &track;
+  return nullptr;
+}
+
+std::uint64_t Source::promised() const {
+  const IsoTrack* track = table();
+  return track && is_countable() ? track->shown_frames() : 0;
+}
+
 GstPadProbeReturn Source::on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self) {
   Source* source = static_cast<Source*>(self);
   const GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
@@ -317,25 +448,29 @@ GstPadProbeReturn Source::on_pulled(GstPad*, GstPadProbeInfo* info, gpointer sel
   return GST_PAD_PROBE_OK;
 }
 
-GstPadProbeReturn Source::on_encoded(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
-  Source* source = static_cast<Source*>(self);
+GstPadProbeReturn Source::on_encoded(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+  Track& track = *static_cast<Track*>(data);
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
-  if (source->encoded_.empty()) {
+  if (track.encoded.empty()) {
     const CapsPointer caps(gst_pad_get_current_caps(pad));
     const char* name = caps ? gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)) : "";
     for (const char* hiding : {"video/x-vp8", "video/x-vp9", "video/x-av1"})
-      source->countable_ = source->countable_ && !g_str_equal(name, hiding);
+      track.countable = track.countable && !g_str_equal(name, hiding);
   }
-  source->countable_ = source->countable_ && GST_BUFFER_PTS_IS_VALID(buffer);
-  if (source->countable_ && !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DECODE_ONLY))
-    source->encoded_.push_back(GST_BUFFER_PTS(buffer));
+  track.countable = track.countable && GST_BUFFER_PTS_IS_VALID(buffer);
+  if (track.countable && !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DECODE_ONLY))
+    track.encoded.push_back(GST_BUFFER_PTS(buffer));
   return GST_PAD_PROBE_OK;
 }
 
+bool Source::is_countable() const {
+  return countable_ && taken_ && taken_->countable;
+}
+
 std::uint64_t Source::lost() const {
-  if (!countable_ || decoded_.empty() || encoded_.empty())
+  if (!is_countable() || decoded_.empty() || taken_->encoded.empty())
     return 0;
-  std::vector<GstClockTime> in = encoded_, out = decoded_;
+  std::vector<GstClockTime> in = taken_->encoded, out = decoded_;
   std::sort(in.begin(), in.end());
   std::sort(out.begin(), out.end());
   // Before the first and behind the last that came out lies what the file itself trims.
@@ -343,6 +478,9 @@ std::uint64_t Source::lost() const {
   in.erase(std::upper_bound(in.begin(), in.end(), out.back()), in.end());
   std::vector<GstClockTime> lost;
   std::set_difference(in.begin(), in.end(), out.begin(), out.end(), std::back_inserter(lost));
+  if (const IsoTrack* track = table();
+      track && track->followed_here()) // what an edit cuts away need not come
+    std::erase_if(lost, [track](GstClockTime time) { return !track->shown_at(time); });
   // When nothing matches the decoder made times of its own, and nothing can be told.
   return lost.size() + 1 < in.size() ? lost.size() : 0;
 }
@@ -350,7 +488,6 @@ std::uint64_t Source::lost() const {
 GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
   Source* source = static_cast<Source*>(self);
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
-  source->corrupted_ += GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_CORRUPTED);
   if (source->decoded_.empty()) {
     const CapsPointer caps(gst_pad_get_current_caps(pad));
     const char* mode =
@@ -360,6 +497,17 @@ GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info, gpointe
   }
   if (source->countable_)
     source->decoded_.push_back(GST_BUFFER_PTS(buffer));
+  const IsoTrack* track = source->table();
+  const bool follows = track && track->followed_here() && GST_BUFFER_PTS_IS_VALID(buffer);
+  const auto shown = follows ? track->shown_at(GST_BUFFER_PTS(buffer)) : std::nullopt;
+  if (follows && !shown)
+    return GST_PAD_PROBE_DROP;
+  source->corrupted_ += GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_CORRUPTED);
+  if (!follows)
+    return GST_PAD_PROBE_OK;
+  buffer = gst_buffer_make_writable(buffer);
+  GST_BUFFER_PTS(buffer) = *shown;
+  GST_PAD_PROBE_INFO_DATA(info) = buffer;
   return GST_PAD_PROBE_OK;
 }
 

@@ -6,13 +6,16 @@
 
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "tools/process/faults.hpp"
 #include "tools/process/handles.hpp"
 #include "tools/process/inputs.hpp"
+#include "tools/process/iso_media.hpp"
 #include "tools/process/options.hpp"
 
 namespace terrainseg::process {
@@ -44,6 +47,12 @@ class Source {
   /// Frames that went into the decoder behind the first that came out, and never came out themselves. 0 where
   /// that cannot be told: hidden frames (VP8, VP9, AV1), fields, files without times. When stopped only.
   std::uint64_t lost() const;
+  /// False where a frame that goes into the decoder need not come out of it.
+  bool is_countable() const;
+  /// Which of several video tracks was taken, for a message; empty when there is but one.
+  std::string choice() const;
+  /// Frames of the track that the tables of its file promise; 0 where they are unknown.
+  std::uint64_t promised() const;
   /// The image that a decoder which has given out `frames` frames was busy with; empty for other inputs.
   std::string image_after(std::uint64_t frames) const;
   /// Ends the stream as if the input were over: for a decoder that failed without doing so itself.
@@ -52,7 +61,18 @@ class Source {
  private:
   void build_decoder();
   void build_image_feeder(const Options& options);
+  /// A video track: what goes into its decoder.
+  struct Track {
+    GstElement* decoder;
+    bool countable = true;
+    std::vector<GstClockTime> encoded; ///< times of its frames
+  };
+  /// What its file says of the taken track; null for other containers.
+  const IsoTrack* table() const;
+  Track* track_of(GstPad* pad);
+  void take(GstPad* pad);
   void feed();
+  GstBuffer* read_image(const std::filesystem::path& path, std::string& type);
   void pad_added(GstPad* pad);
   bool link_video(GstPad* pad);
   void set_problem(const std::string& problem, Cause cause);
@@ -63,6 +83,7 @@ class Source {
   static void on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self);
   static GstPadProbeReturn on_pull(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self);
+  static GstPadProbeReturn on_index(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_encoded(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_decoded(GstPad*, GstPadProbeInfo* info, gpointer self);
 
@@ -76,12 +97,17 @@ class Source {
   std::string image_type_; ///< media type of the first image; feeder's thread only
   std::atomic<bool> linked_{false};
   std::atomic<std::uint64_t> corrupted_{0};
-  bool countable_ = true; ///< one frame out per frame in; streaming threads
-  /// Times of the frames that went into the decoder and came out; a streaming thread each.
-  std::vector<GstClockTime> encoded_, decoded_;
-  std::uint64_t pulled_ = 0;       ///< end of what a libav demuxer has read; its thread only
-  std::uint64_t pulls_at_end_ = 0; ///< how often it asked for more behind that; its thread only
-  mutable std::mutex mutex_;       ///< guards the three below
+  bool countable_ = true;             ///< one frame out per frame in; streaming threads
+  std::vector<GstClockTime> decoded_; ///< times of the frames that came out; a streaming thread
+  std::vector<std::unique_ptr<Track>> tracks_;
+  Track* taken_ = nullptr;
+  PadPointer picture_; ///< a track of pictures, taken when no other video is there
+  int videos_ = 0, taken_number_ = 0;
+  unsigned track_id_ = 0;              ///< of the container; 0 = unknown
+  const std::vector<IsoTrack> tables_; ///< of an MP4 or MOV file
+  std::uint64_t pulled_ = 0;           ///< end of what a libav demuxer has read; its thread only
+  std::uint64_t pulls_at_end_ = 0;     ///< how often it asked for more behind that; its thread only
+  mutable std::mutex mutex_;           ///< guards the three below and tracks_
   std::string problem_;
   Cause cause_ = Cause::none;
   std::string other_streams_;

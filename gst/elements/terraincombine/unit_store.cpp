@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "elements/terraincombine/unit_store.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <iterator>
+#include <utility>
+
+namespace terrainseg {
+namespace {
+
+/// Units are never reordered further.
+constexpr Time longest_reordering = GST_SECOND;
+constexpr PrecisionTime longest_precise_reordering = longest_reordering / GST_USECOND;
+
+} // namespace
+
+bool is_anew(PrecisionTime time, PrecisionTime now) {
+  return now > time && now - time > longest_precise_reordering;
+}
+
+std::uint64_t UnitStore::add(const UnitPlace& place, OwnedBuffer buffer, bool stamped) {
+  std::uint64_t dropped = 0;
+  if (!stamped && progress_ != never && place.progress < progress_ - longest_reordering) {
+    dropped = units_.size();
+    clear();
+  }
+  if (precision_progress_ && is_anew(place.precision_progress, *precision_progress_)) {
+    ++run_;
+    precision_progress_.reset();
+    if (std::exchange(frames_lead_, false)) // what came meanwhile was late
+      frames_run_ = run_;
+  }
+  const std::size_t size = gst_buffer_get_size(buffer.get());
+  const Key key = {run_, place.precision, arrived_++};
+  const auto unit = units_.emplace(place.time, Unit{std::move(buffer), key});
+  precise_.emplace(key, unit);
+  bytes_ += size;
+  progress_ = std::max(progress_, place.progress);
+  precision_progress_ = std::max(precision_progress_.value_or(0), place.precision_progress);
+  return dropped;
+}
+
+OwnedBuffer UnitStore::remove(Units::iterator unit) {
+  OwnedBuffer buffer = std::move(unit->second.buffer);
+  bytes_ -= gst_buffer_get_size(buffer.get());
+  precise_.erase(unit->second.key);
+  units_.erase(unit);
+  return buffer;
+}
+
+OwnedBuffer UnitStore::take(Time time, Time tolerance) {
+  const auto after = units_.lower_bound(time);
+  auto best = units_.end();
+  if (after != units_.end())
+    best = after;
+  if (after != units_.begin()) {
+    const auto before = std::prev(after);
+    if (best == units_.end() || time - before->first <= best->first - time)
+      best = before;
+  }
+  if (best == units_.end() || std::abs(best->first - time) > tolerance)
+    return nullptr;
+  return remove(best);
+}
+
+OwnedBuffer UnitStore::take_precise(PrecisionTime time) {
+  const auto first = precise_.lower_bound({frames_run_, time, 0});
+  if (first == precise_.end() || first->first.run != frames_run_ || first->first.time != time)
+    return nullptr;
+  frames_lead_ = false;
+  return remove(first->second);
+}
+
+void UnitStore::begin_precisely() {
+  frames_run_ = precise_.empty() ? run_ : precise_.begin()->first.run;
+  frames_lead_ = false;
+}
+
+std::uint64_t UnitStore::leave_run() {
+  if (!has_later_run()) {
+    ++run_;
+    precision_progress_.reset();
+    frames_lead_ = true;
+  }
+  ++frames_run_;
+  return drop_before_precisely(0);
+}
+
+std::uint64_t UnitStore::drop_before(Time time) {
+  std::uint64_t count = 0;
+  for (; !units_.empty() && units_.begin()->first < time; ++count)
+    remove(units_.begin());
+  return count;
+}
+
+std::uint64_t UnitStore::drop_before_precisely(PrecisionTime time) {
+  std::uint64_t count = 0;
+  for (const Key first = {frames_run_, time, 0}; !precise_.empty() && precise_.begin()->first < first;
+       ++count)
+    remove(precise_.begin()->second);
+  return count;
+}
+
+std::uint64_t UnitStore::drop_oldest() {
+  if (units_.empty())
+    return 0;
+  remove(units_.begin());
+  return 1;
+}
+
+void UnitStore::clear() {
+  precise_.clear();
+  units_.clear();
+  bytes_ = 0;
+  progress_ = gaps_ = never;
+  precision_progress_.reset();
+  frames_run_ = run_;
+  frames_lead_ = false;
+}
+
+} // namespace terrainseg

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "elements/terrainseg/frame_settings.hpp"
+
+#include <string>
+
+#include "elements/terrainseg/debug.hpp"
+#include "elements/terrainseg/shared.hpp"
+
+namespace terrainseg {
+namespace {
+
+/// Reads the file of settings-location. False after an error was posted.
+bool read_file(GstElement* element, Shared& shared) {
+  SettingsFile file;
+  {
+    const Lock lock(shared.mutex);
+    file.path = shared.book.settings().settings_location;
+  }
+  if (!file.path.empty())
+    file = read_settings_file(file.path);
+  std::optional<SettingsError> wrong;
+  SettingsBook::Ids changed;
+  if (file.error.empty()) {
+    const Lock lock(shared.mutex);
+    wrong = shared.book.take_file(file, changed);
+  }
+  SettingsBook::notify(element, changed);
+  const std::string reason = wrong ? "key " + wrong->message() : file.error;
+  if (!reason.empty())
+    GST_ELEMENT_ERROR(element, RESOURCE, SETTINGS,
+                      ("The settings file \"%s\" of property settings-location cannot be used: %s.",
+                       file.path.c_str(), reason.c_str()),
+                      ("property settings-location, value \"%s\": %s", file.path.c_str(), reason.c_str()));
+  return reason.empty();
+}
+
+void warn_unused(GstElement* element, const std::string& names, bool free_space) {
+  if (!names.empty())
+    GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
+                        ("Properties without effect: %s. The %s pipeline does not use them.", names.c_str(),
+                         free_space ? "default" : "paper's"),
+                        ("properties %s", names.c_str()));
+}
+
+} // namespace
+
+bool FrameSettings::start(GstElement* element, Shared& shared) {
+  if (!read_file(element, shared))
+    return false;
+  std::optional<SettingsError> error;
+  std::string unused;
+  {
+    const Lock lock(shared.mutex);
+    shared.book.forget_told();
+    error = shared.book.error();
+    unused = shared.book.take_unused();
+    values_ = shared.book.settings();
+    sequence_ = shared.book.sequence();
+  }
+  if (error) {
+    GST_ELEMENT_ERROR(element, LIBRARY, SETTINGS,
+                      ("Property %s cannot be %s: %s.", error->property.c_str(), error->value.c_str(),
+                       error->reason.c_str()),
+                      ("property %s, value %s, rule: %s", error->property.c_str(), error->value.c_str(),
+                       error->reason.c_str()));
+    return false;
+  }
+  warn_unused(element, unused, values_.core.free_space);
+  configured_sequence_ = sequence_;
+  configured_learnable_ = true;
+  fitted_sequence_ = 0;
+  misfit_.again();
+  line_.again();
+  return true;
+}
+
+void FrameSettings::update(GstElement* element, Shared& shared, const GstVideoInfo& info) {
+  refresh(element, shared);
+  fit_window(element, GST_VIDEO_INFO_WIDTH(&info), GST_VIDEO_INFO_HEIGHT(&info));
+  check_vanishing_row(element, GST_VIDEO_INFO_HEIGHT(&info));
+}
+
+void FrameSettings::refresh(GstElement* element, Shared& shared) {
+  std::optional<SettingsError> error;
+  std::string unused;
+  {
+    const Lock lock(shared.mutex);
+    if (sequence_ == shared.book.sequence())
+      return;
+    sequence_ = shared.book.sequence();
+    error = shared.book.error();
+    if (!error) {
+      values_ = shared.book.settings();
+      unused = shared.book.take_unused();
+    }
+  }
+  warn_unused(element, unused, values_.core.free_space);
+  if (error)
+    GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
+                        ("Property %s cannot be %s: %s. The previous values are kept.",
+                         error->property.c_str(), error->value.c_str(), error->reason.c_str()),
+                        ("property %s, value %s, rule: %s", error->property.c_str(), error->value.c_str(),
+                         error->reason.c_str()));
+}
+
+/// Moves and cuts a window that does not fit the frame: a stream may shrink at any time.
+void FrameSettings::fit_window(GstElement* element, int width, int height) {
+  const Settings& set = values_.core;
+  const WindowRequest request{
+      set.window_width, set.window_height, set.window_bottom, set.window_x, width, height};
+  if (fitted_sequence_ == sequence_ && request_ == request)
+    return;
+  fitted_sequence_ = sequence_;
+  request_ = request;
+  configured_sequence_ = 0; // the segmenter has older ones
+  fitted_ = with_fitting_window(set, width, height);
+  if (fitted_ != set && misfit_.first(request))
+    TERRAINSEG_POST_WARNING(
+        element, LIBRARY, SETTINGS,
+        window_warning(request, fitted_, " Use window-rect for a window that scales with the frame."));
+}
+
+void FrameSettings::check_vanishing_row(GstElement* element, int height) {
+  const int row = values_.core.vanishing_row;
+  if (row < height || !line_.first({row, height}))
+    return;
+  GST_ELEMENT_WARNING(
+      element, LIBRARY, SETTINGS,
+      ("vanishing-row = %d is below the last of %d rows and is ignored: set the row of the frame at "
+       "which level ground would end.",
+       row, height),
+      ("property vanishing-row, value %d", row));
+}
+
+void FrameSettings::configure(Segmenter& segmenter, bool learnable) {
+  if (configured_sequence_ == sequence_ && configured_learnable_ == learnable)
+    return;
+  Settings wanted = fitted_;
+  wanted.learning = wanted.learning && learnable;
+  segmenter.configure(wanted);
+  configured_sequence_ = sequence_;
+  configured_learnable_ = learnable;
+}
+
+} // namespace terrainseg

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The segmenter with the terrain it has learned, and the terrains it can go on from.
+#pragma once
+
+#include <condition_variable>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "elements/terrainseg/settings_book.hpp"
+#include "elements/terrainseg/terrain_memory.hpp"
+#include "support/mutex.hpp"
+#include "terrainseg/segmenter.hpp"
+
+namespace terrainseg {
+
+/// Any thread may call; what needs the segmenter waits until the frame that is being processed is done.
+class LearnedTerrain {
+ public:
+  /// The streaming thread uses the segmenter, without the lock.
+  class Turn {
+   public:
+    explicit Turn(LearnedTerrain& owner);
+    ~Turn();
+    Turn(const Turn&) = delete;
+    Turn& operator=(const Turn&) = delete;
+    Segmenter& segmenter() const { return *segmenter_; }
+
+   private:
+    LearnedTerrain& owner_;
+    Segmenter* segmenter_;
+  };
+
+  /// Makes a segmenter, or configures the one that reset-on=never kept; true when it is a new one.
+  bool start(const Settings& settings);
+  /// Drops the segmenter and what was loaded from model-location, unless `reset_on` is never.
+  void stop(ResetOn reset_on, const std::string& stream);
+
+  /// What is learned now; nothing before the start, and while no model has mass.
+  std::optional<Terrain> learned();
+  Rectangle window(); ///< of the last frame; empty before the first
+
+  /// A new stream starts from `terrain`, and so does the running one if it can adopt it.
+  Status load(Terrain terrain, std::string name);
+  /// As load(), at the start; load() has precedence.
+  void offer(Terrain terrain, std::string name);
+  bool was_loaded();
+  void discard_loaded();
+  /// What is wrong when the loaded terrain was learned in another colour space than `space`.
+  std::optional<std::string> foreign(const ColorSpace& space);
+
+  void reset();          ///< forgets everything, also what was loaded and other streams
+  void forget();         ///< forgets what was learned; starts from what was loaded
+  void reset_temporal(); ///< forgets what spans neighbouring frames
+
+  /// Keeps the terrain of the stream that ends for when it comes back, and finds the one of `to`.
+  void change_stream(const std::string& from, const std::string& to);
+  /// Goes on from what this stream learned when it was here before: with its first frame, because its colour
+  /// space is known only then. True when there was something.
+  bool recall(const std::optional<ColorSpace>& space);
+
+ private:
+  void wait_for_frame(Lock& lock) TERRAINSEG_REQUIRES(mutex_);
+  void keep(const std::string& stream) TERRAINSEG_REQUIRES(mutex_);
+  void drop_loaded() TERRAINSEG_REQUIRES(mutex_);
+
+  Mutex mutex_;
+  std::condition_variable processed_; ///< when processing_ ends
+  bool processing_ TERRAINSEG_GUARDED_BY(mutex_) = false;
+  /// While processing_ the streaming thread's.
+  std::unique_ptr<Segmenter> segmenter_ TERRAINSEG_GUARDED_BY(mutex_);
+  std::optional<Terrain> loaded_ TERRAINSEG_GUARDED_BY(mutex_);
+  std::string loaded_name_ TERRAINSEG_GUARDED_BY(mutex_);
+  bool loaded_by_signal_ TERRAINSEG_GUARDED_BY(mutex_) = false;
+  TerrainMemory others_ TERRAINSEG_GUARDED_BY(mutex_);            ///< of streams that are away
+  std::optional<Terrain> recalled_ TERRAINSEG_GUARDED_BY(mutex_); ///< of this stream, until its first frame
+};
+
+std::string name_of(const ColorSpace& space);
+
+} // namespace terrainseg

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Metres for terrainseg: the calibration and the mount that were asked for, the attitude of the moment, and
+// the warnings about them.
+#pragma once
+
+#include <gst/gst.h>
+
+#include <array>
+#include <optional>
+#include <string>
+
+#include "exchange/metric_estimate.hpp"
+#include "metric/free_space_ranges.hpp"
+#include "metric/horizon_monitor.hpp"
+#include "metric/pose.hpp"
+#include "support/calibration_files.hpp"
+#include "support/mutex.hpp"
+#include "terrainseg/estimate.hpp"
+
+namespace terrainseg {
+
+class MetricStage {
+ public:
+  /// Begins anew with the files of camera-info and mount (or a mount as `height=..,pitch=..`); empty = none.
+  std::optional<SettingFlaw> start(const std::string& camera_info, const std::string& mount);
+  /// Whether both are there.
+  bool is_calibrated() const { return camera_ && mount_; }
+  /// Takes frames of a size. What is wrong when they are not pictures of the camera that was calibrated, as
+  /// the rest of a sentence; empty when nothing is. Then there are no metres of them.
+  std::string fit(int width, int height);
+
+  /// Takes the fields of a terrainseg-pose event, from any thread. nullptr, or why it was ignored.
+  const char* take_pose(const GstStructure* fields);
+  /// After a flush: running times begin anew, and with them the poses. Metres wait for the next one.
+  void flush();
+
+  /// Where the pose of the moment, or else the mount, has the vanishing line of level ground in frames of the
+  /// size of fit(), Q8 rows; nothing when that is not known.
+  std::optional<std::int32_t> vanishing_row(GstClockTime running_time);
+  /// Metres of a frame's boundary, valid until the next call; nullptr when there are none. `running_time` or
+  /// NONE; `range_max` in metres, 0 = where the expected error reaches 20 %.
+  const MetricEstimate* measure(const Estimate& estimate, GstClockTime running_time, double range_max);
+  /// A warning after measure(), each once until the next start; mostly nothing.
+  std::optional<std::string> take_notice();
+
+ private:
+  enum Notice : std::uint8_t { no_time, stale, short_range, horizon, notices };
+  const MetricEstimate* refuse(Notice why);
+  std::optional<metric::Mount> attitude(GstClockTime running_time, bool& posed);
+  void choose_fan(const metric::Mount& mount, bool posed, double nearest);
+  void find_ticks(const metric::Mount& mount, double range_max);
+  void watch_horizon(const Estimate& estimate, const metric::Mount& mount, GstClockTime running_time);
+
+  std::optional<metric::Camera> camera_;
+  std::optional<metric::Mount> mount_;
+  bool fits_ = false;
+  metric::Camera frame_camera_; ///< for the frames that fit
+  metric::FreeSpaceRanges ranges_;
+  metric::HorizonMonitor monitor_;
+  MetricEstimate result_;
+  std::array<RangeTick, most_ticks> ticks_{};
+  bool told_[notices] = {};
+  std::optional<Notice> notice_;
+
+  Mutex mutex_; ///< pose events come on other threads
+  metric::PoseTrack poses_ TERRAINSEG_GUARDED_BY(mutex_);
+  bool posed_ TERRAINSEG_GUARDED_BY(mutex_) =
+      false; ///< whether there was ever a pose: then the mount's attitude is that of no moment
+};
+
+} // namespace terrainseg

@@ -1,0 +1,618 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "elements/terrainseg/settings_book.hpp"
+
+#include <cmath>
+#include <iterator>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "support/properties.hpp"
+#include "terrainseg/settings_table.hpp"
+
+namespace terrainseg {
+namespace {
+
+// ---- enumerations ----------------------------------------------------------------------------------------
+
+constexpr GEnumValue enum_end = {0, nullptr, nullptr};
+
+GType registered(GType type) {
+  gst_type_mark_as_plugin_api(type, static_cast<GstPluginAPIFlags>(0));
+  return type;
+}
+
+GType preset_type() {
+  static const GEnumValue values[] = {
+      {static_cast<int>(Preset::standard), "The default pipeline with all stages", "default"},
+      {static_cast<int>(Preset::paper), "The paper's algorithm and parameters only", "paper"},
+      enum_end};
+  static const GType type = registered(g_enum_register_static("GstTerrainSegPreset", values));
+  return type;
+}
+
+GType reset_on_type() {
+  static const GEnumValue values[] = {
+      {static_cast<int>(ResetOn::never), "Only by the reset signal or a change of colour space", "never"},
+      {static_cast<int>(ResetOn::stream), "At a new stream, and when the element goes to READY", "stream"},
+      {static_cast<int>(ResetOn::discont), "As stream, and at every discontinuity", "discont"},
+      {static_cast<int>(ResetOn::per_stream), "Never: a separate terrain is kept for each stream id",
+       "per-stream"},
+      enum_end};
+  static const GType type = registered(g_enum_register_static("GstTerrainSegResetOn", values));
+  return type;
+}
+
+/// "row-prior" -> "GstTerrainSegRowPrior".
+std::string type_name_of(const char* name) {
+  std::string text = "GstTerrainSeg";
+  bool capital = true;
+  for (; *name; ++name) {
+    if (*name != '-')
+      text += capital ? g_ascii_toupper(*name) : *name;
+    capital = *name == '-';
+  }
+  return text;
+}
+
+/// The enumeration of a row of the core's table.
+GType choice_type(const Setting& setting) {
+  const std::string name = type_name_of(setting.name);
+  if (const GType known = g_type_from_name(name.c_str()))
+    return known;
+  auto* values = g_new0(GEnumValue, setting.choices.size() + 1); // a type lives as long as the process
+  for (std::size_t i = 0; i < setting.choices.size(); ++i)
+    values[i] = {static_cast<gint>(i), setting.choices[i].meaning, setting.choices[i].nick};
+  // NOLINTNEXTLINE(clang-analyzer-unix.Malloc)
+  return registered(g_enum_register_static(name.c_str(), values));
+}
+
+/// The stages of the core's table as flags, one bit a stage in the table's order.
+GType stages_type() {
+  static const GType type = [] {
+    static std::vector<GFlagsValue> values;
+    for (const Setting& setting : setting_table())
+      if (setting.stage)
+        values.push_back({1u << values.size(), setting.name, setting.name}); // GStreamer writes the first
+    values.push_back({0, nullptr, nullptr});
+    return registered(g_flags_register_static("GstTerrainSegStages", values.data()));
+  }();
+  return type;
+}
+
+// ---- the tables ------------------------------------------------------------------------------------------
+
+/// The element's own, which no preset touches.
+const Property<ElementSettings> own_table[] = {
+    {"reset-on", "Reset on", "When the learned terrain is reset automatically", property_playing,
+     TERRAINSEG_CHOICE(ElementSettings, reset_on, reset_on_type)},
+    {"overlay", "Overlay", "Draw the result onto the frame; the frame is then written to",
+     property_controllable, PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, overlay)}},
+    {"post-messages", "Post messages",
+     "Post an element message 'terrainseg' on the bus when the result changes, and once a second",
+     property_playing, PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, post_messages)}},
+    {"model-location", "Model location",
+     "Path of a learned-terrain file to read at start; a missing or damaged file is an error",
+     property_before_start,
+     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, model_location)}},
+    {"settings-location", "Settings location",
+     "Path of a key file whose group [terrainseg] sets properties at start, except those set explicitly; a "
+     "missing or invalid file is an error",
+     property_before_start,
+     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, settings_location)}},
+    {"camera-info", "Camera info",
+     "Path of the camera's calibration file (ROS camera_info, Kalibr or OpenCV YAML); with mount it enables "
+     "ranges in metres. A missing or invalid file is an error",
+     property_before_start,
+     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, camera_info)}},
+    {"mount", "Mount",
+     "Pose of the camera over the ground: the path of a YAML file, or text such as height=0.5,pitch=10deg "
+     "(also roll, yaw, x, y, pitch-error) in metres, and in radians or degrees",
+     property_before_start,
+     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, mount)}},
+    {"range-max", "Range maximum",
+     "Largest range in metres; a column that is free beyond it is reported as free, 0 = the distance at "
+     "which the expected error reaches 20 %",
+     property_controllable,
+     NumberField<ElementSettings, double>{TERRAINSEG_FIELD(ElementSettings, range_max), 0, 10000}},
+    {"start-time", "Start time",
+     "Time of day of PTS 0, as ISO 8601 (2026-11-21T20:00:00Z) or nanoseconds since 1970; frames without a "
+     "time of day get it as a reference time stamp",
+     property_before_start,
+     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, start_time)}},
+#ifdef TERRAINSEG_ANALYTICS
+    {"analytics-meta", "Analytics metadata", "Also attach the standard GstAnalytics segmentation metadata",
+     property_playing, PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, analytics)}},
+#endif
+};
+
+std::span<const Setting> rows() {
+  return setting_table();
+}
+
+/// Ids in this order: the core's rows, these, the drawing's, the element's own.
+enum Special : guint {
+  special_preset,
+  special_stages,
+  special_window_rect,
+  special_ignore_regions,
+  specials
+};
+guint row_count() {
+  return static_cast<guint>(rows().size());
+}
+guint id_of(Special special) {
+  return row_count() + 1 + special;
+}
+guint first_overlay_id() {
+  return row_count() + 1 + specials;
+}
+guint first_own_id() {
+  return first_overlay_id() + overlay_property_count;
+}
+bool is_row(guint id) {
+  return id >= 1 && id <= row_count();
+}
+bool is_overlay(guint id) {
+  return id >= first_overlay_id() && id < first_own_id();
+}
+bool is_own(guint id) {
+  return id >= first_own_id() && id <= SettingsBook::last_id();
+}
+const Setting& row_of(guint id) {
+  return rows()[id - 1];
+}
+const Property<ElementSettings>& own_of(guint id) {
+  return own_table[id - first_own_id()];
+}
+
+/// By id; filled once, when the class is made.
+std::array<GParamSpec*, SettingsBook::capacity> specs;
+
+guint id_named(const char* name) {
+  for (guint id = 1; id <= SettingsBook::last_id(); ++id)
+    if (g_str_equal(specs[id]->name, name))
+      return id;
+  return 0;
+}
+
+/// The property that says the same, of one that is deprecated; else nullptr.
+const char* successor_of(const Setting& setting) {
+  return setting.stage ? "stages" : g_str_equal(setting.name, "free-space") ? "preset" : nullptr;
+}
+
+GParamFlags flags_of(const Setting& setting) {
+  const int flags = (setting.controllable ? property_controllable : property_playing) |
+                    (successor_of(setting) ? G_PARAM_DEPRECATED : 0);
+  return static_cast<GParamFlags>(flags & ~G_PARAM_STATIC_BLURB); // GLib keeps a copy
+}
+
+std::string blurb_of(const Setting& setting) {
+  const char* only = setting.used_by == UsedBy::paper        ? " (used with preset=paper only)"
+                     : setting.used_by == UsedBy::free_space ? " (not used with preset=paper)"
+                                                             : "";
+  const char* successor = successor_of(setting);
+  return (successor ? std::string("Deprecated, use ") + successor + ". " : "") + setting.blurb + only;
+}
+
+GParamSpec* spec_of(const Setting& s) {
+  const std::string blurb = blurb_of(s);
+  const GParamFlags flags = flags_of(s);
+  switch (s.kind) {
+  case SettingKind::natural:
+    return g_param_spec_uint(s.name, s.nick, blurb.c_str(), static_cast<guint>(s.low),
+                             static_cast<guint>(s.high), static_cast<guint>(s.standard), flags);
+  case SettingKind::truth:
+    return g_param_spec_boolean(s.name, s.nick, blurb.c_str(), s.standard != 0, flags);
+  case SettingKind::fraction:
+    return g_param_spec_double(s.name, s.nick, blurb.c_str(), static_cast<double>(s.low) / s.scale,
+                               static_cast<double>(s.high) / s.scale,
+                               static_cast<double>(s.standard) / s.scale, flags);
+  case SettingKind::choice:
+    return g_param_spec_enum(s.name, s.nick, blurb.c_str(), choice_type(s), static_cast<gint>(s.standard),
+                             flags);
+  default:
+    return g_param_spec_int(s.name, s.nick, blurb.c_str(), static_cast<gint>(s.low),
+                            static_cast<gint>(s.high), static_cast<gint>(s.standard), flags);
+  }
+}
+
+/// What a GValue of a row's type says, as the field keeps it.
+std::int64_t kept(const Setting& setting, const GValue* value) {
+  switch (setting.kind) {
+  case SettingKind::natural:
+    return g_value_get_uint(value);
+  case SettingKind::truth:
+    return g_value_get_boolean(value);
+  case SettingKind::fraction:
+    return kept_value(std::llround(g_value_get_double(value) * static_cast<double>(billion)), setting.scale);
+  case SettingKind::choice:
+    return g_value_get_enum(value);
+  default:
+    return g_value_get_int(value);
+  }
+}
+
+guint stages_of(const Settings& settings) {
+  guint flags = 0, bit = 1;
+  for (const Setting& setting : rows())
+    if (setting.stage) {
+      flags |= setting.get(settings) ? bit : 0;
+      bit <<= 1;
+    }
+  return flags;
+}
+
+// ---- ignore-regions --------------------------------------------------------------------------------------
+
+constexpr int longest_side = 32767;
+
+bool integers(const GValue* array, std::vector<int>& numbers) {
+  for (guint i = 0; i < gst_value_array_get_size(array); ++i) {
+    const GValue* value = gst_value_array_get_value(array, i);
+    if (!G_VALUE_HOLDS_INT(value))
+      return false;
+    numbers.push_back(g_value_get_int(value));
+  }
+  return true;
+}
+
+/// Takes <<x, y, w, h>, ...> and, for one rectangle or several, the flat <x, y, w, h, ...>.
+bool numbers_of(const GValue* array, std::vector<int>& numbers) {
+  for (guint i = 0; i < gst_value_array_get_size(array); ++i) {
+    const GValue* value = gst_value_array_get_value(array, i);
+    if (!GST_VALUE_HOLDS_ARRAY(value)) // flat
+      return i == 0 && integers(array, numbers) && numbers.size() % 4 == 0;
+    if (gst_value_array_get_size(value) != 4 || !integers(value, numbers))
+      return false;
+  }
+  return true;
+}
+
+std::string text_of(const GValue* value) {
+  gchar* text = gst_value_serialize(value);
+  std::string result = text ? text : "(unreadable)";
+  g_free(text);
+  return result;
+}
+
+constexpr const char* regions_rule =
+    "must be <<x, y, width, height>, ...> in pixels, x and y from 0, sizes from 1";
+
+/// A GValue that is let go.
+class ScopedValue {
+ public:
+  explicit ScopedValue(GType type) { g_value_init(&value_, type); }
+  ~ScopedValue() { g_value_unset(&value_); }
+  ScopedValue(const ScopedValue&) = delete;
+  ScopedValue& operator=(const ScopedValue&) = delete;
+  GValue* get() { return &value_; }
+
+ private:
+  GValue value_ = G_VALUE_INIT;
+};
+
+} // namespace
+
+void put_regions(const std::vector<Rectangle>& regions, GValue* array) {
+  for (const Rectangle& r : regions) {
+    GValue inner = G_VALUE_INIT;
+    g_value_init(&inner, GST_TYPE_ARRAY);
+    for (int number : {r.x, r.y, r.width, r.height}) {
+      GValue value = G_VALUE_INIT;
+      g_value_init(&value, G_TYPE_INT);
+      g_value_set_int(&value, number);
+      gst_value_array_append_and_take_value(&inner, &value);
+    }
+    gst_value_array_append_and_take_value(array, &inner);
+  }
+}
+
+// ---- the class -------------------------------------------------------------------------------------------
+
+void SettingsBook::install(GObjectClass* object_class) {
+  g_assert(last_id() < capacity);
+  const auto add = [object_class](guint id, GParamSpec* spec) {
+    g_object_class_install_property(object_class, id, spec);
+  };
+  for (guint i = 0; i < row_count(); ++i)
+    add(i + 1, spec_of(rows()[i]));
+  add(id_of(special_preset),
+      g_param_spec_enum("preset", "Preset",
+                        "Chooses the pipeline and the values of all settings that are not set explicitly "
+                        "(not of drawing, ranges and files)",
+                        preset_type(), static_cast<int>(Preset::standard), property_playing));
+  add(id_of(special_stages),
+      g_param_spec_flags("stages", "Stages",
+                         "Stages of the default pipeline that run (not used with preset=paper)",
+                         stages_type(), stages_of(Settings{}), property_playing));
+  add(id_of(special_window_rect),
+      g_param_spec_string("window-rect", "Window rectangle",
+                          "Training window as x,y,w,h in fractions of the frame, for frames of any size; "
+                          "empty = window-width, window-height, window-bottom and window-x in pixels",
+                          nullptr, property_playing));
+  add(id_of(special_ignore_regions),
+      gst_param_spec_array("ignore-regions", "Ignore regions",
+                           "Rectangles <<x, y, width, height>, ...> in pixels to exclude from learning and "
+                           "scoring, such as a bonnet or burnt-in text",
+                           nullptr, property_playing));
+  install_overlay_properties(object_class, first_overlay_id());
+  install_properties<ElementSettings>(object_class, first_own_id(), own_table);
+
+  guint count = 0;
+  const std::unique_ptr<GParamSpec*, decltype(&g_free)> all(
+      g_object_class_list_properties(object_class, &count), g_free);
+  for (guint i = 0; i < count; ++i)
+    if (GParamSpec* spec = all.get()[i]; spec->owner_type == G_OBJECT_CLASS_TYPE(object_class))
+      specs.at(spec->param_id) = spec;
+}
+
+guint SettingsBook::last_id() {
+  return first_own_id() + static_cast<guint>(std::size(own_table)) - 1;
+}
+
+void SettingsBook::notify(gpointer object, const Ids& changed) {
+  for (guint id = 1; id <= last_id(); ++id)
+    if (changed.test(id))
+      g_object_notify_by_pspec(G_OBJECT(object), specs[id]);
+}
+
+// ---- setting ---------------------------------------------------------------------------------------------
+
+bool SettingsBook::set(guint id, const GValue* value, Ids& changed) {
+  if (id < 1 || id > last_id())
+    return false;
+  changed |= changed_by([&] { apply(id, value, Layer::user); });
+  return true;
+}
+
+/// What users read of the rows, the preset and the stages, by id.
+std::array<double, SettingsBook::capacity> SettingsBook::shown() const {
+  std::array<double, capacity> values{};
+  for (guint id = 1; id <= row_count(); ++id) {
+    const Setting& row = row_of(id);
+    values[id] = pinned().test(id) && row.kind == SettingKind::fraction
+                     ? as_set_[id]
+                     : static_cast<double>(row.get(settings_.core)) / row.scale;
+  }
+  values[id_of(special_preset)] = static_cast<double>(preset_);
+  values[id_of(special_stages)] = stages_of(settings_.core);
+  return values;
+}
+
+template <class Change> SettingsBook::Ids SettingsBook::changed_by(Change change) {
+  const auto before = shown();
+  change();
+  ++sequence_;
+  const auto after = shown();
+  Ids changed;
+  for (guint id = 1; id <= last_id(); ++id)
+    changed.set(id, before[id] != after[id]);
+  return changed;
+}
+
+void SettingsBook::apply(guint id, const GValue* value, Layer layer) {
+  if (is_row(id))
+    return apply_row(id, value, layer);
+  if (id == id_of(special_stages))
+    return apply_stages(g_value_get_flags(value), layer);
+  if (layer == Layer::file && explicit_.test(id))
+    return;
+  (layer == Layer::user ? explicit_ : from_file_).set(id);
+  if (id == id_of(special_preset))
+    choose_preset(static_cast<Preset>(g_value_get_enum(value)));
+  else if (id == id_of(special_window_rect))
+    set_window_rect(g_value_get_string(value));
+  else if (id == id_of(special_ignore_regions))
+    set_ignore_regions(value);
+  else if (is_overlay(id))
+    set_overlay_property(settings_.drawing, id - first_overlay_id(), value);
+  else
+    set_field(own_of(id), settings_, value);
+}
+
+void SettingsBook::apply_row(guint id, const GValue* value, Layer layer) {
+  if (layer == Layer::file && explicit_.test(id))
+    return;
+  (layer == Layer::user ? explicit_ : from_file_).set(id);
+  const Setting& row = row_of(id);
+  if (row.kind == SettingKind::fraction)
+    as_set_[id] = g_value_get_double(value);
+  row.set(settings_.core, kept(row, value));
+}
+
+void SettingsBook::apply_stages(guint flags, Layer layer) {
+  ScopedValue value(G_TYPE_BOOLEAN);
+  guint bit = 1;
+  for (guint id = 1; id <= row_count(); ++id)
+    if (row_of(id).stage) {
+      g_value_set_boolean(value.get(), (flags & bit) != 0);
+      apply_row(id, value.get(), layer);
+      bit <<= 1;
+    }
+}
+
+void SettingsBook::set_near_clear(bool clear) {
+  ++sequence_;
+  settings_.core.near_clear = clear;
+  explicit_.set(id_named("near-clear"));
+}
+
+void SettingsBook::choose_preset(Preset preset) {
+  preset_ = preset;
+  const Settings fresh = Settings::of(preset);
+  settings_.core.power_of_two_window = fresh.power_of_two_window;
+  for (guint id = 1; id <= row_count(); ++id)
+    if (!pinned().test(id))
+      row_of(id).set(settings_.core, row_of(id).get(fresh));
+}
+
+void SettingsBook::set_window_rect(const char* text) {
+  window_rect_ = text ? text : "";
+  rect_error_ = parse_window_rect(window_rect_, settings_.core.window_rect_q16);
+}
+
+void SettingsBook::set_ignore_regions(const GValue* value) {
+  std::vector<int> numbers;
+  std::vector<Rectangle> regions;
+  bool good = numbers_of(value, numbers);
+  for (std::size_t i = 0; good && i + 3 < numbers.size(); i += 4) {
+    const Rectangle r{numbers[i], numbers[i + 1], numbers[i + 2], numbers[i + 3]};
+    good = r.x >= 0 && r.y >= 0 && !r.empty() && r.x <= longest_side && r.y <= longest_side &&
+           r.width <= longest_side && r.height <= longest_side;
+    regions.push_back(r);
+  }
+  regions_error_.reset();
+  if (good)
+    settings_.core.ignore_regions = std::move(regions);
+  else
+    regions_error_ = SettingsError{"ignore-regions", text_of(value), regions_rule};
+}
+
+// ---- giving back -----------------------------------------------------------------------------------------
+
+bool SettingsBook::unset(const char* name, Ids& changed) {
+  const guint only = name ? id_named(name) : 0;
+  if (name && !only)
+    return false;
+  const SettingsBook before = *this;
+  changed |= changed_by([&] {
+    for (guint id = only ? only : 1; id <= (only ? only : last_id()); ++id)
+      give_back(id);
+  });
+  // Properties without a number are notified if they had been set.
+  Ids others = before.pinned();
+  for (guint id = 1; id <= row_count(); ++id)
+    others.reset(id);
+  if (only)
+    others &= Ids().set(only);
+  changed |= others;
+  return true;
+}
+
+void SettingsBook::give_back(guint id) {
+  explicit_.reset(id);
+  from_file_.reset(id);
+  const ElementSettings fresh;
+  if (is_row(id)) {
+    row_of(id).set(settings_.core, row_of(id).get(Settings::of(preset_)));
+  } else if (id == id_of(special_preset)) {
+    choose_preset(Preset::standard);
+  } else if (id == id_of(special_stages)) {
+    for (guint row = 1; row <= row_count(); ++row)
+      if (row_of(row).stage)
+        give_back(row);
+  } else if (id == id_of(special_window_rect)) {
+    set_window_rect(nullptr);
+  } else if (id == id_of(special_ignore_regions)) {
+    settings_.core.ignore_regions.clear();
+    regions_error_.reset();
+  } else {
+    ScopedValue value(specs[id]->value_type);
+    if (is_overlay(id)) {
+      get_overlay_property(fresh.drawing, id - first_overlay_id(), value.get());
+      set_overlay_property(settings_.drawing, id - first_overlay_id(), value.get());
+    } else {
+      get_field(own_of(id), fresh, value.get());
+      set_field(own_of(id), settings_, value.get());
+    }
+  }
+}
+
+// ---- the settings file -----------------------------------------------------------------------------------
+
+std::optional<SettingsError> SettingsBook::take_file(const SettingsFile& file, Ids& changed) {
+  SettingsBook trial = *this;
+  std::optional<SettingsError> error;
+  const Ids told = trial.changed_by([&] {
+    const Ids earlier = trial.from_file_ & ~trial.explicit_;
+    for (guint id = 1; id <= last_id(); ++id)
+      if (earlier.test(id))
+        trial.give_back(id);
+    for (const SettingsFile::Entry& entry : file.entries)
+      if (!error)
+        error = trial.apply_entry(entry);
+  });
+  if (error)
+    return error;
+  // Properties without a number are notified if the file has them.
+  for (guint id = row_count() + 1; id <= last_id(); ++id)
+    if (trial.from_file_.test(id) || from_file_.test(id))
+      changed.set(id);
+  changed |= told;
+  *this = trial;
+  return std::nullopt;
+}
+
+std::optional<SettingsError> SettingsBook::apply_entry(const SettingsFile::Entry& entry) {
+  const guint id = id_named(entry.name.c_str());
+  if (!id || entry.name == "settings-location")
+    return SettingsError{entry.name, entry.value, "terrainseg has no such property that a file could set"};
+  if (is_row(id) || id == id_of(special_window_rect)) { // the core says best what is wrong
+    Settings trial;
+    if (auto error = set_from_text(trial, entry.name, entry.value))
+      return error;
+  }
+  ScopedValue value(specs[id]->value_type);
+  if (!gst_value_deserialize_with_pspec(value.get(), entry.value.c_str(), specs[id]))
+    return SettingsError{entry.name, entry.value,
+                         std::string("cannot be read as ") + g_type_name(specs[id]->value_type)};
+  if (g_param_value_validate(specs[id], value.get()))
+    return SettingsError{entry.name, entry.value, "is out of range"};
+  apply(id, value.get(), Layer::file);
+  return regions_error_;
+}
+
+// ---- getting ---------------------------------------------------------------------------------------------
+
+bool SettingsBook::get(guint id, GValue* value) const {
+  if (is_row(id)) {
+    const Setting& row = row_of(id);
+    const std::int64_t number = row.get(settings_.core);
+    if (row.kind == SettingKind::natural)
+      g_value_set_uint(value, static_cast<guint>(number));
+    else if (row.kind == SettingKind::truth)
+      g_value_set_boolean(value, number != 0);
+    else if (row.kind == SettingKind::fraction)
+      g_value_set_double(value, shown()[id]);
+    else if (row.kind == SettingKind::choice)
+      g_value_set_enum(value, static_cast<gint>(number));
+    else
+      g_value_set_int(value, static_cast<gint>(number));
+  } else if (id == id_of(special_preset)) {
+    g_value_set_enum(value, static_cast<int>(preset_));
+  } else if (id == id_of(special_stages)) {
+    g_value_set_flags(value, stages_of(settings_.core));
+  } else if (id == id_of(special_window_rect)) {
+    g_value_set_string(value, window_rect_.empty() ? nullptr : window_rect_.c_str());
+  } else if (id == id_of(special_ignore_regions)) {
+    put_regions(settings_.core.ignore_regions, value);
+  } else if (is_overlay(id)) {
+    get_overlay_property(settings_.drawing, id - first_overlay_id(), value);
+  } else if (is_own(id)) {
+    get_field(own_of(id), settings_, value);
+  } else {
+    return false;
+  }
+  return true;
+}
+
+std::optional<SettingsError> SettingsBook::error() const {
+  if (regions_error_)
+    return regions_error_;
+  return rect_error_ ? rect_error_ : validate(settings_.core);
+}
+
+std::string SettingsBook::take_unused() {
+  std::string names;
+  for (guint id = 1; id <= row_count(); ++id) {
+    const Setting& row = row_of(id);
+    if (!pinned().test(id) || told_.test(id) || !is_idle(row, settings_.core))
+      continue;
+    told_.set(id);
+    names.append(names.empty() ? "" : ", ").append(row.name);
+  }
+  return names;
+}
+
+} // namespace terrainseg

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The part of the element that any thread may touch.
+#pragma once
+
+#include <atomic>
+
+#include "elements/terrainseg/learned_terrain.hpp"
+#include "elements/terrainseg/region_drawer.hpp"
+#include "elements/terrainseg/settings_book.hpp"
+#include "elements/terrainseg/statistics.hpp"
+#include "support/mutex.hpp"
+#include "support/name_property.hpp"
+#include "support/once.hpp"
+
+namespace terrainseg {
+
+struct Shared {
+  NameProperty instance;
+  std::atomic<bool> navigation = false;
+  std::atomic<int> frame_width = 0, frame_height = 0; ///< of the caps
+  LearnedTerrain learned;                             ///< locks by itself
+
+  Mutex mutex; ///< held for copies only, never while a frame is processed
+  SettingsBook book TERRAINSEG_GUARDED_BY(mutex);
+  Statistics statistics TERRAINSEG_GUARDED_BY(mutex);
+  RegionDrawer drawer TERRAINSEG_GUARDED_BY(mutex);
+  Once<> pose_flaw TERRAINSEG_GUARDED_BY(mutex); ///< of this start
+};
+
+} // namespace terrainseg

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// A plugin of its own: the main one needs no Cyclone DDS.
+#include <gst/gst.h>
+
+#include "ros2/terrainros2sink.hpp"
+#include "support/meta.hpp"
+#include "terrainseg_config.h"
+
+namespace {
+
+gboolean plugin_init(GstPlugin* plugin) {
+  return terrainseg::register_metas() && GST_ELEMENT_REGISTER(terrainros2sink, plugin);
+}
+
+} // namespace
+
+GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, terrainros2,
+                  "Terrain metadata as ROS 2 topics over DDS", plugin_init, TERRAINSEG_VERSION, "LGPL",
+                  "terrainseg", TERRAINSEG_ORIGIN)

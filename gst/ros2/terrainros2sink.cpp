@@ -1,0 +1,621 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "ros2/terrainros2sink.hpp"
+
+#include <gst/base/gstbasesink.h>
+#include <gst/video/video.h>
+
+#include <array>
+#include <atomic>
+#include <cstdlib>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "recording/frame_reader.hpp"
+#include "recording/ros_inputs.hpp"
+#include "ros2/names.hpp"
+#include "ros2/outlet.hpp"
+#include "ros2/participant.hpp"
+#include "support/calibration_files.hpp"
+#include "support/guarded.hpp"
+#include "support/instance_state.hpp"
+#include "support/name_property.hpp"
+#include "support/object.hpp"
+#include "support/properties.hpp"
+#include "support/segment_time.hpp"
+#include "support/wall_clock.hpp"
+
+GST_DEBUG_CATEGORY_STATIC(terrainros2sink_debug);
+#define GST_CAT_DEFAULT terrainros2sink_debug
+
+namespace terrainseg {
+namespace {
+
+using recording::Topic;
+using recording::topic_count;
+
+enum class Distribution : std::uint8_t { none, humble, jazzy };
+enum class PoseType : std::uint8_t { odometry, pose_stamped, imu };
+enum class NearType : std::uint8_t { boolean, range };
+
+GType distribution_type() {
+  static const GEnumValue values[] = {
+      {static_cast<int>(Distribution::none), "No node is announced: topics only", "none"},
+      {static_cast<int>(Distribution::humble), "A node as ROS 2 Humble lists it", "humble"},
+      {static_cast<int>(Distribution::jazzy), "A node as ROS 2 Iron, Jazzy and later list it", "jazzy"},
+      {0, nullptr, nullptr},
+  };
+  static const GType type = g_enum_register_static("GstTerrainRos2Distribution", values);
+  return type;
+}
+
+GType pose_type() {
+  static const GEnumValue values[] = {
+      {static_cast<int>(PoseType::odometry), "nav_msgs/msg/Odometry", "odometry"},
+      {static_cast<int>(PoseType::pose_stamped), "geometry_msgs/msg/PoseStamped", "pose-stamped"},
+      {static_cast<int>(PoseType::imu), "sensor_msgs/msg/Imu", "imu"},
+      {0, nullptr, nullptr},
+  };
+  static const GType type = g_enum_register_static("GstTerrainRos2PoseType", values);
+  return type;
+}
+
+GType near_type() {
+  static const GEnumValue values[] = {
+      {static_cast<int>(NearType::boolean), "std_msgs/msg/Bool: true = clear", "bool"},
+      {static_cast<int>(NearType::range), "sensor_msgs/msg/Range: clear beyond near-clear-distance", "range"},
+      {0, nullptr, nullptr},
+  };
+  static const GType type = g_enum_register_static("GstTerrainRos2NearType", values);
+  return type;
+}
+
+struct SinkSettings {
+  std::string name_space;
+  std::string node_name = "terrainseg";
+  Distribution distribution = Distribution::none;
+  std::string camera_info, mount;
+  std::string frame_id = recording::MessageOptions().body_frame;
+  std::string camera_frame_id = recording::MessageOptions().camera_frame;
+  double grid_resolution = recording::MessageOptions().grid_resolution;
+  std::string pose_topic;
+  PoseType pose = PoseType::odometry;
+  std::string near_topic;
+  NearType near = NearType::boolean;
+  double near_distance = 0.5;
+};
+
+using TextField = PlainField<SinkSettings, std::string>;
+
+const Property<SinkSettings> table[] = {
+    {"namespace", "Namespace",
+     "Goes before the names of topics that do not begin with a slash, and of the node", property_before_start,
+     TextField{TERRAINSEG_FIELD(SinkSettings, name_space)}},
+    {"node-name", "Node name", "Name of the node in the lists of ROS 2, where distribution is set",
+     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, node_name)}},
+    {"distribution", "Distribution",
+     "ROS 2 distribution for which the topics are announced as those of a node (ros_discovery_info)",
+     property_before_start, TERRAINSEG_CHOICE(SinkSettings, distribution, distribution_type)},
+    {"camera-info", "Camera info",
+     "Calibration of the camera (ROS, Kalibr or OpenCV YAML) for the topic of camera-info-topic, none = no "
+     "such topic",
+     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, camera_info)}},
+    {"mount", "Mount",
+     "Mounting of the camera (a file, or height=..,pitch=..) for the transform, and added to the poses of "
+     "pose-topic; none = no transform, and poses are those of the camera",
+     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, mount)}},
+    {"frame-id", "Frame id", "Name of the vehicle's coordinate frame in the messages", property_before_start,
+     TextField{TERRAINSEG_FIELD(SinkSettings, frame_id)}},
+    {"camera-frame-id", "Camera frame id", "Name of the camera's optical coordinate frame in the messages",
+     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, camera_frame_id)}},
+    {"grid-resolution", "Grid resolution",
+     "Metres a cell of the grid, doubled until a side has at most 512 cells", property_before_start,
+     NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, grid_resolution), 0.01, 10}},
+    {"pose-topic", "Pose topic",
+     "Topic whose messages become terrainseg-pose events, none = no poses are read", property_before_start,
+     TextField{TERRAINSEG_FIELD(SinkSettings, pose_topic)}},
+    {"pose-type", "Pose type", "Type of the messages on pose-topic", property_before_start,
+     TERRAINSEG_CHOICE(SinkSettings, pose, pose_type)},
+    {"near-clear-topic", "Near-clear topic",
+     "Topic whose messages become terrainseg-near events, none = the near-range sensor is not read",
+     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, near_topic)}},
+    {"near-clear-type", "Near-clear type", "Type of the messages on near-clear-topic", property_before_start,
+     TERRAINSEG_CHOICE(SinkSettings, near, near_type)},
+    {"near-clear-distance", "Near-clear distance",
+     "Metres beyond which the window in front of the vehicle is clear, for near-clear-type=range",
+     property_before_start,
+     NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, near_distance), 0, 1000}},
+};
+
+/// A topic that leaves: the property that names it, and its name.
+struct TopicProperty {
+  Topic topic;
+  const char *stem, *nick, *what, *default_name;
+};
+constexpr TopicProperty topics[] = {
+    {Topic::scan, "scan", "Scan topic", "LaserScan", "terrain/scan"},
+    {Topic::points, "points", "Points topic", "PointCloud2", "terrain/points"},
+    {Topic::grid, "grid", "Grid topic", "OccupancyGrid", "terrain/grid"},
+    {Topic::mask, "mask", "Mask topic", "Image (mono8) of the mask", "terrain/mask"},
+    {Topic::camera_info, "camera-info", "Camera info topic", "CameraInfo", "camera/camera_info"},
+    {Topic::video, "video", "Video topic", "CompressedVideo (H.264)", "camera/video"},
+    {Topic::picture, "picture", "Picture topic", "CompressedImage (JPEG)", "camera/image/compressed"},
+    {Topic::tf, "tf", "Transform topic", "TFMessage with the attitude of the moment", "/tf"},
+    {Topic::tf_static, "tf-static", "Static transform topic", "TFMessage of the mount", "/tf_static"},
+    {Topic::diagnostics, "diagnostics", "Diagnostics topic", "DiagnosticArray", "/diagnostics"},
+};
+static_assert(std::size(topics) == topic_count);
+
+} // namespace
+
+/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
+/// none.
+struct Ros2State {
+  NameProperty source;
+  SinkSettings settings;                      // under the object lock
+  std::array<const char*, topic_count> names; // under the object lock; interned
+
+  std::mutex mutex;                                   // of what stats reads while it is made or goes
+  std::unique_ptr<ros2::Participant> participant;     // streaming
+  std::unique_ptr<ros2::Outlet> outlet;               // streaming
+  std::unique_ptr<ros2::Writer> node;                 // streaming
+  std::unique_ptr<ros2::Reader> poses, near;          // streaming
+  std::optional<recording::TerrainMessages> messages; // streaming
+  PictureKind kind = PictureKind::raw;                // streaming
+  bool warned_metadata = false;                       // streaming
+
+  metric::Mount mount; // before the readers are made
+  std::atomic<std::uint64_t> frames = 0, taken = 0, refused = 0;
+  enum Near : std::uint8_t { near_unknown, near_clear, near_blocked };
+  std::atomic<Near> near_state = near_unknown;
+  std::atomic<bool> warned_input = false;
+
+  Ros2State() noexcept { // names are short enough to need no memory of their own
+    for (std::size_t i = 0; i < topic_count; ++i)
+      names[i] = topics[i].default_name;
+  }
+};
+
+} // namespace terrainseg
+
+using namespace terrainseg;
+
+/**
+ * SECTION:element-terrainros2sink
+ * @title: terrainros2sink
+ * @short_description: terrain metadata and video as ROS 2 topics
+ *
+ * Sends the terrain metadata of video to ROS 2 over DDS, and the video with it when it is H.264 or JPEG. It
+ * needs no installed ROS 2. Poses and the near-range sensor come back as events.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 terrainscenesrc is-live=true ! terrainseg ! terrainros2sink
+ * ]|
+ *
+ * Since: 0.2
+ */
+struct GstTerrainRos2Sink {
+  GstBaseSink parent;
+  InstanceState<Ros2State> state;
+};
+struct GstTerrainRos2SinkClass {
+  GstBaseSinkClass parent_class;
+};
+
+G_DEFINE_TYPE(GstTerrainRos2Sink, gst_terrain_ros2_sink, GST_TYPE_BASE_SINK)
+GST_ELEMENT_REGISTER_DEFINE(terrainros2sink, "terrainros2sink", GST_RANK_NONE,
+                            gst_terrain_ros2_sink_get_type())
+
+namespace {
+
+enum { property_source = 1, property_stats, property_topic, property_table = property_topic + topic_count };
+
+GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_MESSAGE_CAPS));
+
+GstTerrainRos2Sink* self_of(gpointer object) {
+  return reinterpret_cast<GstTerrainRos2Sink*>(object);
+}
+
+// ---- what comes in ---------------------------------------------------------------------------------------
+
+/// Sends an event to the terrainseg upstream.
+void push_upstream(GstTerrainRos2Sink* self, GstStructure* fields) {
+  gst_pad_push_event(GST_BASE_SINK_PAD(self), gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, fields));
+}
+
+/// Counts a message that cannot be used, and warns of the first.
+void refuse(GstTerrainRos2Sink* self, const char* what) {
+  Ros2State& s = *self->state;
+  ++s.refused;
+  if (!s.warned_input.exchange(true))
+    GST_ELEMENT_WARNING(
+        self, STREAM, FORMAT,
+        ("A message on %s cannot be used: it is cut, too long, big endian, or holds no such value.", what),
+        (nullptr));
+}
+
+/// Running time of a moment that a clock of the day told; of now where that clock is not this machine's.
+/// Nothing while the pipeline does not play.
+std::optional<GstClockTime> running_time_at(GstTerrainRos2Sink* self, std::uint64_t utc) {
+  GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
+  if (!clock)
+    return std::nullopt;
+  const auto now =
+      static_cast<GstClockTimeDiff>(gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(self)));
+  gst_object_unref(clock);
+  constexpr GstClockTimeDiff farthest = 2 * GST_SECOND;
+  const GstClockTimeDiff age = g_get_real_time() * 1000 - static_cast<GstClockTimeDiff>(utc);
+  const GstClockTimeDiff then = age > -farthest && age < farthest ? now - age : now;
+  return then >= 0 ? std::optional<GstClockTime>(then) : std::nullopt;
+}
+
+void take_pose(GstTerrainRos2Sink* self, std::optional<recording::Attitude> attitude) {
+  Ros2State& s = *self->state;
+  if (!attitude) {
+    refuse(self, "pose-topic");
+    return;
+  }
+  ++s.taken;
+  const auto time = running_time_at(self, attitude->time);
+  if (!time)
+    return;
+  const recording::CameraAngles angles = recording::camera_angles(attitude->rotation, s.mount);
+  push_upstream(self, gst_structure_new("terrainseg-pose", "roll", G_TYPE_DOUBLE, angles.roll, "pitch",
+                                        G_TYPE_DOUBLE, angles.pitch, "yaw", G_TYPE_DOUBLE, angles.yaw,
+                                        "running-time", G_TYPE_UINT64, static_cast<guint64>(*time), nullptr));
+}
+
+void take_near(GstTerrainRos2Sink* self, std::optional<bool> clear) {
+  Ros2State& s = *self->state;
+  if (!clear) {
+    refuse(self, "near-clear-topic");
+    return;
+  }
+  ++s.taken;
+  const auto state = *clear ? Ros2State::near_clear : Ros2State::near_blocked;
+  if (s.near_state.exchange(state) != state)
+    push_upstream(self, gst_structure_new("terrainseg-near", "clear", G_TYPE_BOOLEAN, *clear, nullptr));
+}
+
+/// Makes a reader of a topic that was named; `take` runs on a thread of DDS. False after an error, which
+/// `error` tells.
+template <class Take>
+bool read(GstTerrainRos2Sink* self, std::unique_ptr<ros2::Reader>& reader, const std::string& name,
+          const recording::MessageType& type, std::string& error, Take take) {
+  if (const std::string flaw = ros2::flaw_of_name(name); !flaw.empty()) {
+    error = "\"" + name + "\" is no name of a topic: " + flaw;
+    return false;
+  }
+  reader = std::make_unique<ros2::Reader>(*self->state->participant, name, type, recording::longest_input,
+                                          [self, take](recording::ByteView bytes) {
+                                            guarded(self, false, [&] {
+                                              take(bytes);
+                                              return true;
+                                            });
+                                          });
+  error = reader->error();
+  return error.empty();
+}
+
+bool read_poses(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& error) {
+  struct Kind {
+    recording::MessageType (*type)();
+    std::optional<recording::Attitude> (*decode)(recording::ByteView);
+  };
+  constexpr Kind kinds[] = {{recording::odometry_type, recording::decode_odometry},
+                            {recording::pose_stamped_type, recording::decode_pose_stamped},
+                            {recording::imu_type, recording::decode_imu}};
+  const Kind& kind = kinds[static_cast<std::size_t>(set.pose)];
+  return set.pose_topic.empty() ||
+         read(self, self->state->poses, ros2::full_name(set.name_space, set.pose_topic), kind.type(), error,
+              [self, decode = kind.decode](recording::ByteView bytes) { take_pose(self, decode(bytes)); });
+}
+
+bool read_near(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& error) {
+  if (set.near_topic.empty())
+    return true;
+  const std::string name = ros2::full_name(set.name_space, set.near_topic);
+  if (set.near == NearType::boolean)
+    return read(self, self->state->near, name, recording::bool_type(), error,
+                [self](recording::ByteView bytes) { take_near(self, recording::decode_bool(bytes)); });
+  return read(self, self->state->near, name, recording::range_type(), error,
+              [self, distance = set.near_distance](recording::ByteView bytes) {
+                const auto range = recording::decode_range(bytes);
+                take_near(self, range ? std::optional(*range > distance) : std::nullopt);
+              });
+}
+
+// ---- the topics ------------------------------------------------------------------------------------------
+
+bool report(GstTerrainRos2Sink* self, const std::string& error) {
+  GST_ELEMENT_ERROR(self, RESOURCE, FAILED, ("%s.", error.c_str()), (nullptr));
+  return false;
+}
+
+bool open_topic(GstTerrainRos2Sink* self, Topic topic, std::string& error) {
+  Ros2State& s = *self->state;
+  std::string name;
+  {
+    ObjectLock lock(self);
+    const char* chosen = s.names[static_cast<std::size_t>(topic)];
+    if (!*chosen || s.outlet->writer(topic))
+      return true;
+    name = ros2::full_name(s.settings.name_space, chosen);
+  }
+  return s.outlet->open(topic, name, error);
+}
+
+/// Lists the topics as those of a node.
+bool announce(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& error) {
+  Ros2State& s = *self->state;
+  if (set.distribution == Distribution::none)
+    return true;
+  if (!s.node) {
+    s.node = std::make_unique<ros2::Writer>(*s.participant);
+    error = s.node->error();
+    if (!error.empty())
+      return false;
+  }
+  std::vector<dds_entity_t> readers;
+  for (const auto* reader : {s.poses.get(), s.near.get()})
+    if (reader)
+      readers.push_back(reader->entity());
+  s.node->write(ros2::participant_entities(*s.participant, set.distribution == Distribution::humble ? 24 : 16,
+                                           set.name_space.empty() ? "/" : ros2::full_name("", set.name_space),
+                                           set.node_name, readers, s.outlet->entities()));
+  return true;
+}
+
+SinkSettings settings_of(GstTerrainRos2Sink* self) {
+  ObjectLock lock(self);
+  return self->state->settings;
+}
+
+void close_topics(GstTerrainRos2Sink* self) {
+  Ros2State& s = *self->state;
+  s.poses.reset(); // waits for a message that is being taken
+  s.near.reset();
+  const std::lock_guard lock(s.mutex);
+  s.node.reset();
+  s.outlet.reset();
+  s.participant.reset();
+  s.messages.reset();
+}
+
+/// Makes all that goes with the settings; the caller holds the mutex. False after an error.
+bool make_topics(GstTerrainRos2Sink* self, const SinkSettings& set, const ros2::Discovery& discovery,
+                 recording::MessageOptions options, std::string& error) {
+  Ros2State& s = *self->state;
+  s.participant = ros2::Participant::join(discovery, set.distribution != Distribution::none, error);
+  if (!s.participant)
+    return false;
+  s.outlet = std::make_unique<ros2::Outlet>(*s.participant);
+  std::vector<Topic> wanted = {Topic::scan, Topic::points, Topic::grid, Topic::mask, Topic::diagnostics};
+  if (options.camera)
+    wanted.push_back(Topic::camera_info);
+  if (options.mount)
+    wanted.insert(wanted.end(), {Topic::tf, Topic::tf_static});
+  s.messages.emplace(std::move(options));
+  for (const Topic topic : wanted)
+    if (!open_topic(self, topic, error))
+      return false;
+  return read_poses(self, set, error) && read_near(self, set, error) && announce(self, set, error);
+}
+
+bool open_topics(GstTerrainRos2Sink* self) {
+  Ros2State& s = *self->state;
+  const SinkSettings set = settings_of(self);
+  recording::MessageOptions options;
+  options.body_frame = set.frame_id;
+  options.camera_frame = set.camera_frame_id;
+  options.grid_resolution = set.grid_resolution;
+  if (const auto flaw = read_calibration(set.camera_info, set.mount, options.camera, options.mount)) {
+    post_error(GST_ELEMENT(self), *flaw);
+    return false;
+  }
+  const auto get = +[](const char* name) -> const char* { return std::getenv(name); };
+  std::string error;
+  const auto discovery = ros2::discovery_from(get, error);
+  if (!discovery)
+    return report(self, error);
+  s.mount = options.mount.value_or(metric::Mount{});
+  s.frames = s.taken = s.refused = 0;
+  s.near_state = Ros2State::near_unknown;
+  s.warned_metadata = s.warned_input = false;
+  std::unique_lock lock(s.mutex);
+  const bool made = make_topics(self, set, *discovery, std::move(options), error);
+  lock.unlock(); // whoever handles the message may read stats
+  return made || report(self, error);
+}
+
+// ---- frames ----------------------------------------------------------------------------------------------
+
+/// The time of day of a frame: its own where it has one, else when it was due to be rendered.
+std::uint64_t time_of(GstTerrainRos2Sink* self, GstBuffer* buffer) {
+  if (const auto utc = utc_of(buffer))
+    return *utc;
+  const GstClockTimeDiff now = g_get_real_time() * 1000;
+  const GstClockTime due = running_time_of(GST_BASE_SINK(self)->segment, GST_BUFFER_PTS(buffer));
+  GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
+  if (!clock || !GST_CLOCK_TIME_IS_VALID(due)) {
+    gst_clear_object(&clock);
+    return static_cast<std::uint64_t>(now);
+  }
+  const auto running =
+      static_cast<GstClockTimeDiff>(gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(self)));
+  gst_object_unref(clock);
+  return static_cast<std::uint64_t>(now - (running - static_cast<GstClockTimeDiff>(due)));
+}
+
+GstFlowReturn send(GstTerrainRos2Sink* self, GstBuffer* buffer) {
+  Ros2State& s = *self->state;
+  const FrameReader reader(buffer, s.kind, s.source.name());
+  if (reader.has_b_frame()) {
+    GST_ELEMENT_ERROR(
+        self, STREAM, FORMAT,
+        ("The H.264 video has B-frames, which receivers of messages do not show. Set bframes=0 on "
+         "x264enc, or the like on another encoder."),
+        (nullptr));
+    return GST_FLOW_ERROR;
+  }
+  if (reader.flaw() && !std::exchange(s.warned_metadata, true))
+    GST_ELEMENT_WARNING(self, STREAM, FORMAT, ("Invalid terrain metadata is not sent: %s.", reader.flaw()),
+                        (nullptr));
+  recording::MessageFrame frame = reader.frame(time_of(self, buffer));
+  const auto near = s.near_state.load();
+  if (near != Ros2State::near_unknown)
+    frame.near_clear = near == Ros2State::near_clear;
+  GST_LOG_OBJECT(self, "%s at %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT,
+                 reader.has_estimate() ? reader.has_metric() ? "with terrain and metres" : "with terrain"
+                                       : "without terrain",
+                 frame.time, printable(buffer));
+  ++s.frames;
+  return s.messages->add(frame, *s.outlet) ? GST_FLOW_OK : GST_FLOW_ERROR;
+}
+
+GstFlowReturn render(GstBaseSink* sink, GstBuffer* buffer) {
+  return guarded(sink, GST_FLOW_ERROR, [&] { return send(self_of(sink), buffer); });
+}
+
+gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
+  GST_DEBUG_OBJECT(sink, "caps %" GST_PTR_FORMAT, printable(caps));
+  return guarded<gboolean>(sink, FALSE, [&]() -> gboolean {
+    GstTerrainRos2Sink* self = self_of(sink);
+    Ros2State& s = *self->state;
+    s.kind = kind_of(caps);
+    if (s.kind == PictureKind::raw)
+      return TRUE;
+    const SinkSettings set = settings_of(self);
+    std::string error;
+    std::unique_lock lock(s.mutex);
+    const bool opened =
+        open_topic(self, s.kind == PictureKind::h264 ? Topic::video : Topic::picture, error) &&
+        announce(self, set, error);
+    lock.unlock();
+    return opened || report(self, error);
+  });
+}
+
+gboolean start(GstBaseSink* sink) {
+  return guarded<gboolean>(sink, FALSE, [&]() -> gboolean {
+    if (open_topics(self_of(sink)))
+      return TRUE;
+    close_topics(self_of(sink));
+    return FALSE;
+  });
+}
+
+gboolean stop(GstBaseSink* sink) {
+  close_topics(self_of(sink));
+  return TRUE;
+}
+
+gboolean propose_allocation(GstBaseSink*, GstQuery* query) {
+  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr); // no pixel is read
+  return TRUE;
+}
+
+// ---- the object ------------------------------------------------------------------------------------------
+
+GstStructure* statistics_of(GstTerrainRos2Sink* self) {
+  Ros2State& s = *self->state;
+  const std::lock_guard lock(s.mutex);
+  GstStructure* all = gst_structure_new("terrainros2sink-stats", "frames", G_TYPE_UINT64, s.frames.load(),
+                                        "messages-taken", G_TYPE_UINT64, s.taken.load(), "messages-refused",
+                                        G_TYPE_UINT64, s.refused.load(), nullptr);
+  for (const TopicProperty& topic : topics)
+    if (const ros2::Writer* writer = s.outlet ? s.outlet->writer(topic.topic) : nullptr) {
+      GstStructure* one =
+          gst_structure_new(topic.stem, "readers", G_TYPE_UINT, writer->readers(), "written", G_TYPE_UINT64,
+                            writer->written(), "dropped", G_TYPE_UINT64, writer->dropped(), nullptr);
+      gst_structure_set(all, topic.stem, GST_TYPE_STRUCTURE, one, nullptr);
+      gst_structure_free(one);
+    }
+  return all;
+}
+
+void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  Ros2State& s = *self_of(object)->state;
+  if (id == property_source) {
+    s.source.set(value);
+  } else if (id >= property_topic && id < property_table) {
+    const gchar* text = g_value_get_string(value);
+    ObjectLock lock(object);
+    s.names[id - property_topic] = g_intern_string(text ? text : "");
+  } else if (id >= property_table && id < property_table + std::size(table)) {
+    ObjectLock lock(object);
+    set_field(table[id - property_table], s.settings, value);
+  } else {
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+  }
+}
+
+void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
+  Ros2State& s = *self_of(object)->state;
+  if (id == property_source) {
+    s.source.get(value);
+  } else if (id == property_stats) {
+    g_value_take_boxed(value, statistics_of(self_of(object)));
+  } else if (id >= property_topic && id < property_table) {
+    ObjectLock lock(object);
+    const char* name = s.names[id - property_topic];
+    g_value_set_static_string(value, *name ? name : nullptr);
+  } else if (id >= property_table && id < property_table + std::size(table)) {
+    ObjectLock lock(object);
+    get_field(table[id - property_table], s.settings, value);
+  } else {
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+  }
+}
+
+void install_topics(GObjectClass* object_class) {
+  for (guint i = 0; i < topic_count; ++i) {
+    const TopicProperty& topic = topics[i];
+    const std::string name = std::string(topic.stem) + "-topic";
+    const std::string blurb =
+        std::string("Name of the topic of the ") + topic.what + ", none = it is not sent";
+    g_object_class_install_property(
+        object_class, property_topic + i,
+        g_param_spec_string(name.c_str(), topic.nick, blurb.c_str(), topic.default_name,
+                            static_cast<GParamFlags>(G_PARAM_READWRITE | GST_PARAM_MUTABLE_READY)));
+  }
+}
+
+} // namespace
+
+static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
+  GST_DEBUG_CATEGORY_INIT(terrainros2sink_debug, "terrainros2sink", 0, "terrain metadata as ROS 2 topics");
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = set_property;
+  object_class->get_property = get_property;
+  object_class->finalize = finalize_state<GstTerrainRos2Sink, gst_terrain_ros2_sink_parent_class>;
+  NameProperty::install_source(object_class, property_source);
+  g_object_class_install_property(
+      object_class, property_stats,
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "frames, messages-taken and messages-refused since the start; of each open topic readers "
+          "(matched now), written and dropped (not taken by DDS within 5 ms)",
+          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  install_topics(object_class);
+  install_properties<SinkSettings>(object_class, property_table, table);
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  gst_element_class_add_static_pad_template(element_class, &sink_template);
+  gst_element_class_set_static_metadata(element_class, "ROS 2 sink", "Sink/Network/Metadata/Video",
+                                        "Sends terrain metadata and video as ROS 2 topics over DDS",
+                                        "terrainseg maintainers");
+  GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
+  sink_class->start = start;
+  sink_class->stop = stop;
+  sink_class->set_caps = set_caps;
+  sink_class->render = render;
+  sink_class->propose_allocation = propose_allocation;
+}
+
+static void gst_terrain_ros2_sink_init(GstTerrainRos2Sink* self) {
+  self->state.make();
+  gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
+}

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The memory of a buffer, mapped for as long as a scope lasts.
+#pragma once
+
+#include <gst/gst.h>
+
+namespace terrainseg {
+
+class MappedBuffer {
+ public:
+  /// `buffer` may be nullptr; then, and when it cannot be mapped, data() is nullptr.
+  MappedBuffer(GstBuffer* buffer, GstMapFlags flags) : buffer_(buffer) {
+    mapped_ = buffer && gst_buffer_map(buffer, &map_, flags);
+  }
+  ~MappedBuffer() {
+    if (mapped_)
+      gst_buffer_unmap(buffer_, &map_);
+  }
+  MappedBuffer(const MappedBuffer&) = delete;
+  MappedBuffer& operator=(const MappedBuffer&) = delete;
+  guint8* data() const { return mapped_ ? map_.data : nullptr; }
+  gsize size() const { return mapped_ ? map_.size : 0; }
+
+ private:
+  GstBuffer* buffer_;
+  GstMapInfo map_{};
+  bool mapped_ = false;
+};
+
+} // namespace terrainseg

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The estimate of one frame, from what all stages say of it.
+#pragma once
+
+#include <vector>
+
+#include "base/estimate_writer.hpp"
+#include "base/frame_line.hpp"
+#include "base/stage_clock.hpp"
+#include "freespace/answer/evidence.hpp"
+#include "freespace/answer/free_space.hpp"
+#include "freespace/answer/horizon_row.hpp"
+
+namespace terrainseg {
+
+struct View;
+struct WindowLesson;
+struct Scores;
+struct Ground;
+class HoleFinders;
+
+/// All that is known of a frame in the end.
+struct Findings {
+  const View& view;
+  const WindowLesson& lesson;
+  const Scores& scores;
+  const Ground& ground;
+  const FreeSpaceCurves& curves;
+  const HoleFinders& holes;
+  FrameLine end;          ///< of the ground plane
+  std::int32_t speed = 0; ///< forward, over the camera's height, Q16 1/s
+  bool continued = false; ///< the frame before shows the same place
+};
+
+class AnswerWriter {
+ public:
+  /// What is known before anything is learned.
+  void start(const View& view, EstimateWriter& out);
+  /// No terrain is known.
+  static void write_unknown(EstimateWriter& out, StageClock& clock);
+  void write(const Findings& f, HorizonHold& hold, EstimateWriter& out, StageClock& clock);
+
+ private:
+  void write_rows(const Findings& f, std::uint8_t confidence, HorizonHold& hold, EstimateWriter& out);
+  void write_mask(const Findings& f, EstimateWriter& out);
+  void write_confidence(const Findings& f, const Estimate& estimate);
+
+  MutablePlane confidence_map_;
+  FrameCurve below_things_; ///< the safe curve where nothing stands in the open below it
+  std::vector<std::uint16_t> scratch_;
+  FreeSpace free_space_;
+  Evidence evidence_;
+};
+
+} // namespace terrainseg

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "freespace/answer/evidence.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "base/tuning.hpp"
+#include "terrainseg/estimate.hpp"
+
+namespace terrainseg {
+namespace {
+
+/// Cells of one colour are wrong together: what a score (Q4) says counts for a third of it, a logistic
+/// regression over 23 sets of pictures says. How often the sum is right is measured in docs/metadata.md.
+TERRAINSEG_TUNED(int, evidence, score_weight, 5);
+TERRAINSEG_TUNED(int, evidence, score_shift, 8);
+TERRAINSEG_TUNED(int, evidence, score_limit, 96 * 16);
+/// A row of cells between a cell and the boundary, 32 = 1 nat, and the most rows that count.
+TERRAINSEG_TUNED(int, evidence, row_weight, 10);
+TERRAINSEG_TUNED(int, evidence, most_rows, 8);
+/// A cell as odd as its surroundings often are (Q4 of a deviation) says nothing; 32 more are half a nat.
+TERRAINSEG_TUNED(int, evidence, usual_oddness, 24);
+/// What stands: 16 of 256 are a nat, and this is the most.
+TERRAINSEG_TUNED(int, evidence, standing_weight, 2);
+TERRAINSEG_TUNED(int, evidence, most_standing, 8 * 32);
+/// Cells of spots and of motion are finer than the grid's by so many levels at most.
+TERRAINSEG_TUNED(int, evidence, most_levels_finer, 2);
+/// Of the whole picture: a label without any other evidence, and 255 of the mask's confidence.
+TERRAINSEG_TUNED(int, evidence, without_confidence, -45);
+TERRAINSEG_TUNED(int, evidence, full_confidence, 80);
+
+/// 255 * tanh(x / 2) for x = 0, 1/2, 1 .. 6 nats.
+constexpr int step_bits = 4;
+constexpr std::array<std::uint8_t, 13> certainty{0,   62,  118, 162, 194, 216, 231,
+                                                 240, 246, 249, 252, 253, 254};
+
+/// confidence_of() from 0 up to where it grows no more.
+constexpr auto confidence_table = [] {
+  std::array<std::uint8_t, (certainty.size() - 1) << step_bits> table{};
+  for (std::size_t e = 0; e < table.size(); ++e) {
+    const std::size_t step = e >> step_bits;
+    const int part = static_cast<int>(e) & ((1 << step_bits) - 1);
+    table[e] = static_cast<std::uint8_t>(certainty[step] +
+                                         (((certainty[step + 1] - certainty[step]) * part) >> step_bits));
+  }
+  return table;
+}();
+
+int appearance(int score) {
+  return std::clamp(score, -score_limit, score_limit) * score_weight >> score_shift;
+}
+
+/// Of half rows from the curve; above 0: ground.
+int place(int half_rows) {
+  return std::clamp(half_rows, -2 * most_rows, 2 * most_rows) * row_weight / 2;
+}
+
+void start_row(const std::int16_t* __restrict scores, const std::uint16_t* __restrict boundary, int row,
+               int count, std::int16_t* __restrict sums) {
+  // Half a row, so that the rows next to a curve are equally far from it.
+  for (int x = 0; x < count; ++x)
+    sums[x] = static_cast<std::int16_t>(appearance(scores[x]) + place(2 * (row - boundary[x]) + 1));
+}
+
+template <typename Value>
+void raise_to(const Value* __restrict values, int count, std::int16_t* __restrict most) {
+  for (int x = 0; x < count; ++x)
+    most[x] = std::max(most[x], static_cast<std::int16_t>(values[x]));
+}
+
+void look_at(const std::uint8_t* __restrict labels, const int* __restrict pixels, int count,
+             std::uint8_t* __restrict out) {
+  for (int x = 0; x < count; ++x)
+    out[x] = labels[pixels[x]];
+}
+
+/// What speaks for the label, and what the whole picture adds: as far as the table goes.
+void turn_to(const std::uint8_t* __restrict labels, const std::int16_t* __restrict sums, std::int16_t whole,
+             int count, std::int16_t* __restrict out) {
+  constexpr auto last = static_cast<std::int16_t>(confidence_table.size() - 1);
+  for (int x = 0; x < count; ++x) {
+    const auto against = static_cast<std::int16_t>(-sums[x]);
+    const auto sum = static_cast<std::int16_t>((labels[x] == mask_traversable ? sums[x] : against) + whole);
+    const std::int16_t least = sum < 0 ? std::int16_t{0} : sum;
+    out[x] = least < last ? least : last;
+  }
+}
+
+void look_up(const std::int16_t* __restrict sums, const std::uint8_t* __restrict ignored, int count,
+             std::uint8_t* __restrict out) {
+  for (int x = 0; x < count; ++x)
+    out[x] = ignored[x] ? std::uint8_t{0} : confidence_table[static_cast<std::size_t>(sums[x])];
+}
+
+bool any_of(const std::int16_t* values, int count) {
+  int any = 0;
+  for (int x = 0; x < count; ++x)
+    any |= values[x];
+  return any != 0;
+}
+
+} // namespace
+
+std::uint8_t confidence_of(int evidence) {
+  return confidence_table[static_cast<std::size_t>(
+      std::clamp(evidence, 0, static_cast<int>(confidence_table.size()) - 1))];
+}
+
+void Evidence::start(const Grid& grid, const CellScores& score, const GridCurve& boundary,
+                     const GroundBehind& behind) {
+  level_ = grid.level;
+  width_ = grid.width;
+  height_ = grid.height;
+  sums_.resize(grid.size());
+  // Whatever is subtracted later, and whether it is: no frame needs memory then.
+  strongest_.reserve((static_cast<std::size_t>(width_) + 1) << most_levels_finer);
+  ends_.reserve(static_cast<std::size_t>(width_));
+  const auto w = static_cast<std::size_t>(width_);
+  for (int i = 0; i < height_; ++i) {
+    const std::int16_t* const scores = &score[grid.at(i, 0)];
+    std::int16_t* const sums = &sums_[grid.at(i, 0)];
+    start_row(scores, boundary.data(), i, width_, sums);
+    for (std::size_t j = 0; behind.any && j < w; ++j)
+      if (i < boundary[j] && i >= behind.first[j] && i < behind.end[j])
+        sums[j] = static_cast<std::int16_t>(
+            appearance(scores[j]) + place(2 * std::min(i - behind.first[j], behind.end[j] - 1 - i) + 1));
+  }
+}
+
+// A cell of the grid has what the strongest one in it has: `strength` grows with the value, and is 0 up to 0.
+template <typename Value, typename Strength>
+void Evidence::subtract_cells(const FinerCells<Value>& cells, Strength strength) {
+  const int half = 1 << level_ >> 1;
+  const auto cell_of = [&](int index, int count) {
+    return std::min(((index << cells.level) + cells.middle + half) >> level_, count - 1);
+  };
+  // The finer cells of a row follow one another, and so do those of a column: they end at ends_.
+  ends_.assign(static_cast<std::size_t>(width_), 0);
+  for (int x = 0; x < cells.width; ++x)
+    ends_[static_cast<std::size_t>(cell_of(x, width_))] = x + 1;
+  strongest_.resize(static_cast<std::size_t>(cells.width));
+  for (int y = 0, end; y < cells.height; y = end) {
+    const int row = cell_of(y, height_);
+    std::fill(strongest_.begin(), strongest_.end(), std::int16_t{0});
+    for (end = y; end < cells.height && cell_of(end, height_) == row; ++end)
+      raise_to(cells.values.data() + static_cast<std::size_t>(end) * static_cast<std::size_t>(cells.stride),
+               cells.width, strongest_.data());
+    if (!any_of(strongest_.data(), cells.width))
+      continue;
+    std::int16_t* const out = &sums_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width_)];
+    for (int j = 0, x = 0; j < width_; ++j) {
+      int most = 0;
+      for (; x < ends_[static_cast<std::size_t>(j)]; ++x)
+        most = std::max<int>(most, strongest_[static_cast<std::size_t>(x)]);
+      out[j] = static_cast<std::int16_t>(out[j] - strength(most));
+    }
+  }
+}
+
+void Evidence::subtract(const Detection& found) {
+  if (!found.oddness.values.empty())
+    subtract_cells(found.oddness, [](int odd) { return std::max(odd - usual_oddness, 0) / 2; });
+  if (!found.standing.values.empty())
+    subtract_cells(found.standing,
+                   [](int stands) { return std::clamp(stands * standing_weight, 0, most_standing); });
+}
+
+void Evidence::tell(const Grid& grid, const GrayView& mask, int mask_level, std::uint8_t frame_confidence,
+                    const MutablePlane& confidence) {
+  const int whole = without_confidence + full_confidence * frame_confidence / 255;
+  const auto pixel = [&](int index, int count) {
+    return std::min(subsampled(index << level_, mask_level), count - 1);
+  };
+  pixels_.resize(static_cast<std::size_t>(width_));
+  for (int j = 0; j < width_; ++j)
+    pixels_[static_cast<std::size_t>(j)] = pixel(j, mask.width);
+  labels_.resize(static_cast<std::size_t>(width_));
+  turned_.resize(static_cast<std::size_t>(width_));
+  for (int i = 0; i < height_; ++i) {
+    look_at(mask.plane.row(pixel(i, mask.height)), pixels_.data(), width_, labels_.data());
+    turn_to(labels_.data(), &sums_[grid.at(i, 0)], static_cast<std::int16_t>(whole), width_, turned_.data());
+    look_up(turned_.data(), &grid.ignored[grid.at(i, 0)], width_, confidence.row(i));
+  }
+}
+
+} // namespace terrainseg

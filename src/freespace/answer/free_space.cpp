@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "freespace/answer/free_space.hpp"
+
+#include <algorithm>
+
+#include "base/workers.hpp"
+#include "coarse/ignored.hpp"
+#include "kernels/mask.hpp"
+
+namespace terrainseg {
+
+std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
+                               std::span<const Rectangle> ignored, const MutablePlane& mask, int height,
+                               Workers& workers) {
+  const std::size_t width = curves.safe.size();
+  boundary_.resize(width);
+  safe_.resize(width);
+  behind_first_.resize(width);
+  behind_end_.resize(width);
+  std::uint64_t traversable = 0;
+  for (std::size_t x = 0; x < width; ++x) {
+    // A mask row is what its top pixel row is.
+    boundary_[x] = static_cast<std::uint16_t>(std::min(subsampled(curves.boundary[x], mask_level), height));
+    safe_[x] = static_cast<std::uint16_t>(
+        std::clamp(subsampled(curves.safe[x], mask_level), int{boundary_[x]}, height));
+    traversable += static_cast<std::uint64_t>(height - safe_[x]);
+  }
+  Stretch behind;
+  if (curves.ground_behind)
+    behind = bring_behind(curves, mask_level, traversable);
+  const int bands = workers.count();
+  work_.resize(2 * width * static_cast<std::size_t>(bands));
+  workers.run(bands, [&](int band) {
+    const int first = height * band / bands, end = height * (band + 1) / bands;
+    kernels::write_mask_rows(boundary_.data(), safe_.data(), static_cast<int>(width), first, end, mask.data,
+                             mask.stride, &work_[2 * width * static_cast<std::size_t>(band)]);
+    kernels::add_mask_stretches(behind_first_.data() + behind.left, behind_end_.data() + behind.left,
+                                behind.right - behind.left, std::max(first, behind.top),
+                                std::min(end, behind.bottom), mask.data + behind.left, mask.stride);
+  });
+  return traversable - mark_ignored(ignored, mask_level, mask, static_cast<int>(width), height);
+}
+
+FreeSpace::Stretch FreeSpace::bring_behind(const FreeSpaceCurves& curves, int mask_level,
+                                           std::uint64_t& traversable) {
+  const std::size_t width = curves.safe.size();
+  Stretch all{static_cast<int>(width), 0, 65535, 0};
+  for (std::size_t x = 0; x < width; ++x) {
+    const int end = std::min<int>(subsampled(curves.behind_end[x], mask_level), boundary_[x]),
+              first = std::min(subsampled(curves.behind_first[x], mask_level), end);
+    behind_first_[x] = static_cast<std::uint16_t>(first);
+    behind_end_[x] = static_cast<std::uint16_t>(end);
+    if (first == end)
+      continue;
+    traversable += static_cast<std::uint64_t>(end - first);
+    all.left = std::min(all.left, static_cast<int>(x));
+    all.right = static_cast<int>(x) + 1;
+    all.top = std::min(all.top, first);
+    all.bottom = std::max(all.bottom, end);
+  }
+  return all.left < all.right ? all : Stretch{};
+}
+
+void reachable_rows(const FrameCurve& safe, int mask_level, const Rectangle& window, int frame_height,
+                    std::span<std::uint16_t> reachable) {
+  std::fill(reachable.begin(), reachable.end(), static_cast<std::uint16_t>(frame_height));
+  const int width = static_cast<int>(safe.size()), bottom = window.y + window.height;
+  const int left = std::clamp(subsampled(window.x, mask_level), 0, width - 1),
+            right = std::clamp((window.x + window.width - 1) >> mask_level, left, width - 1);
+  const auto take = [&](int x) {
+    if (safe[static_cast<std::size_t>(x)] >= bottom)
+      return false;
+    reachable[static_cast<std::size_t>(x)] = safe[static_cast<std::size_t>(x)];
+    return true;
+  };
+  for (int x = left; x <= right; ++x)
+    take(x);
+  for (int x = left - 1; x >= 0 && reachable[static_cast<std::size_t>(x + 1)] < frame_height && take(x);)
+    --x;
+  for (int x = right + 1; x < width && reachable[static_cast<std::size_t>(x - 1)] < frame_height && take(x);)
+    ++x;
+}
+
+} // namespace terrainseg

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The two curves as a mask and as what a controller drives by.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/quantities.hpp"
+#include "freespace/curve/frame_curves.hpp"
+#include "terrainseg/frame.hpp"
+
+namespace terrainseg {
+
+class Workers;
+
+class FreeSpace {
+ public:
+  /// Writes a mask of curves.boundary.size() columns, `height` rows, 2^mask_level times smaller than the
+  /// frame: 0 above the boundary, 128 from there to the safe row, 255 below and behind obstacles, 128 where
+  /// ignored. Returns the number of traversable pixels.
+  std::uint64_t write(const FreeSpaceCurves& curves, int mask_level, std::span<const Rectangle> ignored,
+                      const MutablePlane& mask, int height, Workers& workers);
+
+ private:
+  /// Columns left .. right - 1 and rows top .. bottom - 1 of the mask.
+  struct Stretch {
+    int left = 0, right = 0, top = 0, bottom = 0;
+  };
+  /// Where the mask has ground behind obstacles; adds its pixels to `traversable`.
+  Stretch bring_behind(const FreeSpaceCurves& curves, int mask_level, std::uint64_t& traversable);
+
+  MaskCurve boundary_, safe_, behind_first_, behind_end_;
+  std::vector<std::uint8_t> work_;
+};
+
+/// Per mask column the safe row, `frame_height` where the free space is not reachable from the window:
+/// outwards from the window's columns, a column in which nothing above the window's bottom edge is free ends
+/// it.
+void reachable_rows(const FrameCurve& safe, int mask_level, const Rectangle& window, int frame_height,
+                    std::span<std::uint16_t> reachable);
+
+} // namespace terrainseg

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The detectors of what stands in the open, each with a switch of its own.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "base/frame_line.hpp"
+#include "freespace/curve/refined_curves.hpp"
+#include "freespace/holes/hole.hpp"
+#include "freespace/holes/odd_spots.hpp"
+#include "freespace/holes/standing_things.hpp"
+#include "freespace/holes/stone_field.hpp"
+
+namespace terrainseg {
+
+struct View;
+struct Ground;
+
+/// What detectors keep from frame to frame.
+struct HoleMemory {
+  StoneField::Watch stones;
+  MotionTrack motion;
+};
+
+/// The ground of a frame, in which they look.
+struct OpenGround {
+  const View& view;
+  const Ground& ground;
+  RefinedCurves& curves;
+  std::uint32_t horizon = 0; ///< slow, Q8 of the height: sizes grow with the distance from it
+  FrameLine line;            ///< what is known of the ground's vanishing line
+  bool continued = false;    ///< the frame before shows the same place
+  /// Evidence of motion, which is looked at first; empty where there is none.
+  FinerCells<std::int16_t> motion{};
+
+  const FreeSpaceCurves& curves_at(int level) const { return curves.at(view, ground, level); }
+};
+
+/// One detector: it finds, and what it has found becomes holes in one place (hole.hpp).
+class HoleFinder {
+ public:
+  virtual ~HoleFinder() = default;
+  /// Fills found(): no holes where the settings switch it off.
+  virtual void find(OpenGround& open, HoleMemory& memory) = 0;
+  const Detection& found() const { return found_; }
+
+ protected:
+  Detection found_;
+};
+
+/// Obstacles: what moves as something that stands on the ground.
+class MotionFinder final : public HoleFinder {
+ public:
+  MotionFinder() { found_.label = mask_not_traversable; }
+  void find(OpenGround& open, HoleMemory& memory) override;
+
+ private:
+  StandingThings things_;
+};
+
+/// Small things that differ from the ground on both their sides: in the whole picture, or far away in cells
+/// half as large.
+class SpotFinder final : public HoleFinder {
+ public:
+  enum class Reach : std::uint8_t { whole_picture, far_away };
+  explicit SpotFinder(Reach reach) : reach_(reach) {}
+  void find(OpenGround& open, HoleMemory& memory) override;
+
+ private:
+  Reach reach_;
+  OddSpots spots_;
+};
+
+/// Stones of any shade, where there are many.
+class StoneFinder final : public HoleFinder {
+ public:
+  void find(OpenGround& open, HoleMemory& memory) override;
+
+ private:
+  StoneField field_;
+};
+
+class HoleFinders {
+ public:
+  using List = std::array<HoleFinder*, 4>;
+  void find(OpenGround open, HoleMemory& memory);
+  const List& list() const { return list_; }
+
+ private:
+  MotionFinder motion_;
+  SpotFinder near_spots_{SpotFinder::Reach::whole_picture}, far_spots_{SpotFinder::Reach::far_away};
+  StoneFinder stones_;
+  List list_{&motion_, &near_spots_, &far_spots_, &stones_};
+};
+
+} // namespace terrainseg

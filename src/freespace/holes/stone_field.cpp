@@ -1,0 +1,378 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "freespace/holes/stone_field.hpp"
+
+#include <algorithm>
+
+#include "base/tuning.hpp"
+#include "kernels/deviation.hpp"
+
+namespace terrainseg {
+namespace {
+
+/// Cells of a block, each way; the ground is measured in every fourth row of them.
+constexpr int block_shift = 4, block = 1 << block_shift, row_step = 4;
+/// No distance from the horizon is less, for boxes.
+TERRAINSEG_TUNED(int, stone_field, nearest_rows, 30);
+/// The box around a block reaches that much of the distance, in sixteenths; at most so many blocks, whose
+/// sums of squares fit.
+TERRAINSEG_TUNED(int, stone_field, box_reach, 8);
+TERRAINSEG_TUNED(int, stone_field, most_reach, 15);
+/// Share of a box that must be ground for it to say anything, as its inverse.
+TERRAINSEG_TUNED(int, stone_field, least_ground, 4);
+/// Deviations beyond which a cell does not count as ground; and grey levels: no deviation is less.
+TERRAINSEG_TUNED(int, stone_field, trim, 2);
+TERRAINSEG_TUNED(int, stone_field, deviation_floor, 5);
+/// Q4 of a deviation: of a cell, and of the mean of the box around a seed.
+TERRAINSEG_TUNED(int, stone_field, odd_enough, 24);
+TERRAINSEG_TUNED(int, stone_field, seed_enough, 31);
+/// Half of that box, and of the one in which pieces grow around a seed, 1024ths of the distance.
+TERRAINSEG_TUNED(int, stone_field, seed_reach, 20);
+/// Of a stone: largest width and height in 64ths of the distance, and what its clearest cell must have. A
+/// piece of three cells is never too large: far away nothing is smaller.
+TERRAINSEG_TUNED(int, stone_field, stone_width, 51);
+TERRAINSEG_TUNED(int, stone_field, stone_height, 38);
+TERRAINSEG_TUNED(int, stone_field, stone_peak, 48);
+TERRAINSEG_TUNED(int, stone_field, always_small, 3);
+/// Likewise of those that tell a field.
+TERRAINSEG_TUNED(int, stone_field, sure_width, 19);
+TERRAINSEG_TUNED(int, stone_field, sure_height, 16);
+TERRAINSEG_TUNED(int, stone_field, sure_peak, 80);
+/// A field has so many of them, and they are a sixth of all that stands out.
+TERRAINSEG_TUNED(int, stone_field, least_sure, 16);
+TERRAINSEG_TUNED(int, stone_field, least_share, 6);
+/// Half of both is enough where the frame before showed one.
+TERRAINSEG_TUNED(int, stone_field, less_in_a_field, 2);
+/// Frames that are not looked at after so many looks in vain, in a row.
+constexpr std::array<int, 4> pauses{0, 2, 4, 8};
+/// Of the distance that sizes are compared with.
+TERRAINSEG_TUNED(int, stone_field, least_distance, 12);
+TERRAINSEG_TUNED(int, stone_field, most_oddness, 96);
+
+std::uint32_t root(std::uint32_t square) {
+  std::uint32_t result = 0;
+  for (std::uint32_t bit = 1u << 15; bit != 0; bit >>= 1)
+    if ((result + bit) * (result + bit) <= square)
+      result += bit;
+  return result;
+}
+
+template <typename Value>
+void spread(const Value* values, int blocks, std::size_t count, std::vector<Value>& cells) {
+  cells.resize(static_cast<std::size_t>(blocks) << block_shift);
+  for (int b = 0; b < blocks; ++b)
+    std::fill_n(&cells[static_cast<std::size_t>(b) << block_shift], block, values[b]);
+  cells.resize(count);
+}
+
+} // namespace
+
+/// What is told of a piece.
+struct StoneField::Piece {
+  int left, right, top, bottom, cells, peak;
+  bool inside; ///< ground surrounds it
+
+  bool is_within(int distance, int most_width, int most_height) const {
+    const int width = right - left + 1, height = bottom - top + 1;
+    return (width <= always_small || 64 * width <= most_width * distance) &&
+           (height <= always_small || 64 * height <= most_height * distance);
+  }
+};
+
+// Rows below the horizon.
+int StoneField::distance(int row) const {
+  return std::max(row - horizon_row_, nearest_rows);
+}
+
+bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
+                      const StoneView& view, Watch& watch, std::vector<Hole>& holes) {
+  holes.clear();
+  for (const Run& run : runs_) // nothing else is marked
+    std::fill_n(&oddness_[static_cast<std::size_t>(run.row) * static_cast<std::size_t>(width_) + run.from],
+                run.to - run.from, std::uint8_t{0});
+  runs_.clear();
+  if (watch.frames_to_wait > 0) {
+    --watch.frames_to_wait;
+    return false;
+  }
+  in_field_ = watch.in_field;
+  watch.in_field = look(pyramid, transform, curves, view);
+  watch.looks_in_vain = watch.in_field ? 0 : std::min(watch.looks_in_vain + 1, pauses.size() - 1);
+  watch.frames_to_wait = pauses[watch.looks_in_vain];
+  holes.reserve(runs_.capacity());
+  for (const Run& run : runs_)
+    holes.push_back(hole_of_cells(view_.level, run.row, run.from, run.to));
+  return watch.in_field;
+}
+
+bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
+                      const StoneView& view) {
+  view_ = view;
+  width_ = pyramid.width(view.level);
+  height_ = pyramid.height(view.level);
+  horizon_row_ = static_cast<int>(view.horizon) * height_ >> 8;
+  const std::size_t size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  for (auto* cells : {&deviation_, &marked_, &waiting_, &oddness_})
+    cells->resize(size);
+  piece_.reserve(size); // now: not in the frame in which something is first found
+  runs_.reserve(size / 2);
+  row_ends_.reserve(static_cast<std::size_t>(height_));
+  const bool any_ground = ground_.draw(
+      curves, {view.level, width_, height_, view.column_level, view.column_spacing, view.ignored, width_});
+  first_ = std::min(ground_.first(), height_);
+  candidates_.start(width_, height_, first_);
+  if (!any_ground)
+    return false;
+  read_luma(pyramid, transform);
+  measure_ground();
+  measure_deviations();
+  const auto reach_of = [&](int row) { return reach(row); };
+  candidates_.list(deviation_.data(), odd_enough);
+  const auto clear = std::count_if(candidates_.cells().begin(), candidates_.cells().end(),
+                                   [&](std::uint32_t cell) { return deviation_[cell] >= sure_peak; });
+  if (clear < pieces_of_a_field()) // each piece has one
+    return false;
+  if (!candidates_.seed(deviation_.data(), ground_, seed_enough, reach_of, marked_.data()))
+    return false;
+  candidates_.grow(marked_.data(), reach_of, waiting_.data());
+  for (const std::uint32_t cell : candidates_.cells())
+    marked_[cell] = waiting_[cell];
+  if (!is_field())
+    return false;
+  take_stones();
+  return true;
+}
+
+void StoneField::read_luma(const Pyramid& pyramid, const ColorTransform& transform) {
+  luma_.resize(static_cast<std::size_t>(height_));
+  if (view_.rgb)
+    luma_of_rgb_.resize(deviation_.size());
+  for (int i = first_; i < height_; ++i) {
+    const std::uint8_t* row = pyramid.plane(view_.level, 0).row(i);
+    if (view_.rgb) {
+      std::uint8_t* const own = &luma_of_rgb_[static_cast<std::size_t>(i) * static_cast<std::size_t>(width_)];
+      transform_luma_row(transform,
+                         {row, pyramid.plane(view_.level, 1).row(i), pyramid.plane(view_.level, 2).row(i)},
+                         own, width_);
+      row = own;
+    }
+    luma_[static_cast<std::size_t>(i)] = row;
+  }
+}
+
+int StoneField::block_reach(int block_row) const {
+  const int away = distance((block_row << block_shift) + block / 2);
+  return std::clamp((box_reach * away / 16 + block / 2) >> block_shift, 1, most_reach);
+}
+
+// Sums per block of what `add_row(row)` adds to columns, over the rows that are measured, as integrals.
+template <typename AddRow> void StoneField::sum_blocks(AddRow add_row) {
+  const auto columns = static_cast<std::size_t>(width_), stride = static_cast<std::size_t>(blocks_x_) + 1;
+  for (auto& sums : blocks_) {
+    sums.resize(stride * (static_cast<std::size_t>(blocks_y_) + 1)); // wherever the ground begins
+    std::fill_n(sums.begin(), stride, 0u);
+  }
+  for (int I = first_block_; I < blocks_y_; ++I) {
+    for (auto* values : {&cells_, &sums_, &distances_})
+      values->assign(columns, 0);
+    squares_.assign(columns, 0);
+    const int top = I << block_shift, bottom = std::min(top + block, height_);
+    for (int i = top; i < bottom; i += row_step)
+      if (i >= first_)
+        add_row(i);
+    const std::size_t above = static_cast<std::size_t>(I - first_block_) * stride;
+    std::array<std::uint32_t, 3> run{};
+    for (auto& sums : blocks_)
+      sums[above + stride] = 0;
+    for (std::size_t b = 0; b + 1 < stride; ++b) {
+      for (std::size_t x = b << block_shift; x < std::min((b + 1) << block_shift, columns); ++x) {
+        run[0] += cells_[x];
+        run[1] += sums_[x];
+        run[2] += squares_[x] + distances_[x]; // one of them is 0
+      }
+      for (std::size_t s = 0; s < 3; ++s)
+        blocks_[s][above + stride + b + 1] = blocks_[s][above + b + 1] + run[s];
+    }
+  }
+}
+
+// Of the box around a block: cells that count, their sum, and that of their squares or distances.
+std::array<std::uint32_t, 3> StoneField::box_around(int block_row, int column, int reach) const {
+  const auto stride = static_cast<std::size_t>(blocks_x_) + 1;
+  const auto top = static_cast<std::size_t>(std::max(block_row - reach - first_block_, 0)) * stride,
+             bottom =
+                 static_cast<std::size_t>(std::min(block_row + reach + 1, blocks_y_) - first_block_) * stride,
+             left = static_cast<std::size_t>(std::max(column - reach, 0)),
+             right = static_cast<std::size_t>(std::min(column + reach + 1, blocks_x_));
+  std::array<std::uint32_t, 3> box{};
+  for (std::size_t s = 0; s < 3; ++s) {
+    const std::uint32_t* const sums = blocks_[s].data();
+    box[s] = sums[bottom + right] - sums[top + right] - sums[bottom + left] + sums[top + left];
+  }
+  return box;
+}
+
+// Per block the mean of the ground around it and its mean deviation, twice: the second time without what lies
+// beyond `trim` deviations of the first.
+void StoneField::measure_ground() {
+  blocks_x_ = (width_ + block - 1) >> block_shift;
+  blocks_y_ = (height_ + block - 1) >> block_shift;
+  first_block_ = first_ >> block_shift;
+  const std::size_t count = static_cast<std::size_t>(blocks_x_) * static_cast<std::size_t>(blocks_y_);
+  middle_.resize(count);
+  reach_.resize(count);
+  scale_.resize(count);
+  const auto each_block = [&](auto visit) {
+    for (int I = first_block_; I < blocks_y_; ++I) {
+      const int reach = block_reach(I);
+      for (int J = 0; J < blocks_x_; ++J)
+        visit(static_cast<std::size_t>(I) * static_cast<std::size_t>(blocks_x_) + static_cast<std::size_t>(J),
+              box_around(I, J, reach), reach);
+    }
+  };
+
+  sum_blocks([&](int i) {
+    kernels::add_moments(luma_[static_cast<std::size_t>(i)], ground_.row(i), width_,
+                         {cells_.data(), sums_.data(), squares_.data()});
+  });
+  each_block([&](std::size_t b, const std::array<std::uint32_t, 3>& box, int reach) {
+    const auto [n, sum, squares] = box;
+    const auto side = static_cast<std::uint32_t>(2 * reach + 1) << block_shift;
+    reach_[b] = 0; // nothing is known of too little ground
+    if (least_ground * row_step * n < side * side)
+      return;
+    // Around 128, so that the sums of squares fit.
+    const std::int64_t count = n, off = static_cast<std::int64_t>(sum) - 128 * count;
+    const auto variance_q8 =
+        static_cast<std::uint32_t>(256 * (squares * count - off * off) / (count * count));
+    middle_[b] = static_cast<std::uint8_t>((sum + n / 2) / n);
+    reach_[b] = static_cast<std::uint8_t>(
+        std::clamp<std::uint32_t>(trim * root(variance_q8) >> 4, trim * deviation_floor, 255));
+  });
+
+  sum_blocks([&](int i) {
+    const std::size_t at = static_cast<std::size_t>(i >> block_shift) * static_cast<std::size_t>(blocks_x_);
+    if (i % block == 0 || i < first_ + row_step) {
+      spread(&middle_[at], blocks_x_, static_cast<std::size_t>(width_), row_middle_);
+      spread(&reach_[at], blocks_x_, static_cast<std::size_t>(width_), row_reach_);
+    }
+    kernels::add_near(luma_[static_cast<std::size_t>(i)], ground_.row(i), row_middle_.data(),
+                      row_reach_.data(), width_, {cells_.data(), sums_.data(), distances_.data()});
+  });
+  each_block([&](std::size_t b, const std::array<std::uint32_t, 3>& box, int) {
+    const auto [n, sum, distances] = box;
+    scale_[b] = 0;
+    if (reach_[b] == 0 || n == 0)
+      return;
+    middle_[b] = static_cast<std::uint8_t>((sum + n / 2) / n);
+    // A normal distribution's deviation is 5/4 of the mean distance.
+    const std::uint32_t deviation_q4 = std::max<std::uint32_t>(20 * distances / n, 16 * deviation_floor);
+    scale_[b] = static_cast<std::uint16_t>((16 << 12) / deviation_q4);
+  });
+}
+
+void StoneField::measure_deviations() {
+  for (int i = first_; i < height_; ++i) {
+    const std::size_t at = static_cast<std::size_t>(i >> block_shift) * static_cast<std::size_t>(blocks_x_);
+    if (i % block == 0 || i == first_) {
+      spread(&middle_[at], blocks_x_, static_cast<std::size_t>(width_), row_middle_);
+      spread(&scale_[at], blocks_x_, static_cast<std::size_t>(width_), row_scale_);
+    }
+    kernels::deviations_from(luma_[static_cast<std::size_t>(i)], ground_.row(i), row_middle_.data(),
+                             row_scale_.data(), width_,
+                             &deviation_[static_cast<std::size_t>(i) * static_cast<std::size_t>(width_)]);
+  }
+}
+
+// Half of the box around a cell of that row.
+int StoneField::reach(int row) const {
+  return std::max((seed_reach * distance(row) + 512) >> 10, 1);
+}
+
+// Calls visit(piece) for each piece with a cell that stands out by `peak` or more, whose cells are in piece_
+// and wait no longer.
+template <typename Visit> void StoneField::each_piece(int peak, Visit visit) {
+  for (const std::uint32_t cell : candidates_.cells())
+    if (waiting_[cell] && deviation_[cell] >= peak) {
+      candidates_.take_piece(cell, waiting_.data(), piece_);
+      visit(look_at(piece_));
+    }
+}
+
+// Clear pieces that make the field.
+int StoneField::pieces_of_a_field() const {
+  return in_field_ ? least_sure / less_in_a_field : least_sure;
+}
+
+StoneField::Piece StoneField::look_at(std::span<const std::uint32_t> cells) const {
+  Piece piece{width_, 0, height_, 0, static_cast<int>(cells.size()), 0, true};
+  const auto w = static_cast<std::uint32_t>(width_);
+  for (const std::uint32_t cell : cells) {
+    const auto row = static_cast<int>(cell / w), column = static_cast<int>(cell % w);
+    piece.left = std::min(piece.left, column);
+    piece.right = std::max(piece.right, column);
+    piece.top = std::min(piece.top, row);
+    piece.bottom = std::max(piece.bottom, row);
+    piece.peak = std::max<int>(piece.peak, deviation_[cell]);
+    piece.inside &= row > first_ && ground_.at(cell - w);
+  }
+  piece.inside &= piece.left > 0 && piece.right < width_ - 1 && piece.bottom < height_ - 1;
+  return piece;
+}
+
+// Sizes are compared with the distance of where a thing stands.
+int StoneField::distance_of(const Piece& piece) const {
+  return std::max(piece.bottom - horizon_row_, least_distance);
+}
+
+// Of pieces without a clear cell only how many cells they have matters.
+bool StoneField::is_field() {
+  int sure = 0;
+  std::int64_t sure_cells = 0, all_cells = 0;
+  for (const std::uint32_t cell : candidates_.cells())
+    all_cells += waiting_[cell];
+  each_piece(sure_peak, [&](const Piece& piece) {
+    if (!piece.inside || !piece.is_within(distance_of(piece), sure_width, sure_height))
+      return;
+    ++sure;
+    sure_cells += piece.cells;
+  });
+  const int share = in_field_ ? least_share * less_in_a_field : least_share;
+  const bool field = sure >= pieces_of_a_field() && share * sure_cells >= all_cells;
+  for (const std::uint32_t cell : candidates_.cells()) {
+    waiting_[cell] = field ? marked_[cell] : std::uint8_t{0};
+    marked_[cell] = 0;
+  }
+  return field;
+}
+
+void StoneField::take_stones() {
+  each_piece(stone_peak, [&](const Piece& piece) {
+    if (piece.inside && piece.is_within(distance_of(piece), stone_width, stone_height))
+      fill(piece);
+  });
+  for (const std::uint32_t cell : candidates_.cells())
+    waiting_[cell] = 0;
+}
+
+// A stone is as wide as its outermost cells in each row: what lies between its light and its shaded side has
+// the ground's own luma.
+void StoneField::fill(const Piece& piece) {
+  const auto w = static_cast<std::uint32_t>(width_);
+  const auto rows = static_cast<std::size_t>(piece.bottom - piece.top + 1);
+  row_ends_.assign(rows, {width_, 0});
+  for (const std::uint32_t cell : piece_) {
+    auto& [from, to] = row_ends_[static_cast<std::size_t>(static_cast<int>(cell / w) - piece.top)];
+    from = std::min(from, static_cast<int>(cell % w));
+    to = std::max(to, static_cast<int>(cell % w) + 1);
+  }
+  for (std::size_t r = 0; r < rows; ++r) {
+    const int row = piece.top + static_cast<int>(r);
+    const auto [from, to] = row_ends_[r];
+    runs_.push_back(
+        {static_cast<std::uint16_t>(row), static_cast<std::uint16_t>(from), static_cast<std::uint16_t>(to)});
+    std::fill_n(&oddness_[static_cast<std::size_t>(row) * w + static_cast<std::size_t>(from)], to - from,
+                static_cast<std::uint8_t>(std::min(piece.peak, most_oddness)));
+  }
+}
+
+} // namespace terrainseg

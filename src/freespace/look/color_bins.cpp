@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "freespace/look/color_bins.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "base/fixed_log.hpp"
+#include "base/tuning.hpp"
+#include "kernels/cells.hpp"
+
+namespace terrainseg {
+namespace {
+
+/// Q4: the sum of three bands' noise, 7 grey levels. Without a floor compressed pictures lose most of their
+/// texture evidence: half of it costs 0.3 points of error at 1 Hz, JPEG at quality 15 several.
+constexpr int noise_floor = 112;
+/// Of an octave of brightness, Q8, that roughness grows by for the surface to be the same.
+constexpr int brightness_slope = 320;
+constexpr int middle_grey = 1664; ///< log2(90) Q8
+/// 24 bins over 10 octaves, Q16.
+TERRAINSEG_TUNED(int, color_bins, bins_per_octave, 614);
+
+// What a luma takes off the roughness, log2 Q8.
+constexpr std::array<std::int16_t, 256> brightness = [] {
+  std::array<std::int16_t, 256> table{};
+  for (int y = 0; y < 256; ++y)
+    table[static_cast<std::size_t>(y)] = static_cast<std::int16_t>(
+        (brightness_slope * (middle_grey - log2_q8(static_cast<std::uint64_t>(y) + 16))) >> 8);
+  return table;
+}();
+
+/// Sums of differences are looked up as so many times themselves: from 2^10 on.
+constexpr int lookup_shift = 4;
+static_assert(noise_floor << lookup_shift >= 1 << 10);
+
+// log2 Q8 of what is looked up.
+constexpr auto octave_table = [] {
+  std::array<std::int16_t, kernels::octaves_of_table * 256 + 1> table{};
+  for (std::uint64_t i = 0; i + 1 < table.size(); ++i)
+    table[i] = static_cast<std::int16_t>(log2_q8((256 + i % 256) << (i / 256 + 2)) - 256 * lookup_shift);
+  return table;
+}();
+
+// The gain is below 2^12: that of the darkest mean. Compilers make vectors of it.
+void scale_differences(const std::uint16_t* __restrict differences, std::uint32_t gain, std::size_t count,
+                       std::uint32_t* __restrict out) {
+  for (std::size_t i = 0; i < count; ++i)
+    out[i] = ((differences[i] * gain >> 8) + noise_floor) << lookup_shift;
+}
+
+// Luma as the exposure has it, and the gain that it gives to chroma.
+void look_up_exposure(const std::uint8_t* __restrict in, const ExposureTables& exposure, int count,
+                      std::uint8_t* __restrict luma, std::uint32_t* __restrict gain) {
+  for (int j = 0; j < count; ++j) {
+    luma[j] = exposure.luma[in[j]];
+    gain[j] = exposure.chroma_gain[in[j]];
+  }
+}
+
+// Compilers make vectors of this and of the next.
+void normalise_chroma(const std::uint8_t* __restrict in, const std::uint32_t* __restrict gain, int count,
+                      std::uint8_t* __restrict out) {
+  for (int j = 0; j < count; ++j) {
+    const int beyond = ((in[j] - 128) * static_cast<int>(gain[j])) >> 8; // 16 bits hold it
+    const auto chroma = static_cast<std::int16_t>(128 + beyond);
+    out[j] = static_cast<std::uint8_t>(std::clamp(chroma, std::int16_t{0}, std::int16_t{255}));
+  }
+}
+
+void bin_colors(const std::uint8_t* __restrict y, const std::uint8_t* __restrict u,
+                const std::uint8_t* __restrict v, int count, std::uint16_t* __restrict color) {
+  for (int j = 0; j < count; ++j)
+    color[j] = static_cast<std::uint16_t>((y[j] >> luma_bin_shift) << 8 | (u[j] >> chroma_bin_shift) << 4 |
+                                          v[j] >> chroma_bin_shift);
+}
+
+// Along one axis: `count` neighbours `slice` bins apart in every block.
+void blur(std::span<const std::uint32_t> in, std::span<std::uint32_t> out, int slice, int count) {
+  const int block = slice * count;
+  for (int start = 0; start < color_bins; start += block) {
+    const std::uint32_t* from = &in[static_cast<std::size_t>(start)];
+    std::uint32_t* to = &out[static_cast<std::size_t>(start)];
+    for (int i = 0; i < slice; ++i)
+      to[i] = (3 * from[i] + from[i + slice]) >> 2;
+    for (int i = slice; i < block - slice; ++i)
+      to[i] = (from[i - slice] + 2 * from[i] + from[i + slice]) >> 2;
+    for (int i = block - slice; i < block; ++i)
+      to[i] = (from[i - slice] + 3 * from[i]) >> 2;
+  }
+}
+
+} // namespace
+
+void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, const ExposureTables& exposure,
+               CellBins& out) {
+  out.luma.resize(grid.size());
+  out.u.resize(grid.size());
+  out.v.resize(grid.size());
+  out.color.resize(grid.size());
+  out.texture.resize(grid.size());
+  out.roughness.resize(grid.size());
+  out.gain.resize(static_cast<std::size_t>(grid.width));
+  for (int row = 0; row < grid.height; ++row) {
+    const auto [grid_y, grid_u, grid_v] = grid.row(row);
+    const std::size_t first = grid.at(row, 0);
+    look_up_exposure(grid_y, exposure, grid.width, &out.luma[first], out.gain.data());
+    normalise_chroma(grid_u, out.gain.data(), grid.width, &out.u[first]);
+    normalise_chroma(grid_v, out.gain.data(), grid.width, &out.v[first]);
+  }
+  bin_colors(out.luma.data(), out.u.data(), out.v.data(), static_cast<int>(grid.size()), out.color.data());
+  out.differences.resize(grid.size());
+  scale_differences(texture.data(), static_cast<std::uint32_t>(exposure.gain), grid.size(),
+                    out.differences.data());
+  kernels::look_up_octaves(out.differences.data(), octave_table.data(), static_cast<int>(grid.size()),
+                           out.roughness.data());
+  const std::uint8_t* const luma = out.luma.data();
+  std::int16_t* __restrict roughness = out.roughness.data();
+  std::uint8_t* __restrict bin = out.texture.data();
+  for (std::size_t i = 0; i < grid.size(); ++i) {
+    const int rough = roughness[i] - 512 + brightness[luma[i]];
+    roughness[i] = static_cast<std::int16_t>(rough);
+    bin[i] = static_cast<std::uint8_t>(std::clamp((rough * bins_per_octave) >> 16, 0, texture_bins - 1));
+  }
+}
+
+void blur_colors(std::span<const std::uint32_t> in, std::span<std::uint32_t> between,
+                 std::span<std::uint32_t> out) {
+  blur(in, out, chroma_bins * chroma_bins, luma_bins);
+  blur(out, between, chroma_bins, chroma_bins);
+  blur(between, out, 1, chroma_bins);
+}
+
+} // namespace terrainseg

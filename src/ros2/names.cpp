@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "ros2/names.hpp"
+
+#include <glib.h>
+
+#include <charconv>
+#include <map>
+#include <sstream>
+#include <string_view>
+
+namespace terrainseg::ros2 {
+namespace {
+
+/// Numbers of type_description_interfaces/msg/FieldType.
+const std::map<std::string_view, int> primitive_types = {
+    {"int8", 2},   {"uint8", 3}, {"int16", 4},  {"uint16", 5},   {"int32", 6},
+    {"uint32", 7}, {"int64", 8}, {"uint64", 9}, {"float32", 10}, {"float64", 11},
+    {"char", 13},  {"bool", 15}, {"byte", 16},  {"string", 17}};
+constexpr int nested_type = 1, bounded_string = 21;
+constexpr int array_offset = 48, bounded_sequence_offset = 96, sequence_offset = 144;
+
+/// std_msgs/msg/Header for std_msgs/Header.
+std::string long_name(const std::string& name) {
+  const std::size_t slash = name.find('/');
+  return name.substr(0, slash) + "/msg" + name.substr(slash);
+}
+
+/// `=256` behind a mark, or 0.
+int number_behind(std::string_view text, std::string_view mark) {
+  const std::size_t at = text.find(mark);
+  int number = 0;
+  if (at != std::string_view::npos)
+    std::from_chars(text.data() + at + mark.size(), text.data() + text.size(), number);
+  return number;
+}
+
+/// One member as JSON: `float64[36] covariance`, `string<=256 name`, `geometry_msgs/Pose[] poses`.
+std::string field_of(const std::string& type, const std::string& name) {
+  const std::size_t bracket = type.find('[');
+  const std::string element = type.substr(0, bracket);
+  const std::string array = bracket == std::string::npos ? "" : type.substr(bracket);
+  const int string_capacity = number_behind(element, "<=");
+  const auto primitive = primitive_types.find(element);
+  const bool nested = string_capacity == 0 && primitive == primitive_types.end();
+  int id = nested ? nested_type : string_capacity > 0 ? bounded_string : primitive->second;
+  int capacity = 0;
+  if (array.starts_with("[<=")) {
+    id += bounded_sequence_offset;
+    capacity = number_behind(array, "<=");
+  } else if (array == "[]") {
+    id += sequence_offset;
+  } else if (!array.empty()) {
+    id += array_offset;
+    capacity = number_behind(array, "[");
+  }
+  return "{\"name\": \"" + name + "\", \"type\": {\"type_id\": " + std::to_string(id) +
+         ", \"capacity\": " + std::to_string(capacity) +
+         ", \"string_capacity\": " + std::to_string(string_capacity) + ", \"nested_type_name\": \"" +
+         (nested ? long_name(element) : "") + "\"}}";
+}
+
+std::string description_of(const std::string& name, const std::string& fields) {
+  return "{\"type_name\": \"" + name + "\", \"fields\": [" + fields + "]}";
+}
+
+} // namespace
+
+std::string full_name(const std::string& name_space, const std::string& name) {
+  if (name.starts_with('/'))
+    return name;
+  return (name_space.empty() || name_space.starts_with('/') ? "" : "/") + name_space +
+         (name_space.ends_with('/') ? "" : "/") + name;
+}
+
+std::string flaw_of_name(const std::string& name) {
+  if (name.size() < 2 || name[0] != '/' || name.size() > 247) // DDS has 256 letters, with rt/ in front
+    return "a name has 1 to 246 letters";
+  char before = 0;
+  for (const char c : name) {
+    if (c != '/' && c != '_' && !g_ascii_isalnum(c))
+      return "only letters, digits, _ and / are allowed";
+    if (before == '/' && (c == '/' || g_ascii_isdigit(c)))
+      return "a part is empty or begins with a digit";
+    before = c;
+  }
+  return before == '/' ? "it ends with a slash" : "";
+}
+
+std::string dds_topic(const std::string& name) {
+  return "rt" + name;
+}
+
+std::string dds_type(const std::string& type) {
+  const std::size_t slash = type.find('/'), last = type.rfind('/');
+  return type.substr(0, slash) + "::" + type.substr(slash + 1, last - slash - 1) +
+         "::dds_::" + type.substr(last + 1) + "_";
+}
+
+std::string type_hash(const recording::MessageType& type) {
+  std::map<std::string, std::string> parts; // descriptions of what the type is made of, by name
+  std::string name = type.name, fields, main;
+  const auto finish = [&] {
+    std::string& into = main.empty() ? main : parts[name];
+    into = description_of(name, fields);
+    fields.clear();
+  };
+  std::istringstream lines(type.text);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with("====")) {
+      finish();
+    } else if (line.starts_with("MSG: ")) {
+      name = long_name(line.substr(5));
+    } else if (const std::size_t space = line.find(' ');
+               space != std::string::npos && line.find('=', space) == std::string::npos) { // no constant
+      fields += (fields.empty() ? "" : ", ") + field_of(line.substr(0, space), line.substr(space + 1));
+    }
+  }
+  finish();
+  std::string referenced;
+  for (const auto& [part, description] : parts)
+    referenced += (referenced.empty() ? "" : ", ") + description;
+  const std::string json =
+      "{\"type_description\": " + main + ", \"referenced_type_descriptions\": [" + referenced + "]}";
+  gchar* sum = g_compute_checksum_for_data(G_CHECKSUM_SHA256, reinterpret_cast<const guchar*>(json.data()),
+                                           json.size());
+  std::string hash = std::string("RIHS01_") + sum;
+  g_free(sum);
+  return hash;
+}
+
+} // namespace terrainseg::ros2

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "tools/process/complaints.hpp"
+
+#include <gst/pbutils/missing-plugins.h>
+
+#include <algorithm>
+
+#include "tools/process/handles.hpp"
+#include "tools/process/reasons.hpp"
+
+namespace terrainseg::process {
+namespace {
+
+/// Of one input; a stream that changes its size may give one with each.
+constexpr std::size_t most_warnings = 16;
+
+/// An element of this project: its warnings speak of settings and pictures, for whoever started the program.
+bool is_of_this_project(const GstObject* from) {
+  const GstElementFactory* factory =
+      GST_IS_ELEMENT(from) ? gst_element_get_factory(GST_ELEMENT(from)) : nullptr;
+  return factory && g_str_has_prefix(GST_OBJECT_NAME(factory), "terrain");
+}
+
+} // namespace
+
+void Complaints::take_all(GstBus* bus, GstClockTime timeout) {
+  constexpr auto wanted =
+      static_cast<GstMessageType>(GST_MESSAGE_ERROR | GST_MESSAGE_WARNING | GST_MESSAGE_ELEMENT);
+  while (const MessagePointer message{gst_bus_timed_pop_filtered(bus, timeout, wanted)}) {
+    take(message.get());
+    timeout = 0;
+  }
+}
+
+void Complaints::take(GstMessage* message) {
+  switch (GST_MESSAGE_TYPE(message)) {
+  case GST_MESSAGE_ERROR:
+    take_error(message);
+    break;
+  case GST_MESSAGE_WARNING:
+    warn(message);
+    break;
+  default:
+    if (gst_is_missing_plugin_message(message) && missing_decoder_.empty())
+      missing_decoder_ = no_decoder(message);
+  }
+}
+
+/// An element that has left the pipeline is one of the source: uridecodebin drops its own while it stops.
+void Complaints::take_error(GstMessage* message) {
+  if (graph_.holds(message->src)) {
+    if (behind_.cause != Cause::none)
+      return;
+    const auto output = graph_.output_of(message->src);
+    behind_ = {cause_behind_source(message, output.has_value()), text_of(message)};
+    if (output && (behind_.cause == Cause::disk || behind_.cause == Cause::unwritable))
+      behind_.text = "cannot write " + files_[*output].final_path().string() + ": " + behind_.text;
+    return;
+  }
+  if (source_fault_.cause != Cause::none)
+    return;
+  gave_up_ = says_nothing(message);
+  source_fault_ = {cause_in_source(message), gave_up_ ? giving_up(message) : text_of(message)};
+  if (gave_up_ && source_fault_.cause == Cause::missing)
+    source_fault_.text = "it cannot be reached or read: " + source_fault_.text;
+}
+
+/// Each text once: several outputs are made from the same metadata.
+void Complaints::warn(GstMessage* message) {
+  GError* error = nullptr;
+  gst_message_parse_warning(message, &error, nullptr);
+  const std::unique_ptr<GError, Releaser<g_error_free>> owner(error);
+  if (!graph_.holds(message->src) && warning_.empty() && error->domain == GST_STREAM_ERROR)
+    warning_ = text_of(message);
+  std::vector<std::string>& known = record_.warnings;
+  if (is_of_this_project(message->src) && known.size() < most_warnings &&
+      std::find(known.begin(), known.end(), error->message) == known.end())
+    known.emplace_back(error->message);
+}
+
+void Complaints::blame_source(const Fault& fault) {
+  if (source_fault_.cause == Cause::none)
+    source_fault_ = fault;
+}
+
+void Complaints::blame_rest(const Fault& fault) {
+  if (behind_.cause == Cause::none)
+    behind_ = fault;
+}
+
+} // namespace terrainseg::process

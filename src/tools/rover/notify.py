@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""systemd's notify protocol (sd_notify): ready with the first frame, and a watchdog that only frames feed."""
+import os
+import socket
+import time
+
+
+class Watchdog:
+    def __init__(self):
+        self.address = os.environ.pop('NOTIFY_SOCKET', '')
+        ours = os.environ.get('WATCHDOG_PID') in (None, str(os.getpid()))
+        self.every = int(os.environ.get('WATCHDOG_USEC', 0)) / 1e6 / 4 if ours else 0
+        self.frames, self.fed, self.told = 0, 0.0, None
+
+    def send(self, text):
+        if not self.address:
+            return
+        # An @ in front stands for the zero byte of an abstract address.
+        address = '\0' + self.address[1:] if self.address.startswith('@') else self.address
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+                sender.sendto(text.encode(), address)
+        except OSError:
+            pass  # systemd counts what comes
+
+    def tick(self, frames, problem):
+        """Several times a second, with the number of frames that have passed."""
+        now = time.monotonic()
+        status = f'camera: {problem}' if problem else 'frames pass'
+        if status != self.told:
+            self.told = status
+            self.send(f'STATUS={status}')
+        if frames == self.frames:
+            return
+        if not self.frames:
+            self.send('READY=1')
+        if self.every and now - self.fed >= self.every:
+            self.send('WATCHDOG=1')
+            self.fed = now
+        self.frames = frames
