@@ -470,7 +470,7 @@ def make_pictures_makes_every_picture(folder):
         assert content.startswith(first) and content.endswith(last), f'{name} is no such file'
         assert 1000 < len(content) < 200000, f'{name} has {len(content)} bytes'
     # What the evaluation makes of real recordings.
-    for folder, makers in (('docs/images/gallery', ['lab/evaluation/gallery.sh']), ('lab/pictures', ['lab/evaluation/accuracy.sh']),
+    for folder, makers in (('docs/images/gallery', ['lab/evaluation/gallery.sh']),
                            ('lab/images/paper', ['lab/eval/paper_figures.cpp', 'lab/eval/paper_error_rates.cpp',
                                                  'lab/eval/paper_training.cpp'])):
         text = ''.join((EXAMPLES.parent / maker).read_text() for maker in makers)
