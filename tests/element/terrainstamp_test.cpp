@@ -171,7 +171,7 @@ TEST(TerrainStamp, CodecDataThatIsNoneIsCalledSo) {
     gst_harness_set_src_caps_str(h.get(), caps);
     EXPECT_EQ(gst_harness_push(h.get(), unit(slice, 0).release()), GST_FLOW_NOT_NEGOTIATED);
     const std::string told = bus.text(GST_MESSAGE_ERROR);
-    EXPECT_NE(told.find("codec_data in the video's caps does not say"), std::string::npos) << told;
+    EXPECT_NE(told.find("codec_data in the video's caps does not give"), std::string::npos) << told;
     EXPECT_EQ(told.find("lack"), std::string::npos) << told;
   }
 }

@@ -21,7 +21,7 @@ import tempfile
 # What is looked for and belongs to what compiles, runs meson or is in this repository.
 ALWAYS_THERE = {
     'threads': 'the C library', 'dl': 'the C library', 'm': 'the C library', '': 'nothing, which stands for what is absent',
-    '/usr/bin/python3': 'what meson runs on', 'python3': 'what meson runs on', 'checks/check_commands.py': 'a script beside its build file',
+    '/usr/bin/python3': 'what meson runs on', 'python3': 'what meson runs on', 'checks/check_commands.py': 'a script beside its build file', 'check_abi.py': 'a script beside its build file',
 }
 # In the one loop over the table of optional dependencies.
 OF_THE_TABLE = {('meson.build', 'dependency', 'name'), ('meson.build', 'find_program', 'name')}
