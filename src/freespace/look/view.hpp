@@ -23,7 +23,7 @@ struct View {
   ColorTransform transform;
   Rectangle window;                   ///< the training window, in pixels of the frame
   std::span<const Cell> window_cells; ///< the training window's cells
-  bool blank;                         ///< a frame of a single colour; the following members have not been read then
+  bool blank;                         ///< a single colour: the following members have not been read
   Grid grid;                          ///< in the learning colour space
   const std::vector<std::uint16_t>& texture;
   const ExposureTables& exposure;
