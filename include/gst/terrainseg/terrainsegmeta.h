@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/** The metadata that the plugin `terrainseg` attaches to video buffers, for programs in C.
+/**
+ * The metadata that the plugin `terrainseg` attaches to video buffers, for programs in C.
  *
  * All data are fields of the GstStructure of a GstCustomMeta. The accessors are inline functions, so a
  * program links only GStreamer. The plugin registers the metas when it is loaded: when one of its
@@ -7,7 +8,8 @@
  * NULL.
  *
  * Lifetime: a returned structure or buffer belongs to the video buffer that carries the meta. To keep a
- * mask, boundary or confidence map longer, take a reference. */
+ * mask, boundary or confidence map longer, take a reference.
+ */
 #ifndef GST_TERRAINSEG_META_H
 #define GST_TERRAINSEG_META_H
 

@@ -34,7 +34,7 @@ TERRAINSEG_TUNED(int, odd_spots, odd_enough, 31);
 TERRAINSEG_TUNED(int, odd_spots, seed_enough, 48);
 /// Threshold of a seed far away. Share of the obstacles on rendered plains that are called ground with this
 /// and far_nearest_rows: 32 % instead of 39 % by day, 53 % instead of 62 % at dusk, at a cost of 0.01 points
-/// of error on the drives. 12 rows have half of the effect, 42 give more flicker.
+/// of error on the drives. With 12 rows the effect is half as large; a threshold of 42 gives more flicker.
 TERRAINSEG_TUNED(int, odd_spots, far_seed_enough, 44);
 /// Half the size of a seed's box, and the largest distance of a cell from a seed, in 1/64 of the distance.
 /// For the first, 2 and 4 find as many obstacles, but with 4 twice as much of each is missed. For the second,

@@ -20,8 +20,8 @@ constexpr int neutral = -40, weight = 336, against = -20 * 16, in_favour = 10 * 
 /// Sum of 64 steps below which the evidence decreases: half a grey level each. A wall without texture is as
 /// incoherent as sand, and stones in haze have upright edges of one grey level.
 constexpr int full_contrast = 32;
-/// Limit of the evidence against ground in the lower third, where the row prior already favours ground. With
-/// 0, 2 % more of the obstacles' pixels there are called ground.
+/// Upper limit of the evidence in the lower third, where the row prior already favours ground. With 0, 2 %
+/// more of the obstacles' pixels there are called ground.
 constexpr int near_by = -4 * 16;
 
 } // namespace

@@ -21,7 +21,7 @@ TERRAINSEG_TUNED(int, likelihood, score_limit, 48); ///< 1.5 nats: no cell outwe
 TERRAINSEG_TUNED(int, likelihood, speaks_for_ground, 10);
 /// Smallest score of ground that is connected to the window: reduces the error on Mars from 15.3 to 7.1 %. A
 /// wall that has entered the window is similar to itself too, but not yet to the ground; its cells get no
-/// more than their own score.
+/// more than the mean score of the seeds.
 TERRAINSEG_TUNED(int, likelihood, least_of_vouched, 24);
 
 TERRAINSEG_TUNED(std::uint64_t, likelihood, frame_weight,

@@ -57,7 +57,6 @@ struct Vouched {
 /// cells. Vouched cells have at least three quarters of a nat, or the mean evidence of the seeds' colour and
 /// texture when that is lower. In the columns `ahead` ground may be in another light; where its colour gives
 /// evidence for ground there, the penalty has half of its weight.
-/// speaks for it there the penalty counts half.
 void score_cells(const Grid& grid, const CellBins& cells, const LikelihoodTables& tables,
                  const CellPenalties& penalty, const Vouched& vouched, const Columns& ahead,
                  CellScores& score);

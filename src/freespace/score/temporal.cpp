@@ -12,10 +12,10 @@ namespace {
 TERRAINSEG_TUNED(std::int64_t, temporal, longest_gap,
                  2'000'000'000); ///< largest interval; after it the scores are outdated even if the pictures
                                  ///< are similar
-/// Smallest similarity for averaging. The decision uses the picture instead of the clock: averaging over the
-/// jumps of a 1 Hz sequence costs 0.8 to 6 points of error, over two similar pictures a second apart nothing.
-/// Frames of one motion differ by less than a fifth of the picture's own variation: a drive in town at 15 Hz
-/// by 0.07 to 0.2, pictures a second apart by 0.3 and more.
+/// Largest difference for averaging, as the inverse of a share of the variation. The decision uses the
+/// picture instead of the clock: averaging over the jumps of a 1 Hz sequence costs 0.8 to 6 points of error,
+/// over two similar pictures a second apart nothing. Frames of one motion differ by less than a fifth of the
+/// picture's own variation: a drive in town at 15 Hz by 0.07 to 0.2, pictures a second apart by 0.3 and more.
 TERRAINSEG_TUNED(std::uint64_t, temporal, likeness, 5);
 
 } // namespace
