@@ -39,16 +39,17 @@ struct ModelSummary {
   std::array<std::uint8_t, 3> rgb{};       ///< the mean as full-range RGB, for drawing
 };
 
+/// The result for one frame.
 struct Estimate {
-  std::uint64_t frame = 0; ///< number of the processed frame, from 0
-  int frame_width = 0, frame_height = 0;
-  int horizon_row = -1;                ///< row of the frame, 0 at the top; -1 = not found
-  std::uint8_t horizon_confidence = 0; ///< 0 (not found) to 255
-  std::int32_t vanishing_row = -1;     ///< row of the vanishing line, Q16 rows of the frame; -1 = unknown
-  std::int32_t speed_over_height = 0;  ///< forward speed in camera heights, Q16 1/s; 0 = still or unknown
-  GrayView mask;                       ///< 0 not traversable, 128 doubtful or unknown, 255 traversable
-  Rectangle mask_region;               ///< the part of the frame that the mask covers, in pixels of the frame
-  std::uint8_t confidence = 0;         ///< 0 to 255: confidence of the whole mask
+  std::uint64_t frame = 0;               ///< number of the processed frame, from 0
+  int frame_width = 0, frame_height = 0; ///< pixels
+  int horizon_row = -1;                  ///< row of the frame, 0 at the top; -1 = not found
+  std::uint8_t horizon_confidence = 0;   ///< 0 (not found) to 255
+  std::int32_t vanishing_row = -1;       ///< row of the vanishing line, Q16 rows of the frame; -1 = unknown
+  std::int32_t speed_over_height = 0;    ///< forward speed in camera heights, Q16 1/s; 0 = still or unknown
+  GrayView mask;                         ///< 0 not traversable, 128 doubtful or unknown, 255 traversable
+  Rectangle mask_region;       ///< the part of the frame that the mask covers, in pixels of the frame
+  std::uint8_t confidence = 0; ///< 0 to 255: confidence of the whole mask
   /// Confidence of the mask's label per cell of the grid, stretched over mask_region: 255 * (2 p - 1), where
   /// p is the expected share of correct labels. 0 everywhere while no terrain is known. Empty where
   /// Settings::free_space is false.

@@ -14,8 +14,8 @@ constexpr int mask_extent(int frame_extent, int mask_level) {
 /// Memory of the caller that receives the mask: width and height are mask_extent() of the frame's. When it is
 /// empty, the segmenter writes the mask into its own memory.
 struct MaskTarget {
-  MutablePlane plane;
-  int width = 0, height = 0;
+  MutablePlane plane;        ///< one byte per mask pixel
+  int width = 0, height = 0; ///< mask pixels
 };
 
 } // namespace terrainseg

@@ -45,6 +45,8 @@ class [[nodiscard]] Status {
 /// own colour space.
 TERRAINSEG_API ColorSpace learning_space(const Settings& settings, const ColorSpace& frames);
 
+/// Segments frames of one camera and learns its terrain. Use one object per stream, from one thread at a
+/// time.
 class TERRAINSEG_API Segmenter {
  public:
   /// `settings` must have passed validate().
@@ -60,16 +62,17 @@ class TERRAINSEG_API Segmenter {
   const Settings& settings() const;
 
   /// Labels one frame and learns from it. Allocates memory only after a change of the frame's size or format
-  /// or of the settings.
+  /// or of the settings. Errors: bad_frame, window_outside_frame, bad_target.
   Status process(const Frame& frame, const Supervision& supervision = {}, const MaskTarget& target = {});
-  const Estimate&
-  estimate() const; ///< of the last successful process(); before the first one it has flag_unknown
+  /// The estimate of the last successful process(). Before the first one it has flag_unknown.
+  const Estimate& estimate() const;
 
   void reset();          ///< clears the terrain and all state that spans frames
   void reset_temporal(); ///< after a seek: clears the state of neighbouring frames, keeps the terrain
 
-  Terrain terrain() const;              ///< a copy of the learned terrain
-  Status adopt(const Terrain& terrain); ///< replaces the terrain and continues to learn from it
+  Terrain terrain() const; ///< a copy of the learned terrain
+  /// Replaces the terrain and continues to learn from it. Error: foreign_terrain.
+  Status adopt(const Terrain& terrain);
 
   const Counters& counters() const;
   /// Duration of each stage of the last process(), in nanoseconds.

@@ -16,7 +16,9 @@
 namespace terrainseg {
 
 enum class Preset : std::uint8_t { standard, paper }; ///< property values `default` and `paper`
+/// paper: each pixel is labelled by its own colour. free_space: one boundary across the frame (default).
 enum class PipelineKind : std::uint8_t { paper, free_space };
+// Values of the settings of the same names; settings_table.hpp has their meanings (Setting::choices).
 enum class HorizonMode : std::uint8_t { off, paper, automatic };
 enum class Negatives : std::uint8_t { off, rest, split };
 enum class Temporal : std::uint8_t { automatic, off, on };

@@ -25,20 +25,20 @@ enum class UsedBy : std::uint8_t { paper = 1, free_space = 2, both = 3 };
 
 /// One value of an enumeration. Its number is its index in the list.
 struct Choice {
-  const char* nick;
+  const char* nick; ///< the value in text
   const char* meaning;
 };
 
 /// One row of the table. Values have the field's representation: 1/scale for a fraction, 0 or 1 for a truth,
 /// the index for a choice.
 struct Setting {
-  const char* name;
-  const char* nick;
-  const char* blurb;
+  const char* name;  ///< of the property and of the KEY in KEY=VALUE
+  const char* nick;  ///< short title
+  const char* blurb; ///< description
   SettingKind kind;
-  std::int64_t low, high;
-  int scale;
-  const char* unit; ///< empty when it has none
+  std::int64_t low, high; ///< valid range, inclusive
+  int scale;              ///< 1 unless the kind is fraction
+  const char* unit;       ///< empty when it has none
   std::span<const Choice> choices;
   std::int64_t standard, paper; ///< values of the two presets
   UsedBy used_by;

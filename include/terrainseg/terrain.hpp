@@ -13,13 +13,13 @@ namespace terrainseg {
 
 /// The colour space of the models. Models of different spaces are never mixed.
 struct ColorSpace {
-  bool rgb = false;
-  Colorimetry colorimetry;
+  bool rgb = false;        ///< true: R, G, B; false: Y, U, V
+  Colorimetry colorimetry; ///< range, and for YUV the matrix
   bool operator==(const ColorSpace&) const = default;
 };
 
 /// A Gaussian colour distribution with diagonal covariance: moments of samples, a training model, or a
-/// learned model (paper, section 3.4).
+/// learned model (paper, section 3.4, equations (13) to (17)).
 struct Gaussian {
   std::array<std::uint16_t, 3> mean{};     ///< Q8, 8-bit units
   std::array<std::uint32_t, 3> variance{}; ///< Q8, squared 8-bit units
@@ -51,7 +51,7 @@ struct Terrain {
   std::vector<std::uint32_t> negative_texture; ///< texture_bins or empty
   std::uint32_t exposure_mean = 0; ///< running mean of the luma for the exposure, Q8; 0 = not yet known
   std::uint32_t horizon = 0;       ///< running mean of the horizon row, Q8 of the height; 0 = not yet known
-  std::uint32_t generation = 0;
+  std::uint32_t generation = 0;    ///< incremented at each change of the learned models
   bool operator==(const Terrain&) const = default;
 };
 

@@ -291,8 +291,8 @@ void MotionObstacles::judge(std::array<Zone, 2>& zones) {
   for (std::size_t i = 0; i < cells_.size(); ++i)
     if (judged_[i]) {
       ++count;
-      stand += cells_[i].quality > 164; // 0.04
-      lie += cells_[i].quality < -123;  // 0.03
+      stand += cells_[i].quality > 164; // 0.04 in Q12
+      lie += cells_[i].quality < -123;  // 0.03 in Q12
     }
   result_.trusted = count >= 16 && 4 * stand < count && 100 * lie > 300 * stand + 8 * count;
   if (result_.trusted)
