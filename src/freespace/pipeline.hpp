@@ -1,6 +1,5 @@
-// SPDX-License-Identifier: LGPL-2.1-or-later
-// The default pipeline: the paper's stages and additional ones that find one boundary and everything that
-// stands in front of it.
+// SPDX-License-Identifier: LGPL-2.1-or-later The default pipeline: the paper's stages and additional ones
+// that find one boundary, and obstacles in the open ground below it.
 #pragma once
 
 #include "base/pipeline.hpp"

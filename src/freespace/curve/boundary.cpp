@@ -32,8 +32,8 @@ TERRAINSEG_TUNED(int, boundary, leave_rows, 3);
 /// Price for ground above an obstacle. Without ground behind obstacles, a column is cut at an obstacle only
 /// when the ground behind it has less weight. Below 300, kerbs and markings also cut the ground.
 TERRAINSEG_TUNED(int, boundary, behind_price, 360);
-/// Price for a curve where the picture has no edge. The error is constant from 300 to 500; at 200 corridors
-/// have 8.0 % instead of 5.8 %.
+/// Price for a curve where the picture has no edge. The error is nearly constant from 300 to 500; at 200
+/// corridors have 8.0 % instead of 5.8 %.
 TERRAINSEG_TUNED(int, boundary, edgeless_price, 300);
 
 // Table of the value of a colour step, in Q4. The values are logarithms of a small range.

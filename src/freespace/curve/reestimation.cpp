@@ -22,8 +22,8 @@ TERRAINSEG_TUNED(std::uint32_t, reestimation, texture_floor, 2 * one);
 /// Q4 of the score per octave: a quarter of the log ratio of colours, an eighth of that of textures.
 TERRAINSEG_TUNED(int, reestimation, color_weight, 89);
 TERRAINSEG_TUNED(int, reestimation, texture_weight, 44);
-/// Q4, three eighths of a nat. The error is constant from 10/32 to 20/32 nat. One frame's appearance may
-/// correct the score, not overrule it.
+/// Q4, three eighths of a nat. The error is nearly constant from 10/32 to 20/32 nat. One frame's appearance
+/// may correct the score, not overrule it.
 TERRAINSEG_TUNED(int, reestimation, limit, 192);
 /// Reduction of the limit, Q4 per unit of the penalty: two units each.
 TERRAINSEG_TUNED(int, reestimation, limit_per_penalty, 32);

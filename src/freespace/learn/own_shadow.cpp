@@ -18,7 +18,7 @@ TERRAINSEG_TUNED(std::size_t, own_shadow, fewest, 32);
 /// more than half of the window, have 6.0 % error instead of 2.6 %.
 TERRAINSEG_TUNED(int, own_shadow, least_lit, 40);
 /// Percent of the cells. Lower values change little, but a stone's shadow on the Moon has 10 % (60.1 % of the
-/// stones are called ground instead of 59.6 %). The error is constant from 12 to 25.
+/// stones are called ground instead of 59.6 %). The error is nearly constant from 12 to 25.
 TERRAINSEG_TUNED(int, own_shadow, least_dark, 12);
 /// Smallest ratio of the mean lumas of the lit and the dark kind, in percent, and smallest difference in grey
 /// levels. With 130, snow has 5.1 % error instead of 5.4 %, but the stage also affects a drive by day; with

@@ -11,7 +11,7 @@ namespace {
 /// Thresholds of the mean score beside the window minus that inside, and of the mean score inside, 32 = 1
 /// nat. While an obstacle is in the window lower thresholds apply, because a car's smooth flanks look like
 /// the road in one frame and unlike it in the next. (A drive at dusk among queueing cars has 25 % unsafe
-/// pixels with the second pair and 31 % without it; the result is constant around both values.)
+/// pixels with the second pair and 31 % without it; the result is nearly constant around both values.)
 struct Limits {
   int gap, inside;
 };

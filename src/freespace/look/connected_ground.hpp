@@ -13,10 +13,10 @@
 
 namespace terrainseg {
 
-/// The histograms know only the window as ground, so ground farther away counts as "the rest of the frame".
-/// Where luma, chroma and roughness continue without a step it is the same ground: its cells are taught as
-/// terrain, and a boundary there is unlikely. Does not use the terrain, so the result cannot confirm itself.
-/// Keeps no state between frames.
+/// The histograms contain only the window as ground, so ground farther away counts as "the rest of the
+/// frame". Where luma, chroma and roughness continue without a step it is the same ground: its cells are
+/// learned as terrain, and a boundary there is unlikely. Does not use the terrain, so the result cannot
+/// confirm itself. Keeps no state between frames.
 class ConnectedGround {
  public:
   /// Prepares a frame's cells for the other functions.
@@ -27,7 +27,7 @@ class ConnectedGround {
   /// Ignored cells connect their neighbours and may be marked.
   const std::vector<std::uint8_t>& grow(const Grid& grid, const std::vector<Cell>& seeds);
 
-  /// The subset of grow() that is taught as terrain, one byte per cell. Its chroma must be near the seeds',
+  /// The subset of grow() that is learned as terrain, one byte per cell. Its chroma must be near the seeds',
   /// because growing in small steps can reach walls.
   const std::vector<std::uint8_t>& taught();
 

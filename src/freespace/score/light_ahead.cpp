@@ -12,10 +12,10 @@ namespace {
 /// streets have 0.25 points more error, because it includes objects at the sides; with the whole width 1.5
 /// points more.
 TERRAINSEG_TUNED(int, light_ahead, widest_part, 3);
-/// Brighter models are in the sun: the middle of luma. The error is constant from 90 to 130.
+/// Brighter models are in the sun: the middle of luma. The error is nearly constant from 90 to 130.
 TERRAINSEG_TUNED(int, light_ahead, sunlit, 128 << 8);
-/// Change of U upwards and of V downwards in shade, Q8 of a normalised grey level. The error is constant up
-/// to 7, except that with 4 snow has 5.43 % instead of 5.38 %.
+/// Change of U upwards and of V downwards in shade, Q8 of a normalised grey level. The error is nearly
+/// constant up to 7, except that with 4 snow has 5.43 % instead of 5.38 %.
 TERRAINSEG_TUNED(int, light_ahead, blue, 2 << 8);
 TERRAINSEG_TUNED(int, light_ahead, most, 255 << 8);
 

@@ -31,23 +31,23 @@ constexpr std::uint64_t histogram_limit = std::uint64_t{1} << 30;
 /// Smallest probability of a bin under the mixture, log2 Q8.
 TERRAINSEG_TUNED(int, likelihood, least_positive, -3968);
 /// Bias towards the terrain, log2 Q8. Most of "the rest of the frame" is ground, so the plain ratio is near 0
-/// on the ground itself. The error is constant from 3 to 4.5 octaves; without the bias the mean error of five
-/// sequences is 8.4 % instead of 5.5 %.
+/// on the ground itself. The error is nearly constant from 3 to 4.5 octaves; without the bias the mean error
+/// of five sequences is 8.4 % instead of 5.5 %.
 TERRAINSEG_TUNED(int, likelihood, rest_is_ground, 950);
-/// The bias when a range sensor or a large window has taught most of the ground, so that the rest is not
-/// ground. With training from depth indoors, the full bias labels 9.6 % of the non-ground as traversable,
-/// this one 1.0 %.
+/// The bias when a range sensor or a large window covers most of the ground, so that the rest is not ground.
+/// With training from depth indoors, the full bias labels 9.6 % of the non-ground as traversable, this one
+/// 1.0 %.
 TERRAINSEG_TUNED(int, likelihood, rest_of_taught, 300);
-/// Taught shares of the picture, Q8, between which the bias changes from one to the other. The usual window
+/// Learned shares of the picture, Q8, between which the bias changes from one to the other. The usual window
 /// has 5 to 12.
 TERRAINSEG_TUNED(int, likelihood, little_taught, 32);
 TERRAINSEG_TUNED(int, likelihood, much_taught, 64);
-/// Share of a training model, log2 Q8: a fifth. The error is constant from an eighth to a half. Without it
-/// single frames after a sudden change of the scene lose all ground (off-road 11.6 % instead of 10.8 % with
-/// forgetting by >> 6).
+/// Share of a training model, log2 Q8: a fifth. The error is nearly constant from an eighth to a half.
+/// Without it single frames after a sudden change of the scene lose all ground (off-road 11.6 % instead of
+/// 10.8 % with forgetting by >> 6).
 TERRAINSEG_TUNED(int, likelihood, training_share, -619);
-/// Share of a model in the other light relative to its own, log2 Q8: a half. The error is constant from a
-/// quarter to all of it.
+/// Share of a model in the other light relative to its own, log2 Q8: a half. The error is nearly constant
+/// from a quarter to all of it.
 TERRAINSEG_TUNED(int, likelihood, other_light_share, -256);
 /// Smallest share of a negative bin: 1/10000.
 TERRAINSEG_TUNED(std::uint64_t, likelihood, negative_floor, 10000);
@@ -57,8 +57,9 @@ TERRAINSEG_TUNED(int, likelihood, color_weight, 2180);
 TERRAINSEG_TUNED(int, likelihood, color_limit, 26);
 /// Largest chroma distance |U| + |V| from the nearest model, in normalised grey levels, that another light
 /// can explain. Beyond it the colour is that of an obstacle, such as a car or a box as smooth as the road.
-/// The error is constant from 104 to 136 except for India (8.3 %, 8.0 %). With 88 sunlit roads have 12.2 %
-/// error instead of 11.4 %, with 72 roads by day have 10.8 % instead of 8.7 %, because of their verges.
+/// The error is nearly constant from 104 to 136 except for India (8.3 %, 8.0 %). With 88 sunlit roads have
+/// 12.2 % error instead of 11.4 %, with 72 roads by day have 10.8 % instead of 8.7 %, because of their
+/// verges.
 TERRAINSEG_TUNED(int, likelihood, other_chroma, 136);
 TERRAINSEG_TUNED(std::int8_t, likelihood, no_ground,
                  -128); ///< score of such a colour; texture adds at most 127 and cannot compensate it
@@ -91,7 +92,7 @@ std::uint64_t smoothed(std::span<const std::uint32_t> histogram, int bin) {
   return sum;
 }
 
-// The bias towards the terrain, log2 Q8, when the share `taught_q8` of the picture was taught as terrain.
+// The bias towards the terrain, log2 Q8, when the share `taught_q8` of the picture was learned as terrain.
 int favour(int taught_q8) {
   return rest_of_taught + (rest_is_ground - rest_of_taught) *
                               std::clamp(much_taught - taught_q8, 0, much_taught - little_taught) /

@@ -65,7 +65,7 @@ class Likelihood {
  public:
   /// Computes the tables from the terrain and the frame's own training models. These have a fixed share of
   /// the mass, so that newly learned ground counts as terrain regardless of the mass of the learned models.
-  /// `taught_q8` is the share of the picture that the last frame taught as terrain; the larger it is, the
+  /// `taught_q8` is the share of the picture that the last frame learned as terrain; the larger it is, the
   /// less ground is in the rest. Without negatives (Negatives::off) all other colours are equally likely. The
   /// table for any light is computed only with Settings::light_ahead.
   void build(const Terrain& learned, std::span<const TerrainModel> training, int taught_q8,
