@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Chooses the pipeline, admits frames, and keeps what lasts: settings, the learned terrain, counters, the
+// Selects the pipeline, checks frames, and owns the state that outlives a frame: settings, terrain, counters,
 // estimate. The order of the stages is in paper/pipeline.cpp and freespace/pipeline.cpp.
 #include "terrainseg/segmenter.hpp"
 
@@ -18,7 +18,7 @@ std::unique_ptr<Pipeline> make_pipeline(PipelineKind kind) {
   return std::make_unique<FreeSpacePipeline>();
 }
 
-/// Which pipeline a terrain was learned by: only one of them counts colours against it.
+/// The pipeline that learned a terrain. Only the default pipeline fills negative_colors.
 PipelineKind teacher_of(const Terrain& terrain) {
   return terrain.negative_colors.empty() ? PipelineKind::paper : PipelineKind::free_space;
 }
@@ -47,13 +47,13 @@ struct Segmenter::State {
   std::array<std::int64_t, stage_count> times{};
   EstimateWriter out;
 
-  // What follows from the settings for frames of one size.
-  bool stale = true; ///< settings changed: adapt() starts anew
+  // Values derived from the settings and the frame's size.
+  bool stale = true; ///< the settings changed: adapt() must derive these values again
   int width = 0, height = 0, level = 0;
   Rectangle window;
   std::optional<ColorSpace> space; ///< of the last frame
   std::optional<Workers> workers;
-  int threads = -1; ///< that `workers` was asked for
+  int threads = -1; ///< number of threads that `workers` was created with
 };
 
 ColorSpace learning_space(const Settings& settings, const ColorSpace& frames) {
@@ -61,7 +61,8 @@ ColorSpace learning_space(const Settings& settings, const ColorSpace& frames) {
     return normalised_space;
   ColorSpace space = frames;
   if (space.rgb)
-    space.colorimetry.matrix = ColorMatrix::bt601; // means nothing there: must not tell two spaces apart
+    space.colorimetry.matrix = ColorMatrix::bt601; // not used for RGB: a fixed value, so that equal spaces
+                                                   // compare equal
   return space;
 }
 
@@ -93,7 +94,8 @@ Status Segmenter::State::admit(const Frame& frame, const MaskTarget& target) con
   return {};
 }
 
-/// Follows the frame's size and colour space. What was learned survives a change of size, not one of colours.
+/// Adapts to the frame's size and colour space. The terrain survives a change of size, but not of colour
+/// space.
 void Segmenter::State::adapt(const Frame& frame) {
   const ColorSpace now = learning_space(settings, {layout_of(frame.format).rgb, frame.colorimetry});
   if (terrain.space != now) {
@@ -141,11 +143,11 @@ void Segmenter::configure(const Settings& settings) {
   State& s = *state_;
   if (settings == s.settings)
     return;
-  // The two pipelines learn in different colours.
+  // The two pipelines learn in different colour spaces.
   if (settings.pipeline() != s.settings.pipeline()) {
     if (heaviest(s.terrain.models) >= 0)
       s.forget();
-    s.space.reset(); // unknown again until the next frame
+    s.space.reset(); // unknown until the next frame
     s.pipeline = make_pipeline(settings.pipeline());
   }
   s.settings = settings;

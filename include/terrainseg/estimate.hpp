@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What is known of one frame. A plain value with views into memory of its maker (Segmenter: valid until the
-// next call of process(); an element that reads metadata: while the metadata's buffers are mapped).
+// The result for one frame. A plain value whose views point into memory of its producer. An estimate of
+// Segmenter is valid until the next call of process(). An estimate that was read from metadata is valid while
+// the metadata's buffers are mapped.
 #pragma once
 
 #include <array>
@@ -19,43 +20,46 @@ inline constexpr std::uint8_t mask_traversable = 255;
 
 /// Bits of Estimate::flags.
 enum Flag : std::uint32_t {
-  flag_learned = 1, ///< this frame's window was learned
-  flag_frozen = 2,  ///< nothing was learned because learning or near-clear is off
-  flag_starved = 4, ///< nothing was learned: too few usable window pixels, something stands in the window,
-                    ///< or the frame is blank: of one colour, but for some noise
-  flag_unknown = 8, ///< nothing is known: the mask is 128 everywhere
-  flag_horizon_held = 16, ///< this frame shows no horizon: the row is the last one, less sure with each frame
-  flag_blocked = 32,      ///< free space ahead of the window is below blocked_below, or nothing is known
+  flag_learned = 1, ///< the training window of this frame was learned
+  flag_frozen = 2,  ///< not learned: learning or near-clear is false
+  flag_starved = 4, ///< not learned: too few usable window pixels, an obstacle in the window, or a frame of a
+                    ///< single colour apart from noise
+  flag_unknown = 8, ///< no terrain is known: the mask is 128 everywhere
+  flag_horizon_held = 16, ///< no horizon was found in this frame: the row of an earlier frame is kept, and
+                          ///< its confidence decreases with each frame
+  flag_blocked = 32,      ///< the share of free columns ahead of the window is below blocked_below, or no
+                          ///< terrain is known
 };
 
-/// One learned Gaussian, in 8-bit units of the colour space it was learned in.
+/// Summary of one learned model, in 8-bit units of the colour space in which it was learned.
 struct ModelSummary {
   std::array<std::uint16_t, 3> mean{};     ///< Q8: 256 = one 8-bit step
   std::array<std::uint32_t, 3> variance{}; ///< Q8 of the squared 8-bit step
-  std::uint64_t mass = 0;                  ///< samples, after capping and forgetting
+  std::uint64_t mass = 0;                  ///< samples, after mass-cap and forget-shift were applied
   std::array<std::uint8_t, 3> rgb{};       ///< the mean as full-range RGB, for drawing
 };
 
+/// The result for one frame.
 struct Estimate {
-  std::uint64_t frame = 0; ///< counts processed frames from 0
-  int frame_width = 0, frame_height = 0;
-  int horizon_row = -1;                ///< row of the frame, 0 at the top; -1 = none
-  std::uint8_t horizon_confidence = 0; ///< 0 (none) to 255
-  std::int32_t vanishing_row = -1;    ///< of the ground's vanishing line, Q16 rows of the frame; -1 = unknown
-  std::int32_t speed_over_height = 0; ///< forward speed in camera heights, Q16 1/s; 0 = still or unknown
-  GrayView mask;                      ///< 0 not traversable, 128 doubtful or unknown, 255 traversable
-  Rectangle mask_region;              ///< where the mask lies in the frame, in frame pixels
-  std::uint8_t confidence = 0;        ///< 0 (none) to 255: how far the whole mask can be trusted
-  /// How sure the mask's label is of each cell of the grid, spread over the mask's region: 255 * (2 p - 1), p
-  /// = the share of right labels to expect. 0 everywhere while nothing is known. Empty where free_space is
-  /// off.
+  std::uint64_t frame = 0;               ///< number of the processed frame, from 0
+  int frame_width = 0, frame_height = 0; ///< pixels
+  int horizon_row = -1;                  ///< row of the frame, 0 at the top; -1 = not found
+  std::uint8_t horizon_confidence = 0;   ///< 0 (not found) to 255
+  std::int32_t vanishing_row = -1;       ///< row of the vanishing line, Q16 rows of the frame; -1 = unknown
+  std::int32_t speed_over_height = 0;    ///< forward speed in camera heights, Q16 1/s; 0 = still or unknown
+  GrayView mask;                         ///< 0 not traversable, 128 doubtful or unknown, 255 traversable
+  Rectangle mask_region;       ///< the part of the frame that the mask covers, in pixels of the frame
+  std::uint8_t confidence = 0; ///< 0 to 255: confidence of the whole mask
+  /// Confidence of the mask's label per cell of the grid, stretched over mask_region: 255 * (2 p - 1), where
+  /// p is the expected share of correct labels. 0 everywhere while no terrain is known. Empty where
+  /// Settings::free_space is false.
   GrayView confidence_map;
-  /// Per mask column: highest row (of the frame) of the free space that is reachable from the window without
-  /// a break; frame height = none.
+  /// Per mask column: the highest row of the frame that belongs to free space connected to the training
+  /// window. The frame's height = no free space.
   std::span<const std::uint16_t> boundary;
-  int traversable_permille = 0;       ///< share of the mask's pixels that are traversable
-  Rectangle window;                   ///< the training window
-  std::uint32_t model_generation = 0; ///< counts changes of what is learned
+  int traversable_permille = 0;       ///< share of traversable mask pixels, 0..1000
+  Rectangle window;                   ///< the training window, in pixels of the frame
+  std::uint32_t model_generation = 0; ///< incremented at each change of the learned models
   std::uint32_t flags = flag_unknown;
   std::array<ModelSummary, max_models> models{};
   int model_count = 0;
@@ -64,8 +68,8 @@ struct Estimate {
 /// Longest side of a frame or of a mask, in pixels.
 inline constexpr int longest_picture_side = 32767;
 
-/// What an estimate that came from outside (metadata of a program, KLV from a link) holds that none can hold;
-/// nullptr when it is sound. The mask's pixels are not looked at: only its size.
+/// Checks an estimate that comes from metadata of a program or from a KLV link. Returns a description of the
+/// first invalid field, or nullptr when the estimate is valid. Checks the size of the mask, not its pixels.
 inline const char* flaw_of(const Estimate& e) {
   const auto is_side = [](int length) { return length >= 1 && length <= longest_picture_side; };
   const auto is_inside = [&](const Rectangle& r) {

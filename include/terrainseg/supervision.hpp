@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Training pixels from elsewhere.
+// Training pixels from an external source.
 #pragma once
 
 #include <span>
@@ -8,10 +8,11 @@
 
 namespace terrainseg {
 
-/// Training pixels from elsewhere (a laser, a stereo node) that stand in for the window on this frame.
+/// Training pixels from an external source (a laser, a stereo node) for one frame. They replace the training
+/// window.
 struct Supervision {
-  std::span<const Rectangle> rectangles; ///< frame pixels
-  GrayView mask;                         ///< any size, stretched over the frame; pixels >= 128 train
+  std::span<const Rectangle> rectangles; ///< in pixels of the frame
+  GrayView mask;                         ///< any size, stretched over the frame; pixels >= 128 are trained on
   bool empty() const { return rectangles.empty() && mask.empty(); }
 };
 

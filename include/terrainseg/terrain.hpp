@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Everything that was learned, as a value that can be kept in a file and given to another Segmenter.
+// The learned terrain: a value that can be saved to a file and passed to another Segmenter.
 #pragma once
 
 #include <array>
@@ -11,52 +11,52 @@
 
 namespace terrainseg {
 
-/// The colour space that models live in: models of different spaces are never mixed.
+/// The colour space of the models. Models of different spaces are never mixed.
 struct ColorSpace {
-  bool rgb = false;
-  Colorimetry colorimetry;
+  bool rgb = false;        ///< true: R, G, B; false: Y, U, V
+  Colorimetry colorimetry; ///< range, and for YUV the matrix
   bool operator==(const ColorSpace&) const = default;
 };
 
-/// Colours as a Gaussian with diagonal covariance: moments of samples, a training model, a learned one
-/// (paper, section 3.4).
+/// A Gaussian colour distribution with diagonal covariance: moments of samples, a training model, or a
+/// learned model (paper, section 3.4, equations (13) to (17)).
 struct Gaussian {
   std::array<std::uint16_t, 3> mean{};     ///< Q8, 8-bit units
   std::array<std::uint32_t, 3> variance{}; ///< Q8, squared 8-bit units
-  std::uint64_t mass = 0;                  ///< samples in Q8; 0 = a null model
+  std::uint64_t mass = 0;                  ///< number of samples in Q8; 0 = a null model
   bool operator==(const Gaussian&) const = default;
 };
-/// What is learned are such Gaussians.
+/// A learned model.
 using TerrainModel = Gaussian;
 
-/// Ranges that learning keeps to, and that a terrain from elsewhere has to keep to.
+/// Ranges of the learned values. A terrain from a file or a program must be within them.
 inline constexpr std::uint16_t most_mean = 255 << 8;
 inline constexpr std::uint32_t most_variance = 256u * 256 << 8;
-/// 2^18 frames of the largest window: sums of all models and of a frame's training stay far below 2^64.
+/// 2^18 frames of the largest window. Sums of all models and of one frame's training stay far below 2^64.
 inline constexpr std::uint64_t most_mass = std::uint64_t{1} << 58;
 inline constexpr std::uint32_t most_exposure_mean = 255 << 8;
 inline constexpr std::uint32_t most_horizon = 255;
-/// Of all bins of a histogram together: it is halved above 2^30, after the frame that took it there.
+/// Limit for the sum of a histogram's bins. Above 2^30 the histogram is halved after the frame.
 inline constexpr std::uint64_t most_histogram = (std::uint64_t{1} << 30) + (std::uint64_t{1} << 27);
 
 inline constexpr int color_bins = 2048;
 inline constexpr int texture_bins = 24;
 
-/// Histograms are empty where the settings that learned them do not use them.
+/// Histograms are empty when the settings with which the terrain was learned do not use them.
 struct Terrain {
   ColorSpace space;
   std::vector<TerrainModel> models;            ///< at most max_models
-  std::vector<std::uint32_t> negative_colors;  ///< color_bins or none: colours of the rest of the frame
-  std::vector<std::uint32_t> terrain_texture;  ///< texture_bins or none
-  std::vector<std::uint32_t> negative_texture; ///< texture_bins or none
-  std::uint32_t exposure_mean = 0;             ///< Q8 mean luma that the exposure follows, 0 = none yet
-  std::uint32_t horizon = 0;                   ///< slow horizon, Q8 of the height; 0 = none yet
-  std::uint32_t generation = 0;
+  std::vector<std::uint32_t> negative_colors;  ///< color_bins or empty: colours outside the training window
+  std::vector<std::uint32_t> terrain_texture;  ///< texture_bins or empty
+  std::vector<std::uint32_t> negative_texture; ///< texture_bins or empty
+  std::uint32_t exposure_mean = 0; ///< running mean of the luma for the exposure, Q8; 0 = not yet known
+  std::uint32_t horizon = 0;       ///< running mean of the horizon row, Q8 of the height; 0 = not yet known
+  std::uint32_t generation = 0;    ///< incremented at each change of the learned models
   bool operator==(const Terrain&) const = default;
 };
 
-/// Which field of a terrain from elsewhere (a file, a program) has a size or a value that learning and
-/// scoring cannot work with, and its range; empty when it is sound.
+/// Checks a terrain from a file or a program. Returns the first invalid field and its valid range; empty when
+/// the terrain is valid.
 TERRAINSEG_API std::string flaw_of(const Terrain& terrain);
 
 } // namespace terrainseg

@@ -6,12 +6,12 @@
 namespace terrainseg {
 namespace {
 
-/// Weights of V in R, U in G, V in G, U in B for full-range components (Q16).
+/// Coefficients of V in R, U in G, V in G and U in B for full-range components (Q16).
 struct Weights {
   std::int64_t red_v, green_u, green_v, blue_u;
 };
 
-// ITU-R BT.601, BT.709 and BT.2020: 2 (1 - Kr), and the rest from Kr and Kb.
+// For ITU-R BT.601, BT.709 and BT.2020: 2 (1 - Kr); the others follow from Kr and Kb.
 constexpr Weights weights_of(ColorMatrix matrix) {
   switch (matrix) {
   case ColorMatrix::bt709:
@@ -24,12 +24,12 @@ constexpr Weights weights_of(ColorMatrix matrix) {
   return {91881, 22553, 46802, 116130};
 }
 
-/// Q24 to 8 bits, rounded and clamped.
+/// Converts Q24 to 8 bits, rounded and clamped.
 std::uint8_t to_byte(std::int64_t value) {
   return static_cast<std::uint8_t>(std::clamp<std::int64_t>((value + (1 << 23)) >> 24, 0, 255));
 }
 
-/// 255/219 and 255/224 in Q16: limited to full range.
+/// Gains from limited to full range: 255/219 and 255/224 in Q16.
 constexpr std::int64_t luma_gain = 76309, chroma_gain = 74606, unity = 65536;
 
 } // namespace

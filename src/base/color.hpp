@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Learned colours as RGB, for drawing.
+// Converts learned colours to RGB for drawing.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@
 
 namespace terrainseg {
 
-/// A mean (Q8) of a colour space as full-range RGB.
+/// Converts a mean (Q8) of a colour space to full-range RGB.
 std::array<std::uint8_t, 3> rgb_of(const std::array<std::uint16_t, 3>& mean, const ColorSpace& space);
 
 } // namespace terrainseg

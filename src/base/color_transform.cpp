@@ -63,7 +63,7 @@ ColorTransform color_transform_of(bool rgb, const Colorimetry& colorimetry) {
   const bool limited = colorimetry.range == ColorRange::limited;
   ColorTransform t;
   for (int i = 0; i < 3; ++i) {
-    std::int64_t zero = 0; // what the inputs' zero points add up to
+    std::int64_t zero = 0; // sum of the contributions of the inputs' zero points
     for (int j = 0; j < 3; ++j) {
       const bool chroma = !rgb && j > 0;
       const std::int64_t span = !limited ? 255 : chroma ? 224 : 219;

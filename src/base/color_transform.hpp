@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Every input colorimetry as one: full-range BT.601 luma and chroma. Applied to coarse cells only, never to
+// Converts every input colorimetry to full-range BT.601 luma and chroma. Applied only to coarse cells, not to
 // the pixels of a frame.
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace terrainseg {
 
-/// An affine map of three 8-bit components, Q16.
+/// An affine transform of three 8-bit components, Q16.
 struct ColorTransform {
   std::array<std::array<std::int32_t, 3>, 3> matrix{};
   std::array<std::int32_t, 3> offset{};
@@ -18,14 +18,15 @@ struct ColorTransform {
   bool operator==(const ColorTransform&) const = default;
 };
 
-/// The map from the frame's components (Y U V, or R G B) to full-range BT.601 Y U V.
+/// Returns the transform from the frame's components (Y U V or R G B) to full-range BT.601 Y U V.
 ColorTransform color_transform_of(bool rgb, const Colorimetry& colorimetry);
 
-/// Row of pixels, from three sources to three targets of `count` bytes that do not overlap them.
+/// Transforms a row of pixels from three sources to three targets of `count` bytes. Sources and targets must
+/// not overlap.
 void transform_row(const ColorTransform& transform, const std::array<const std::uint8_t*, 3>& source,
                    const std::array<std::uint8_t*, 3>& target, int count);
 
-/// First component (luma) only.
+/// Computes the first component (luma) only.
 void transform_luma_row(const ColorTransform& transform, const std::array<const std::uint8_t*, 3>& source,
                         std::uint8_t* target, int count);
 

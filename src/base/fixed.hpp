@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Integer arithmetic that several stages share. Qn = a fixed-point number with n fraction bits.
+// Shared integer arithmetic. Qn = a fixed-point number with n fraction bits.
 #pragma once
 
 #include <bit>
@@ -7,8 +7,8 @@
 
 namespace terrainseg {
 
-/// value / count to the nearest integer, halves up. A power of two is divided by a shift, as in the paper's
-/// equation (5).
+/// value / count rounded to the nearest integer, halves up. Divides by a power of two with a shift, as in the
+/// paper's equation (5).
 constexpr std::uint64_t rounded_quotient(std::uint64_t value, std::uint64_t count) {
   const std::uint64_t rounded = value + count / 2;
   return std::has_single_bit(count) ? rounded >> std::countr_zero(count) : rounded / count;

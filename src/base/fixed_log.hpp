@@ -10,7 +10,8 @@ namespace terrainseg {
 
 namespace detail {
 
-// log2(1 + i / 256) in Q8, bit by bit: squaring a number in [1, 2) shifts the next bit of its logarithm out.
+// Table of log2(1 + i / 256) in Q8. Computed bit by bit: squaring a number in [1, 2) yields the next bit of
+// its logarithm.
 constexpr std::array<std::uint8_t, 256> log_fractions() {
   std::array<std::uint8_t, 256> table{};
   for (std::uint64_t i = 0; i < 256; ++i) {
@@ -34,7 +35,7 @@ inline constexpr std::array<std::uint8_t, 256> log_table = log_fractions();
 
 } // namespace detail
 
-/// log2(x) in Q8, to 2/256 below the true value at most; -256 for 0.
+/// log2(x) in Q8, at most 2/256 below the exact value; -256 for 0.
 constexpr int log2_q8(std::uint64_t x) {
   if (x == 0)
     return -256;

@@ -34,7 +34,7 @@ constexpr FormatLayout gray() {
   return {{{{0, 0, 1, 0, 0}, {}, {}}}, 1, false, 1};
 }
 
-/// The same with samples of two bytes: `depth` bits of them above `shift` unused ones.
+/// Changes a layout to samples of two bytes with `depth` bits above `shift` unused bits.
 constexpr FormatLayout deep(FormatLayout layout, std::uint8_t depth, std::uint8_t shift) {
   for (ComponentLayout& part : layout.components) {
     part.offset = static_cast<std::uint8_t>(2 * part.offset);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Whether a frame can be read, and a mask written.
+// Checks of frames and mask targets.
 #pragma once
 
 #include <string>
@@ -9,10 +9,10 @@
 
 namespace terrainseg {
 
-/// What is wrong with a frame and what to do, or an empty text.
+/// Returns the error of an invalid frame and its remedy, or an empty text.
 std::string flaw_of(const Frame& frame);
 
-/// The same of a mask target for such a frame; an empty target has no flaw.
+/// Returns the error of a mask target for this frame, or an empty text. An empty target is valid.
 std::string flaw_of(const MaskTarget& target, const Frame& frame, int mask_level);
 
 } // namespace terrainseg

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A straight row across the frame, as the vanishing line of the ground plane is one, and its units.
+// A horizontal line across the frame, such as the vanishing line of the ground plane, with conversions
+// between its units.
 #pragma once
 
 #include <algorithm>
@@ -8,29 +9,29 @@
 namespace terrainseg {
 
 struct FrameLine {
-  /// How it is known, the surer the later.
+  /// Where the line comes from, in order of increasing reliability.
   enum class Source : std::uint8_t { none, hint, motion, pose, setting };
   Source source = Source::none;
-  std::int32_t row_q8 = 0; ///< Q8 rows from the frame's top; may lie outside of the frame
+  std::int32_t row_q8 = 0; ///< Q8 rows from the top of the frame; may lie outside the frame
 
   bool known() const { return source != Source::none; }
-  /// No line where it lies above the frame, the frame's end where it lies below it.
+  /// Limits the line to the frame: unknown when it lies above the frame, the frame's end when it lies below.
   FrameLine within(int frame_height) const {
     return known() && row_q8 >= 0 ? FrameLine{source, std::min(row_q8, frame_height << 8)} : FrameLine{};
   }
   FrameLine lower_by(std::int32_t rows_q8) const { return {source, row_q8 + rows_q8}; }
 
-  /// For the metadata: Q16 rows; -1 where it is not known or not in the frame.
+  /// For the metadata: Q16 rows; -1 when unknown or outside the frame.
   std::int32_t row_q16(int frame_height) const {
     return known() && row_q8 >= 0 && row_q8 < frame_height << 8 ? row_q8 << 8 : -1;
   }
-  /// Q8 of the frame's height; -1 where it is not known.
+  /// Q8 of the frame's height; -1 when unknown.
   int part_of_height_q8(int frame_height) const { return known() ? row_q8 / frame_height : -1; }
-  /// Whole rows of the frame, less so many above the line, as rows of a level; 0 where it is not known.
+  /// The row `rows_above` rows of the frame above the line, as a row of a pyramid level; 0 when unknown.
   int row_of_level(int level, int rows_above) const {
     return known() ? std::max(((row_q8 >> 8) - rows_above + (1 << level) - 1) >> level, 0) : 0;
   }
-  /// Q8 pixels of a level.
+  /// Q8 pixels of a pyramid level.
   int row_q8_of_level(int level) const { return row_q8 >> level; }
 };
 

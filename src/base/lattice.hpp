@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Rectangles of the frame, and the cells of a pyramid level whose centres lie in them. Cell (x, y) of level k
-// is centred at the frame's pixel (x, y) * 2^k.
+// Converts between rectangles of the frame and cells of a pyramid level. The centre of cell (x, y) of level k
+// is the frame's pixel (x, y) * 2^k. A cell belongs to a rectangle that contains its centre.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace terrainseg {
 
-/// The cells of a `width` x `height` grid whose centres lie in a rectangle of the frame. May be empty.
+/// The cells of a `width` x `height` grid that belong to a rectangle of the frame. May be empty.
 constexpr Rectangle cells_in(const Rectangle& pixels, int level, int width, int height) {
   if (pixels.empty())
     return {};
@@ -21,7 +21,7 @@ constexpr Rectangle cells_in(const Rectangle& pixels, int level, int width, int 
   return {left, top, right - left, bottom - top};
 }
 
-/// The cells that a window covers; never empty: a window smaller than a cell has the cell nearest to it.
+/// The cells of a training window. Never empty: a window smaller than a cell gets the nearest cell.
 constexpr Rectangle cells_of_window(const Rectangle& window, int level, int grid_width, int grid_height) {
   Rectangle cells = cells_in(window, level, grid_width, grid_height);
   const auto nearest = [level](int first, int size, int limit) {
@@ -39,7 +39,7 @@ constexpr Rectangle cells_of_window(const Rectangle& window, int level, int grid
   return cells;
 }
 
-/// The part of a rectangle that lies inside the frame. May be empty.
+/// The intersection of a rectangle and the frame. May be empty.
 constexpr Rectangle clipped(const Rectangle& r, int width, int height) {
   const int left = std::clamp(r.x, 0, width), top = std::clamp(r.y, 0, height);
   return {left, top, std::clamp(r.x + std::max(r.width, 0), left, width) - left,

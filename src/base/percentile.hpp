@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Ranks of a set of values.
+// Percentiles of a set of values.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace terrainseg {
 
-/// The value under which `percent` % (0..99) of the values lie; 0 without a value. Reorders them.
+/// The value below which `percent` % (0..99) of the values lie; 0 for an empty set. Reorders the values.
 inline std::uint16_t percentile(std::span<std::uint16_t> values, int percent) {
   if (values.empty())
     return 0;

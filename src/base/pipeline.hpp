@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the two pipelines are to the segmenter: one frame in, its estimate written, its terrain learned.
+// Interface of the two pipelines: takes one frame, writes its estimate, updates the terrain.
 #pragma once
 
 #include "base/estimate_writer.hpp"
@@ -12,20 +12,20 @@
 
 namespace terrainseg {
 
-/// Fewest cells that a Gaussian is made of (the paper's window has 8 at 1/32: too few).
+/// Smallest number of cells for a Gaussian. The paper's window has 8 at scale 1/32, which is too few.
 inline constexpr int samples_per_model = 16;
 
-/// A frame that was admitted, and what follows from its size and the settings.
+/// A valid frame, and the values that follow from its size and the settings.
 struct FrameTask {
   const Frame& frame;
   const Supervision& supervision;
   const Settings& settings;
-  Rectangle window;   ///< the training window, in frame pixels
-  int grid_level = 0; ///< pyramid level that is learned on
+  Rectangle window;   ///< the training window, in pixels of the frame
+  int grid_level = 0; ///< the pyramid level for learning
   Workers& workers;
 };
 
-/// Owns its stages and what they keep from frame to frame; what was learned is the segmenter's.
+/// Owns its stages and their state between frames. The segmenter owns the terrain.
 class Pipeline {
  public:
   Pipeline() = default;
@@ -33,20 +33,21 @@ class Pipeline {
   Pipeline(const Pipeline&) = delete;
   Pipeline& operator=(const Pipeline&) = delete;
 
-  /// Labels a frame and learns from it. `out` was started for this frame.
+  /// Labels a frame and learns from it. `out` must have been started for this frame.
   virtual void process(const FrameTask& task, Terrain& terrain, EstimateWriter& out, StageClock& clock) = 0;
 
-  /// A learned model as this frame shows it, in the colours that are learned in.
+  /// Converts a learned model to the colours of the current frame, in the learning colour space.
   virtual TerrainModel in_this_light(const TerrainModel& learned) const = 0;
 
-  /// Frames of these settings and this size follow.
+  /// Prepares for frames of this size with these settings.
   virtual void adapt(const Settings& settings, int grid_level) = 0;
-  virtual void forget_frames() = 0;  ///< what spans neighbouring frames
-  virtual void forget_terrain() = 0; ///< what was made of the terrain: it is another one now
+  virtual void forget_frames() = 0;  ///< clears the state of neighbouring frames
+  virtual void forget_terrain() = 0; ///< clears what was derived from the terrain, because the terrain was
+                                     ///< replaced
 };
 
-/// What this frame's window may do: flag_learned, or why it is not learned. `starved`: it has too few usable
-/// cells, something stands in it, or the frame is blank.
+/// Returns flag_learned, or the flag for the reason why the window is not learned. `starved`: the window has
+/// too few usable cells or contains an obstacle, or the frame is blank.
 constexpr std::uint32_t learning_flag(const Settings& settings, bool starved) {
   if (!settings.learning || !settings.near_clear)
     return flag_frozen;

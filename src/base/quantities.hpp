@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Arrays that say what their numbers mean: a curve in rows of the grid is not one in rows of the frame, a
-// score is not a penalty. Each is a vector that converts to none of the others.
+// Vectors with distinct types for different units, such as rows of the grid and rows of the frame, or scores
+// and penalties. They do not convert to each other.
 #pragma once
 
 #include <cstdint>
@@ -13,18 +13,18 @@ template <typename Value, typename Meaning> class Quantities : public std::vecto
   using std::vector<Value>::vector;
 };
 
-/// A curve, one row a column: ground begins there. Columns and rows of the grid (0..grid.height) ...
+/// A curve: per column the first row of the ground. GridCurve: columns and rows of the grid (0..grid.height).
 using GridCurve = Quantities<std::uint16_t, struct RowsOfTheGrid>;
-/// ... columns and rows of the mask (0..its height) ...
+/// MaskCurve: columns and rows of the mask (0..height of the mask).
 using MaskCurve = Quantities<std::uint16_t, struct RowsOfTheMask>;
-/// ... columns of the mask and rows of the frame (0..its height).
+/// FrameCurve: columns of the mask and rows of the frame (0..height of the frame).
 using FrameCurve = Quantities<std::uint16_t, struct RowsOfTheFrame>;
 
-/// What speaks for the ground in each cell, in Q4 of the unit below: 16 * 32 = 1 nat. Row by row.
+/// Score per cell, row by row: evidence for ground in Q4 of 1/32 nat (16 * 32 = 1 nat).
 using CellScores = Quantities<std::int16_t, struct ScoreOfACell>;
-/// What speaks against it, 32 = 1 nat, 0 or more. Row by row.
+/// Penalty per cell, row by row: evidence against ground, 32 = 1 nat, not negative.
 using CellPenalties = Quantities<std::int8_t, struct PenaltyOfACell>;
-/// What speaks for the ground in each row of the grid, 32 = 1 nat.
+/// Prior per row of the grid: evidence for ground, 32 = 1 nat.
 using RowPriors = Quantities<std::int16_t, struct PriorOfARow>;
 
 } // namespace terrainseg

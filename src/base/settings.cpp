@@ -13,7 +13,7 @@ namespace {
 
 // ---- the table -------------------------------------------------------------------------------------------
 
-// The words that settings.def is written in.
+// The identifiers that settings.def uses.
 constexpr int longest_side = 32767;
 constexpr int most_frames = 1 << 20;
 constexpr UsedBy paper = UsedBy::paper, free_space = UsedBy::free_space, both = UsedBy::both;
@@ -35,7 +35,7 @@ constexpr Range parts(int low, int high, const char* unit) {
 constexpr Range any{SettingKind::natural, 0, std::numeric_limits<std::uint32_t>::max()};
 constexpr Range truth{SettingKind::truth, 0, 1};
 constexpr Range stage{SettingKind::truth, 0, 1, 1, "", true};
-constexpr Range choice{SettingKind::choice, 0, 0}; // as many as there are
+constexpr Range choice{SettingKind::choice, 0, 0}; // the upper limit follows from the number of choices
 
 constexpr Choice horizon_modes[] = {
     {"off", "No horizon is reported"},
@@ -67,7 +67,7 @@ template <class Number> constexpr std::span<const Choice> choices_of(Number) {
   return {};
 }
 
-/// Words of a row and what follows from the type of its field.
+/// The strings of a row, and the properties that follow from its field's type.
 template <class Field>
 constexpr Setting row(const Range& range, Field standard, Field in_paper, UsedBy used_by, bool controllable,
                       const char* name, const char* nick, const char* blurb,
@@ -137,7 +137,7 @@ std::optional<SettingsError> out_of_range(const Setting& setting, std::int64_t v
 
 struct Read {
   std::int64_t value = 0;
-  std::string error; ///< why there is none
+  std::string error; ///< the reason when there is no value
 };
 
 Read read_choice(const Setting& setting, std::string_view text) {
@@ -190,21 +190,22 @@ bool is_used(const Setting& setting, const Settings& settings) {
 }
 
 bool is_idle(const Setting& setting, const Settings& settings) {
-  // The paper's column has the value that switches off what the paper's pipeline does not have.
+  // In the preset `paper`, settings of the default pipeline have the value that switches them off.
   const bool off = setting.used_by == UsedBy::free_space &&
                    setting.get(settings) == setting.get(Settings::of(Preset::paper));
   return !off && !is_used(setting, settings);
 }
 
 std::int64_t kept_value(std::int64_t billionths, std::int64_t scale) {
-  // Whole and fraction apart: the product of a large number would not fit.
+  // Converts the whole and the fractional part separately, because the product of a large number would
+  // overflow.
   const std::int64_t units = billionths / billion, rest = billionths % billion;
   const std::int64_t half = rest < 0 ? -billion / 2 : billion / 2;
   return units * scale + (rest * scale + half) / billion;
 }
 
 std::optional<std::int64_t> billionths_of(std::string_view text) {
-  constexpr std::size_t most_digits = 10; // of the whole part: the product stays within 64 bits
+  constexpr std::size_t most_digits = 10; // digits of the whole part; keeps the product within 64 bits
   text = trimmed(text);
   const bool negative = text.starts_with('-');
   if (negative || text.starts_with('+'))
@@ -219,7 +220,7 @@ std::optional<std::int64_t> billionths_of(std::string_view text) {
   std::int64_t value = 0;
   for (const char digit : units)
     value = 10 * value + (digit - '0');
-  // 9,999,999,999 billions do not fit, 4,294,967,295 do.
+  // Rejects numbers whose product with a billion overflows; 4,294,967,295 is accepted.
   if (value > std::numeric_limits<std::int64_t>::max() / billion - 1)
     return std::nullopt;
   std::int64_t place = billion;
@@ -238,7 +239,7 @@ std::string setting_text(const Setting& setting, std::int64_t value) {
   const std::int64_t magnitude = value < 0 ? -value : value;
   std::string text(value < 0 ? "-" : "");
   text += std::to_string(magnitude / setting.scale);
-  // 1/256 has eight decimals, which end.
+  // 1/256 has a finite decimal expansion of eight digits.
   if (std::int64_t rest = magnitude % setting.scale; rest > 0)
     for (text += '.'; rest > 0; rest = rest * 10 % setting.scale)
       text += static_cast<char>('0' + rest * 10 / setting.scale);
@@ -307,7 +308,7 @@ std::optional<SettingsError> validate(const Settings& s) {
   if (s.learned_models <= s.training_models)
     return SettingsError{"learned-models", std::to_string(s.learned_models),
                          "must be above training-models = " + std::to_string(s.training_models)};
-  // Rounding to 1/65536 may make a sum of 1 one too much.
+  // Rounding to 1/65536 can make the sum of position and size exceed 1 by one unit.
   const Rectangle& r = s.window_rect_q16;
   constexpr int one = 65536;
   if (!r.empty() && (r.x < 0 || r.y < 0 || r.x > one || r.y > one || r.width > one || r.height > one ||

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Time by stage.
+// Measures the duration of stages.
 #pragma once
 
 #include <array>
@@ -10,11 +10,11 @@
 
 namespace terrainseg {
 
-/// Adds up the nanoseconds between laps. The times start at zero.
+/// Accumulates nanoseconds per stage. All times start at zero.
 class StageClock {
  public:
   explicit StageClock(std::array<std::int64_t, stage_count>& times) : times_(times) { times_.fill(0); }
-  /// What passed since the last lap belongs to `stage`.
+  /// Adds the time since the last lap to `stage`.
   void lap(Stage stage) {
     const auto now = std::chrono::steady_clock::now();
     times_[static_cast<std::size_t>(stage)] +=

@@ -8,7 +8,7 @@
 namespace terrainseg::tuning {
 namespace {
 
-// Files add theirs before main() in any order: made when the first does.
+// Created on first use, because source files register their constants before main() in any order.
 std::vector<Knob>& registry() {
   static std::vector<Knob> all;
   return all;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Constants that were chosen by measuring. In the product each is constexpr and costs nothing. In the core
-// that the evaluation links (TERRAINSEG_TUNABLE) each is a number that tuning::set() changes while it runs.
+// Constants that were chosen by measurement. In the product each one is constexpr and has no cost. In the
+// core for the evaluation (TERRAINSEG_TUNABLE) each one is a variable that tuning::set() changes at run time.
 //
 //   TERRAINSEG_TUNED(int, geodesic, free_distance, 12);   // geodesic.free_distance
 //
-// What sizes an array or is asserted at compile time stays constexpr. Numbers are set while no frame is
-// processed.
+// A constant that sizes an array or is used in a static_assert stays constexpr. Variables must not be set
+// while a frame is processed.
 #pragma once
 
 #ifdef TERRAINSEG_TUNABLE
@@ -19,21 +19,21 @@
 
 namespace terrainseg::tuning {
 
-/// A constant, and what the source has for it.
+/// A tunable constant and its default value in the source.
 struct Knob {
-  std::string name; ///< room.constant
+  std::string name; ///< group.constant
   std::int64_t standard = 0;
   void* number = nullptr;
   void (*assign)(void* number, std::int64_t value) = nullptr;
 };
 const std::vector<Knob>& knobs();
-/// False where there is none of that name.
+/// Returns false for an unknown name.
 bool set(std::string_view name, std::int64_t value);
-/// All as the source has them.
+/// Restores all default values.
 void reset();
 void add(const Knob& knob);
 
-/// A table that is made of such numbers, and made anew when one of them is set.
+/// A table computed from tunable constants. Recomputed when one of them is set.
 class Table {
  public:
   virtual void fill() = 0;
@@ -56,7 +56,7 @@ template <typename Make> class TableOf final : public Table {
   decltype(std::declval<Make>()()) values_;
 };
 
-/// The number of a new knob, which lives as long as the program.
+/// Registers a tunable constant and returns its value, which lives as long as the program.
 template <typename Number> const Number& number_of(const char* name, Number standard) {
   auto* const number = new Number(standard);
   add({name, static_cast<std::int64_t>(standard), number,

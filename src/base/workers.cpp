@@ -10,14 +10,14 @@
 namespace terrainseg {
 namespace {
 
-// Beyond this the bands of a frame are too thin for the memory to feed them.
+// With more threads the bands of a frame are so thin that memory bandwidth is the limit.
 constexpr int most_that_help = 8;
 
-// A frame comes to its threads twice, with the coarse stages between: a thread stays awake for that long,
-// because waking it takes as long as a tenth of its share.
+// How long an idle thread spins before it sleeps. Each frame uses the threads twice, with the coarse stages
+// in between. Waking a thread takes as long as a tenth of its share of the work.
 constexpr std::chrono::microseconds awake{300};
 
-// Waits for `value` to leave `old`, awake at first and then asleep; returns what it became.
+// Waits until `value` differs from `old`: spins first, then sleeps. Returns the new value.
 template <typename T> T wait_for_change(std::atomic<T>& value, T old, bool stay_awake) {
   const auto end = std::chrono::steady_clock::now() + awake;
   while (stay_awake && std::chrono::steady_clock::now() < end) {
@@ -44,8 +44,8 @@ Workers::Workers(int threads) {
   const int count = threads == 0 ? processors() : threads;
   stay_awake_ = count <= processors();
   threads_.reserve(static_cast<std::size_t>(std::max(0, count - 1)));
-  // Where the system gives no more threads (a limit, no memory for a stack) those that run do the work: the
-  // result is the same for any number.
+  // When the system refuses to create a thread (a limit, no memory for a stack), the existing threads do the
+  // work. The result does not depend on their number.
   try {
     for (int i = 1; i < count; ++i)
       threads_.emplace_back([this] { serve(); });
@@ -61,7 +61,7 @@ Workers::~Workers() {
     t.join();
 }
 
-// Once a task is taken its call stands until it has ended: run_erased() waits for that.
+// After a thread took a task, the call's data stay valid until the task ends: run_erased() waits for it.
 void Workers::work() {
   for (std::uint64_t left = left_;;) {
     const auto tasks = static_cast<std::uint32_t>(left);

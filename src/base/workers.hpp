@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A few threads of one Segmenter that share the rows of a frame.
+// Threads of one Segmenter that share the rows of a frame.
 #pragma once
 
 #include <atomic>
@@ -11,12 +11,12 @@
 
 namespace terrainseg {
 
-/// Runs the same function for several indices at once. The caller's thread works too; with one thread nothing
-/// is started. Nothing is allocated once constructed. Not to be called from two threads at a time.
+/// Runs a function for several indices in parallel. The caller's thread also works; with one thread no thread
+/// is started. Allocates only in the constructor. Must not be called from two threads at the same time.
 class Workers {
  public:
-  /// `threads`: 1..16; 0 = as many as help, which is the processors this process may use, at most 8. Fewer
-  /// when the system does not give them: see count().
+  /// `threads`: 1..16; 0 = the number of processors that this process may use, at most 8. The number is
+  /// smaller when the system refuses to create threads: see count().
   explicit Workers(int threads = 1);
   ~Workers();
   Workers(const Workers&) = delete;
@@ -24,8 +24,8 @@ class Workers {
 
   int count() const { return static_cast<int>(threads_.size()) + 1; }
 
-  /// Calls f(0) .. f(tasks - 1), each once, in any order and on any thread, and returns when all have ended.
-  /// f must not throw.
+  /// Calls f(0) .. f(tasks - 1), each once, in any order and on any thread. Returns when all calls have
+  /// ended. f must not throw.
   template <typename F> void run(int tasks, F&& f) {
     using Function = std::remove_reference_t<F>;
     run_erased(
@@ -41,15 +41,15 @@ class Workers {
 
   std::vector<std::thread> threads_;
   bool stay_awake_ = false; ///< written before the threads start
-  // Written by run_erased() before `left_`, read by the threads after they took a task.
+  // Written by run_erased() before `left_`; read by the threads after they took a task.
   Call call_ = nullptr;
   void* context_ = nullptr;
   int tasks_ = 0;
-  /// Tasks that no thread has taken, below the generation: a thread that wakes late takes none of a run that
-  /// has ended, and no run waits for it.
+  /// Number of tasks that no thread has taken yet, with the generation of the run in the upper bits. A thread
+  /// that wakes late therefore takes no task of a finished run, and no run waits for it.
   std::atomic<std::uint64_t> left_{0};
   std::atomic<int> unfinished_{0};
-  std::atomic<std::uint32_t> generation_{0}; ///< of the last run
+  std::atomic<std::uint32_t> generation_{0}; ///< number of the last run
   std::atomic<bool> stop_{false};
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the default pipeline keeps from frame to frame.
+// The state that the default pipeline keeps between frames.
 #pragma once
 
 #include "base/quantities.hpp"
@@ -10,16 +10,17 @@
 
 namespace terrainseg {
 
-/// Everything that outlives a frame, and nothing else: forgetting is `memory = {}`. What was learned is the
+/// The complete state between frames: `memory = {}` resets the pipeline. The learned terrain is the
 /// segmenter's Terrain.
 struct Memory {
   LastPicture last;
   WindowGuard guard;
-  CellScores average; ///< of the scores
-  GridCurve boundary; ///< of the last frame; empty = none
+  CellScores average; ///< running average of the scores
+  GridCurve boundary; ///< boundary of the last frame; empty = none
   HorizonHold horizon;
   HoleMemory holes;
-  FrameLine line; ///< the last that motion found: the mount keeps it while the rover stands and over cuts
+  FrameLine line; ///< the last line found by motion; remains known while the rover stands still and across
+                  ///< cuts
 };
 
 } // namespace terrainseg

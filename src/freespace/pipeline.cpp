@@ -8,10 +8,10 @@ namespace {
 
 const GridCurve no_curve;
 
-/// How a frame follows the last one.
+/// Relation of a frame to the last one.
 struct Continuity {
-  bool same_place; ///< that one's boundary says where this one's ground is
-  bool continued;  ///< scores are averaged with that one's, and its horizon is held
+  bool same_place; ///< the last boundary predicts where the ground of this frame is
+  bool continued;  ///< scores are averaged with the last frame's, and its horizon may be held
 };
 Continuity continuity_of(const View& view, const LastPicture& last) {
   const Temporal mode = view.task.settings.temporal;
@@ -19,8 +19,8 @@ Continuity continuity_of(const View& view, const LastPicture& last) {
   return {same, same && mode != Temporal::off};
 }
 
-/// What is known of the ground's vanishing line before the frame is seen. A setting that lies below the frame
-/// is none: there would be no ground.
+/// The vanishing line that is known before the frame is processed, from the setting or a pose. A setting
+/// below the frame is ignored, because it would leave no ground.
 FrameLine known_line(const FrameTask& task) {
   const int row = task.settings.vanishing_row;
   if (row != -1 && row < task.frame.height)
@@ -31,8 +31,8 @@ FrameLine known_line(const FrameTask& task) {
   return {};
 }
 
-/// Where the ground plane ends, as far as it lies within the frame: at its vanishing line, from the setting,
-/// else from the pose and what motion corrects of it, else from motion in the frame before.
+/// Vanishing line of the ground plane, limited to the frame: from the setting, otherwise from the pose with
+/// motion's correction, otherwise from motion in the previous frame.
 FrameLine end_of_plane(const FrameTask& task, bool continued, const MotionTrack& track) {
   const FrameLine known = known_line(task);
   const bool by_motion = task.settings.motion != Motion::off;
@@ -42,8 +42,8 @@ FrameLine end_of_plane(const FrameTask& task, bool continued, const MotionTrack&
   return known.lower_by(corrected ? track.line_offset : 0).within(task.frame.height);
 }
 
-/// The same for what ends the ground: where nothing is known of this frame the line that motion found last,
-/// else the hint.
+/// The line at which the ground ends: end_of_plane(), otherwise the line that motion found last, otherwise
+/// the horizon hint.
 FrameLine end_of_ground(const FrameTask& task, bool continued, const Memory& memory) {
   const FrameLine measured = end_of_plane(task, continued, memory.holes.motion);
   if (measured.known() || known_line(task).known())

@@ -1,6 +1,5 @@
-// SPDX-License-Identifier: LGPL-2.1-or-later
-// The default pipeline: the paper's stages, and those beyond it that make a mask out of them that can be
-// driven by.
+// SPDX-License-Identifier: LGPL-2.1-or-later The default pipeline: the paper's stages and additional ones
+// that find one boundary, and obstacles in the open ground below it.
 #pragma once
 
 #include "base/pipeline.hpp"
@@ -16,7 +15,7 @@
 
 namespace terrainseg {
 
-/// Colours that this pipeline learns in, whatever the frames come in.
+/// The colour space in which this pipeline learns, for all formats of frames.
 inline constexpr ColorSpace normalised_space{false, {ColorRange::full, ColorMatrix::bt601}};
 
 class FreeSpacePipeline final : public Pipeline {
@@ -30,7 +29,7 @@ class FreeSpacePipeline final : public Pipeline {
  private:
   FrameReader reader_;
   WindowTeacher teacher_;
-  TerrainTables tables_; ///< of what was learned
+  TerrainTables tables_; ///< derived from the terrain
   CellScorer scorer_;
   GroundTracer tracer_;
   RefinedCurves curves_;

@@ -14,16 +14,16 @@
 namespace terrainseg {
 namespace {
 
-TERRAINSEG_TUNED(int, alignment, clipped_at, 40 << 8);            ///< Q8: a difference counts no more
+TERRAINSEG_TUNED(int, alignment, clipped_at, 40 << 8);            ///< Q8: limit of a difference
 TERRAINSEG_TUNED(int, alignment, least_spread, 3 << 7);           ///< Q8: 1.5 grey levels
 TERRAINSEG_TUNED(std::int64_t, alignment, small_step, 1678);      ///< Q24: 1e-4, a thirtieth of a pixel
 TERRAINSEG_TUNED(std::int64_t, alignment, largest_step, 1 << 23); ///< Q24: 0.5
 
-/// 256 / (1 + (z / 2)^2)^2 for z = (k + 1/2) / 8 spreads, nothing from 8 on.
+/// Table of 256 / (1 + (z / 2)^2)^2 for z = (k + 1/2) / 8 spreads; 0 from z = 8 on.
 constexpr std::array<std::int32_t, 65> make_weights() {
   std::array<std::int32_t, 65> weights{};
   for (int k = 0; k < 64; ++k) {
-    const std::int64_t z = 2 * k + 1, one = 1024; // z / 2 = z / 32, squared in Q10
+    const std::int64_t z = 2 * k + 1, one = 1024; // z / 2 in units of 1/32; squared in Q10
     const std::int64_t base = one + z * z;
     weights[static_cast<std::size_t>(k)] =
         static_cast<std::int32_t>((256 * one * one + base * base / 2) / (base * base));
@@ -32,7 +32,8 @@ constexpr std::array<std::int32_t, 65> make_weights() {
 }
 constexpr auto weights = make_weights();
 
-/// Of differences, and of values from even grey, where a point is seen. Compilers make vectors of it.
+/// Sums of the clipped differences and of the clipped contrasts (distances from grey 128), over the points
+/// inside the earlier frame. Auto-vectorised.
 std::pair<std::int32_t, std::int32_t> sums_of(const kernels::PointLists& points,
                                               const std::int32_t* __restrict differences) {
   const std::int32_t* __restrict values = points.values;
@@ -48,7 +49,8 @@ std::pair<std::int32_t, std::int32_t> sums_of(const kernels::PointLists& points,
   return {sum, contrast};
 }
 
-/// Eighths of a grey level, 255 at most; 256 of points outside. Compilers make vectors of it.
+/// Absolute differences in eighths of a grey level, at most 255; 256 for points outside the earlier frame.
+/// Auto-vectorised.
 void sizes_of(const std::int32_t* __restrict differences, std::size_t count, std::int32_t* __restrict sizes) {
   for (std::size_t i = 0; i < count; ++i) {
     const std::int32_t size = (differences[i] < 0 ? -differences[i] : differences[i]) >> 5;
@@ -56,7 +58,7 @@ void sizes_of(const std::int32_t* __restrict differences, std::size_t count, std
   }
 }
 
-/// Compilers make vectors of it.
+/// Auto-vectorised.
 void append(const std::uint16_t* __restrict order, int count, std::uint16_t* __restrict keys) {
   for (int u = 0; u < count; ++u)
     keys[u] = static_cast<std::uint16_t>(keys[u] * 16 + order[u]);
@@ -126,12 +128,13 @@ void PointSelection::select(const PassedView& picture, const GroundCamera& view,
     return static_cast<std::size_t>(std::max((pixels + rule.block - 1) / rule.block, 0));
   };
   points.reserve(blocks(picture.height - 1 - first) * blocks(width - 2));
-  // Of equal keys the first of a block: so its columns count down behind the key's 12 bits.
+  // Of equal keys the first one in a block must win: the columns count down in the low bits, below the key's
+  // 12 bits.
   order_.resize(static_cast<std::size_t>(width));
   for (int u = 1, k = 0; u < width; ++u, k = k + 1 == rule.block ? 0 : k + 1)
     order_[static_cast<std::size_t>(u)] = static_cast<std::uint16_t>(15 - k);
   int spread_row = -1;
-  bool any = false; // whether that row has ground
+  bool any = false; // whether row `spread_row` has ground
   for (int top = first; top < picture.height - 1; top += rule.block) {
     bool filled = false;
     const int rows = std::min(rule.block, picture.height - 1 - top);
@@ -163,7 +166,7 @@ void PointSelection::select(const PassedView& picture, const GroundCamera& view,
   }
 }
 
-/// A row of cells, `cell` pixels each; whether one of them is ground.
+/// Expands a row of cells to pixels, `cell` pixels each. Returns whether any cell is ground.
 bool PointSelection::spread(std::span<const std::uint8_t> ground, int row, int cell, int columns) {
   const std::uint8_t* from = ground.data() + static_cast<std::ptrdiff_t>(row) * columns;
   std::uint8_t any = 0;
@@ -180,7 +183,7 @@ bool PointSelection::spread(std::span<const std::uint8_t> ground, int row, int c
   else
     for (int j = 0; j < columns; ++j)
       to = std::fill_n(to, cell, from[j]);
-  // What is left of a picture behind its whole cells belongs to the last of them.
+  // The pixels to the right of the last whole cell belong to that cell.
   std::fill(to, ground_.data() + ground_.size(), from[columns - 1]);
   return true;
 }
@@ -199,7 +202,7 @@ int Alignment::measure(const GroundPoints& points, const PassedView& earlier, co
 }
 
 std::int32_t Alignment::spread(std::size_t count) {
-  std::array<int, 257> bins{}; // the last is of points outside
+  std::array<int, 257> bins{}; // the last bin counts points outside
   sizes_of(differences_.data(), count, weights_.data());
   for (std::size_t i = 0; i < count; ++i)
     ++bins[static_cast<std::size_t>(weights_[i])];
@@ -277,7 +280,8 @@ Residual Alignment::residual(const GroundPoints& points, const PassedView& earli
                              const PlaneMotion& motion) {
   reserve(points.size());
   const kernels::PointLists lists =
-      points.size() >= 16 * fewest_points ? points.few() : points.all(); // which say it as well
+      points.size() >= 16 * fewest_points ? points.few() : points.all(); // a quarter of the points is
+                                                                         // sufficient
   Residual result;
   result.points = kernels::point_differences({earlier.pixels, earlier.width, earlier.height},
                                              PixelMap(motion, view).of_points(), lists, differences_.data());

@@ -10,34 +10,36 @@
 namespace terrainseg {
 namespace {
 
-/// pixels of motion's level
+/// Sizes in pixels of motion's level.
 TERRAINSEG_TUNED(int, motion_obstacles, longest_side, 800);
 TERRAINSEG_TUNED(int, motion_obstacles, shortest_side, 160);
 TERRAINSEG_TUNED(int, motion_obstacles, most_keys, 12);
-TERRAINSEG_TUNED(std::size_t, motion_obstacles, most_bytes, 3'200'000); ///< of key frames
+TERRAINSEG_TUNED(std::size_t, motion_obstacles, most_bytes, 3'200'000); ///< for all key frames together
 TERRAINSEG_TUNED(int, motion_obstacles, oldest_key, 90);                ///< frames
 TERRAINSEG_TUNED(std::int64_t, motion_obstacles, shortest_interval,
-                 45'000'000); ///< ns: frames between are looked at no further
+                 45'000'000); ///< ns: frames at a shorter interval are skipped
 TERRAINSEG_TUNED(std::int64_t, motion_obstacles, longest_gap, 2'000'000'000);
 constexpr PointRule large_rule{10, 6}, small_rule{4, 2};
-/// Q8 of the rows below the vanishing line: 0.50, 0.22
+/// Upper ends of the near and the far zone, Q8 of the rows between the vanishing line and the bottom: 0.50,
+/// 0.22.
 constexpr int near_rows = 128;
 TERRAINSEG_TUNED(int, motion_obstacles, far_rows, 56);
-TERRAINSEG_TUNED(int, motion_obstacles, memory, 224);       ///< Q8: evidence of earlier frames keeps 7/8
-TERRAINSEG_TUNED(int, motion_obstacles, still_memory, 252); ///< while the camera stands
-TERRAINSEG_TUNED(int, motion_obstacles, most_coasted, 8);   ///< frames that a sudden stop is not believed
-TERRAINSEG_TUNED(int, motion_obstacles, settling, 30); ///< estimates of the vanishing line until it is told
-/// And their information until then: of frames a second apart in a town 30 hold 530, of a drive at 15 Hz
-/// 140,000, of a small picture in a low sun 12,000.
+TERRAINSEG_TUNED(int, motion_obstacles, memory, 224);       ///< Q8: earlier evidence keeps 7/8
+TERRAINSEG_TUNED(int, motion_obstacles, still_memory, 252); ///< while the camera stands still
+TERRAINSEG_TUNED(int, motion_obstacles, most_coasted, 8);   ///< frames for which a sudden stop is ignored
+TERRAINSEG_TUNED(int, motion_obstacles, settling, 30);      ///< estimates of the vanishing line before it is
+                                                            ///< reported
+/// Information that these estimates must have in total. 30 frames have 530 in a town at 1 Hz, 140,000 in a
+/// drive at 15 Hz, and 12,000 in a small picture in low sun.
 TERRAINSEG_TUNED(std::int64_t, motion_obstacles, least_information, 2500);
-/// Estimates until a pose may be contradicted, and the part of the height by which they must: of level ground
-/// they are up to an 80th of it off. Where the pose's line lies too high they tell a third of what is
-/// missing: less is cut off there than could be, and nothing that is ground.
+/// Number of estimates before the line may deviate from a pose's line, and the smallest deviation, as a part
+/// of the height. On level ground the estimates are off by up to 1/80 of the height. Where the pose's line is
+/// too high, they contain only a third of the deviation: the correction removes too little, but no ground.
 TERRAINSEG_TUNED(int, motion_obstacles, contradicting, 24);
 TERRAINSEG_TUNED(int, motion_obstacles, slight_slope, 72);
-TERRAINSEG_TUNED(int, motion_obstacles, retry_after, 8); ///< frames between two searches in vain
+TERRAINSEG_TUNED(int, motion_obstacles, retry_after, 8); ///< frames between searches after a failure
 
-/// Forward motion in a frame that a search begins with, Q24 of the camera's height.
+/// Forward motion per frame with which a search starts, Q24 of the camera's height.
 constexpr std::array<std::int64_t, 9> first_guesses{0,       251658,  671089,  1342177, 2348810,
                                                     3355443, 4697620, 6710886, 9227469};
 
@@ -70,7 +72,7 @@ void MotionObstacles::forget() {
   result_ = {};
 }
 
-/// What was followed is lost: nothing is known to stand anywhere.
+/// Resets the evidence after the tracking is lost.
 void MotionObstacles::lose() {
   for (KeyFrame& key : keys_)
     spare_.push_back(std::move(key));
@@ -94,7 +96,7 @@ void MotionObstacles::resize(int width, int height) {
   if (view_.width == width && view_.height == height)
     return;
   view_ = {width, height, std::max(width, height) * 21 / 100 * 4,
-           height * 108}; // the line at 0.42 of the height
+           height * 108}; // initial vanishing line at 0.42 of the height
   const auto pixels = static_cast<std::size_t>(width) * height;
   now_.assign(pixels, 0);
   before_.assign(pixels, 0);
@@ -109,7 +111,7 @@ void MotionObstacles::resize(int width, int height) {
   work_.assign(static_cast<std::size_t>(width) + 16, 0);
   keys_.clear();
   spare_.clear();
-  // All memory now: later frames need none.
+  // Allocate all memory now, so that later frames do not allocate.
   const std::size_t most = most_keys_of(pixels);
   keys_.reserve(most);
   spare_.reserve(most);
@@ -129,7 +131,7 @@ void MotionObstacles::look(const GrayView& luma, const GrayView& ground) {
   const int width = view_.width, height = view_.height, columns = width / 4, rows = height / 4;
   now_.swap(before_);
   small_now_.swap(small_before_);
-  // What lies far above the vanishing line is never ground: it stays outside.
+  // Rows far above the vanishing line are never ground and remain 0.
   const int first = std::clamp((view_.vanishing_row >> 8) - height / 16, 0, height - 4) / 4 * 4;
   const int small_first = first / 4;
   std::fill_n(now_.begin(), first * width, std::uint8_t{0});
@@ -153,8 +155,8 @@ void MotionObstacles::look(const GrayView& luma, const GrayView& ground) {
   selection_.select(small_passed(small_now_), view_.quarter(), ground_, 1, small_rule, small_points_);
 }
 
-/// Length of the ground's translation in the middle column, at a part of the way from the vanishing line
-/// down. Q8.
+/// Length of the ground's translation in the middle column, Q8. `q8_of_rows` gives the row as a part of the
+/// way from the vanishing line to the bottom.
 int MotionObstacles::middle_shift(const PlaneMotion& motion, int q8_of_rows) const {
   const int down = (view_.height - 1) * 256 - view_.vanishing_row;
   return ground_shift(motion, view_, 0, down / 256 * q8_of_rows);
@@ -187,7 +189,7 @@ bool MotionObstacles::acquire(PlaneMotion& step) {
   return found && alignment_.refine(points_, passed(before_), view_, 6, step);
 }
 
-/// This frame's step from the last one. False where it is not known.
+/// Computes this frame's motion since the last frame. Returns false when it cannot be found.
 bool MotionObstacles::follow(std::int64_t pts) {
   const std::int64_t interval = pts >= 0 && pts_ >= 0 ? pts - pts_ : 0;
   PlaneMotion guess = step_;
@@ -202,7 +204,7 @@ bool MotionObstacles::follow(std::int64_t pts) {
     return after.points >= fewest_points && after.mean <= still.mean * 261 / 256 + 51 &&
            after.mean * 10 < after.contrast * 9 && std::abs(translation_of(motion).z) < one_q24 * 6 / 5;
   };
-  // Over bumps the last step's rotation is no guide to this one's.
+  // On bumps the previous rotation does not predict this one: also try a motion without rotation.
   PlaneMotion straight;
   straight.g[7] = translation_of(guess).z;
   const GroundCamera small = view_.quarter();
@@ -220,7 +222,8 @@ bool MotionObstacles::follow(std::int64_t pts) {
     return false;
   }
   failures_ = 0;
-  // A rover does not stop within a frame; a car ahead that fills the view and is taken for the ground does.
+  // A rover does not stop within one frame. A sudden stop is measured when a car ahead fills the view and is
+  // taken for ground.
   const std::int64_t expected = translation_of(guess).z, seen = translation_of(step).z;
   if (moving_ && expected > one_q24 / 80 && seen < expected * 6 / 10 && coasted_ < most_coasted) {
     ++coasted_;
@@ -243,7 +246,7 @@ void MotionObstacles::chain() {
   }
 }
 
-/// The newest key frame that is far enough behind, else the oldest.
+/// Selects for each zone the newest key frame with sufficient motion, otherwise the oldest one.
 void MotionObstacles::choose_keys(std::array<Zone, 2>& zones) {
   const int down = ((view_.height - 1) * 256 - view_.vanishing_row) >> 8, line = view_.vanishing_row >> 8;
   const auto cell_row = [&](int q8_of_rows) {
@@ -257,7 +260,7 @@ void MotionObstacles::choose_keys(std::array<Zone, 2>& zones) {
   for (int z = 0; z < 2; ++z) {
     Zone& zone = zones[static_cast<std::size_t>(z)];
     zone.key = -1;
-    for (int k = static_cast<int>(keys_.size()) - 1; k >= 0; --k) { // the newest is the last
+    for (int k = static_cast<int>(keys_.size()) - 1; k >= 0; --k) { // the newest key frame is the last
       const int shift =
           middle_shift(keys_[static_cast<std::size_t>(k)].motion, middle[static_cast<std::size_t>(z)]);
       if (shift >= 2 * 256)
@@ -275,7 +278,7 @@ void MotionObstacles::choose_keys(std::array<Zone, 2>& zones) {
     }
 }
 
-/// Compares both zones; what they say counts only where the plane is seen to fit.
+/// Compares both zones with their key frames. The evidence is added only when the plane fits.
 void MotionObstacles::judge(std::array<Zone, 2>& zones) {
   std::fill(judged_.begin(), judged_.end(), std::uint8_t{0});
   for (const Zone& zone : zones)
@@ -288,15 +291,15 @@ void MotionObstacles::judge(std::array<Zone, 2>& zones) {
   for (std::size_t i = 0; i < cells_.size(); ++i)
     if (judged_[i]) {
       ++count;
-      stand += cells_[i].quality > 164; // 0.04
-      lie += cells_[i].quality < -123;  // 0.03
+      stand += cells_[i].quality > 164; // 0.04 in Q12
+      lie += cells_[i].quality < -123;  // 0.03 in Q12
     }
   result_.trusted = count >= 16 && 4 * stand < count && 100 * lie > 300 * stand + 8 * count;
   if (result_.trusted)
     map_.add(cells_, judged_);
 }
 
-/// The vanishing line from what a plane with another line would do to the picture.
+/// Estimates the vanishing line from the deviation of the motion that an error of the line causes.
 void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
   if (told_.line == MotionKnowledge::Line::exact)
     return;
@@ -350,11 +353,11 @@ void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
     line_offset_ += change;
 }
 
-/// Before a frame: the line moves with what is told of it.
+/// Before a frame: moves the line to the one in `knowledge`.
 void MotionObstacles::follow_line(const MotionKnowledge& knowledge) {
   if (knowledge.line == MotionKnowledge::Line::unknown)
     return;
-  if (told_.line != knowledge.line) // estimates so far were of another line
+  if (told_.line != knowledge.line) // the estimates so far belong to another line
     line_weight_ = line_sum_ = 0;
   if (knowledge.line == MotionKnowledge::Line::exact)
     line_offset_ = 0;
@@ -372,8 +375,8 @@ void MotionObstacles::move_line(int rows) {
   view_.vanishing_row = row;
 }
 
-/// Keeps this frame when the ground moved by an eighth of the target since the last one kept; of too many the
-/// one that its neighbours replace best goes.
+/// Stores this frame as a key frame when the ground moved by at least an eighth of the target shift since the
+/// last one. When there are too many, removes the one that leaves the smallest gap between its neighbours.
 void MotionObstacles::keep_frame() {
   while (!keys_.empty() && keys_.front().age > oldest_key) {
     spare_.push_back(std::move(keys_.front()));
@@ -399,7 +402,7 @@ void MotionObstacles::keep_frame() {
     spare_.push_back(std::move(keys_[least]));
     keys_.erase(keys_.begin() + static_cast<std::ptrdiff_t>(least));
   }
-  KeyFrame key = std::move(spare_.back()); // there is one: keys and spares are `most` together
+  KeyFrame key = std::move(spare_.back()); // never empty: there are `most` key frames and spares in total
   spare_.pop_back();
   key.pixels = now_;
   key.motion = {};
@@ -415,7 +418,7 @@ const MotionView& MotionObstacles::observe(const GrayView& luma, const GrayView&
   resize(luma.width, luma.height);
   if (pts >= 0 && pts_ >= 0 && (pts < pts_ || pts - pts_ > longest_gap))
     forget();
-  // Every second frame at 30 fps: what is known stands meanwhile.
+  // At 30 fps every second frame is skipped; the last result remains valid.
   const bool soon = pts >= 0 && pts_ >= 0 ? pts - pts_ < shortest_interval : frames_passed_ < 1;
   if (has_before_ && soon) {
     ++frames_passed_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Obstacles from motion: plane and parallax below the boundary. What has the ground's colour but stands on it
-// moves as ground further away would.
+// Detects obstacles by motion (plane and parallax) below the boundary. An obstacle of the ground's colour
+// moves in the picture as ground farther away would.
 #pragma once
 
 #include <array>
@@ -16,55 +16,57 @@
 
 namespace terrainseg {
 
-/// The pyramid level that motion is seen on: the first whose longer side is under 800 pixels.
+/// The pyramid level for motion: the first whose longer side is less than 800 pixels.
 int motion_level(int frame_width, int frame_height);
 
-/// What is known of the ground's vanishing line from elsewhere.
+/// What is known about the ground's vanishing line before motion is measured.
 struct MotionKnowledge {
   enum class Line : std::uint8_t {
-    unknown, ///< motion finds it
-    near,    ///< as a pose has level ground's: so it is, until motion sees that the ground slopes
-    exact    ///< motion takes it as it is
+    unknown, ///< motion estimates the line
+    near,    ///< the line of level ground from a pose: used until motion measures a slope of the ground
+    exact    ///< motion uses the line unchanged
   };
   Line line = Line::unknown;
-  int vanishing_row = 0; ///< Q8 pixels of motion's level; may lie outside
+  int vanishing_row = 0; ///< Q8 pixels of motion's level; may lie outside the picture
 };
 
-/// What motion says after a frame.
+/// The result of motion for one frame.
 struct MotionView {
-  int columns = 0, rows = 0; ///< cells of 4 x 4 pixels of motion's level; 0 = the picture is too small
-  /// Per cell, Q8: above least_standing something stands there, the surer the greater.
+  int columns = 0, rows = 0; ///< number of cells of 4 x 4 pixels of motion's level; 0 = the picture is too
+                             ///< small
+  /// Per cell, Q8: something stands there when it is above least_standing; higher is more certain.
   std::span<const std::int16_t> standing;
-  bool steady = false;                ///< whether the ground was followed into this frame
-  bool trusted = false;               ///< whether this frame's evidence was added: the plane fits
-  bool line_settled = false;          ///< whether the vanishing row is known or was found
-  int vanishing_row = 0;              ///< Q8, pixels of motion's level
-  int line_offset = 0;                ///< Q8, rows by which it lies below one that was told to be near
-  std::int64_t speed_over_height = 0; ///< Q16, 1/s, forward positive; 0 while unknown
+  bool steady = false;                ///< whether the motion of the ground into this frame was found
+  bool trusted = false;               ///< whether this frame's evidence was added, because the plane fits
+  bool line_settled = false;          ///< whether the vanishing row is known or was estimated
+  int vanishing_row = 0;              ///< Q8 pixels of motion's level
+  int line_offset = 0;                ///< Q8 rows from the line of MotionKnowledge::Line::near down to the
+                                      ///< measured line
+  std::int64_t speed_over_height = 0; ///< forward speed in camera heights, Q16 1/s; 0 while unknown
 };
 
 class MotionObstacles {
  public:
-  /// One frame: `luma` is motion's level. `ground` says where ground is taken for ground by appearance (any
-  /// size, stretched over the level, >= 128 = ground); the last frame's will do. `pts` in ns, -1 = unknown. A
-  /// frame that follows within 45 ms (or, without times, every second one) is not looked at: the last answer
-  /// stands.
+  /// Processes one frame. `luma` is motion's level. `ground` marks the ground by appearance (any size,
+  /// stretched over the level, >= 128 = ground); that of the last frame is sufficient. `pts` is in ns, -1 =
+  /// unknown. A frame that follows within 45 ms (without times: every second frame) is skipped and the last
+  /// result returned.
   const MotionView& observe(const GrayView& luma, const GrayView& ground, std::int64_t pts,
                             const MotionKnowledge& knowledge = {});
-  void forget(); ///< after a gap: the ground is searched anew, its vanishing line is kept
+  void forget(); ///< after a gap in time: restarts the tracking, keeps the vanishing line
 
-  /// Bytes of all pictures that are kept: tests hold their bound by it.
+  /// Size of all stored pictures in bytes, for the tests of its limit.
   std::size_t kept_bytes() const;
 
  private:
   struct KeyFrame {
     std::vector<std::uint8_t> pixels;
-    PlaneMotion motion; ///< from this frame to it
+    PlaneMotion motion; ///< from the current frame to the key frame
     int age = 0;
   };
   struct Zone {
     int first = 0, end = 0; ///< rows of cells
-    int key = -1;           ///< that it is compared with
+    int key = -1;           ///< index of the key frame for comparison; -1 = none
   };
 
   void resize(int width, int height);
@@ -89,10 +91,10 @@ class MotionObstacles {
   void lose();
 
   GroundCamera view_;
-  MotionKnowledge told_; ///< with this frame
-  int line_offset_ = 0;  ///< rows (Q8) by which the ground's own line lies below one that is near it
+  MotionKnowledge told_; ///< for the current frame
+  int line_offset_ = 0;  ///< Q8 rows from the line in `told_` down to the measured line
   std::vector<std::uint8_t> now_, before_, small_now_, small_before_, reduced_, ground_;
-  std::vector<int> ground_columns_; ///< of the picture of ground, per cell
+  std::vector<int> ground_columns_; ///< per cell the column of the `ground` picture
   std::vector<std::uint16_t> work_;
   GroundPoints points_, small_points_, zone_points_;
   PointSelection selection_;
@@ -109,7 +111,7 @@ class MotionObstacles {
   std::uint64_t frame_ = 0;
   std::int64_t pts_ = -1, interval_ = 0;
   std::int64_t line_weight_ = 0, line_sum_ = 0; ///< information, and information times rows (Q8)
-  std::int64_t line_information_ = 0;           ///< of all estimates
+  std::int64_t line_information_ = 0;           ///< total of all estimates
   MotionView result_;
 };
 

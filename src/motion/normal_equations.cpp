@@ -10,7 +10,7 @@
 namespace terrainseg {
 namespace {
 
-TERRAINSEG_TUNED(int, normal_equations, diagonal_bits, 30); ///< of the scaled diagonal
+TERRAINSEG_TUNED(int, normal_equations, diagonal_bits, 30); ///< bits of the scaled diagonal
 TERRAINSEG_TUNED(int, normal_equations, factor_bits, 20);   ///< fraction bits of L
 TERRAINSEG_TUNED(int, normal_equations, quotient_bits, 24); ///< fraction bits of the scaled solution
 constexpr std::int64_t limit = std::int64_t{1} << 36;
@@ -33,7 +33,7 @@ constexpr int at(int i, int j) {
 
 std::optional<LeastSquares> solve(const NormalEquations& equations, int fraction_bits) {
   const int n = equations.unknowns;
-  // Each unknown in units of its own, so that the diagonal has 29 or 30 bits and no element more.
+  // Scale each unknown so that the diagonal has 29 or 30 bits; no other element has more.
   std::array<int, most_unknowns> scale{};
   for (int i = 0; i < n; ++i) {
     if (equations.left[at(i, i)] <= 0)
@@ -50,7 +50,7 @@ std::optional<LeastSquares> solve(const NormalEquations& equations, int fraction
     if (equations.right[i] != 0)
       right_bits = std::max(right_bits, bits_of(equations.right[i]) + scale[i]);
   if (right_bits == -256)
-    right_bits = 0; // nothing is to be corrected
+    right_bits = 0; // the right side is 0
   const int common = 28 - right_bits;
 
   std::array<std::int64_t, most_unknowns> pivot{}, z{};

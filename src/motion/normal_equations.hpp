@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Least squares of a few unknowns in integers: J' W J x = J' W e by LDL'.
+// Integer least squares with few unknowns: solves J' W J x = J' W e by LDL' decomposition.
 #pragma once
 
 #include <array>
@@ -10,8 +10,8 @@ namespace terrainseg {
 
 inline constexpr int most_unknowns = 7;
 
-/// The lower triangle of J' W J row by row (element (i, j) at i (i + 1) / 2 + j), below 2^58, and J' W e,
-/// below 2^60.
+/// The lower triangle of J' W J, row by row (element (i, j) at index i (i + 1) / 2 + j), below 2^58, and J' W
+/// e, below 2^60.
 struct NormalEquations {
   int unknowns = 6;
   std::array<std::int64_t, most_unknowns*(most_unknowns + 1) / 2> left{};
@@ -19,12 +19,13 @@ struct NormalEquations {
 };
 
 struct LeastSquares {
-  std::array<std::int64_t, most_unknowns> x{}; ///< with the fraction bits that were asked for
-  std::int64_t last_pivot = 0; ///< what the last unknown is known by: its Schur complement, in units of left
+  std::array<std::int64_t, most_unknowns> x{}; ///< with the requested number of fraction bits
+  std::int64_t last_pivot = 0; ///< Schur complement of the last unknown, in units of `left`: the information
+                               ///< on it
 };
 
-/// Solves with the diagonal raised by 1/2048. Nothing where an unknown is in no equation or the solution
-/// leaves the numbers that 64 bits hold.
+/// Solves the equations with the diagonal increased by 1/2048. Returns nothing when an unknown occurs in no
+/// equation or the solution exceeds 64 bits.
 std::optional<LeastSquares> solve(const NormalEquations& equations, int fraction_bits);
 
 } // namespace terrainseg

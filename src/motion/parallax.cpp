@@ -13,23 +13,25 @@ namespace terrainseg {
 namespace {
 
 TERRAINSEG_TUNED(int, parallax, ahead_margin,
-                 16); ///< pixels that a standing hypothesis may lie above its cell, driving forward
-TERRAINSEG_TUNED(int, parallax, behind_margin, 8); ///< and a control below it
-TERRAINSEG_TUNED(int, parallax, side_margin, 32);  ///< a whole number of segments of 16
+                 16); ///< pixels that the hypothesis of a standing obstacle may lie above its cell when
+                      ///< driving forward
+TERRAINSEG_TUNED(int, parallax, behind_margin, 8); ///< pixels that a control may lie below its cell
+TERRAINSEG_TUNED(int, parallax, side_margin, 32);  ///< multiple of the segments of 16 pixels
 TERRAINSEG_TUNED(int, parallax, block,
-                 16); ///< pixels side by side that have the direction of the translation in common
-TERRAINSEG_TUNED(int, parallax, anchor_rows, 4); ///< rows from one that is mapped exactly to the next
-/// Hypotheses: the ground's own place, those of things that stand (pixels along the translation), and
+                 16); ///< neighbouring pixels that share the direction of the translation
+TERRAINSEG_TUNED(int, parallax, anchor_rows, 4); ///< rows between exactly mapped rows
+/// Hypotheses: the position as ground, positions of standing obstacles (pixels along the translation), and
 /// controls: below the ground (reflections, repeated patterns) and across the translation (misalignment).
 constexpr std::array<int, 8> standing{1, 2, 3, 4, 6, 8, 11, 15};
 constexpr std::array<int, 3> sunken{-2, -4, -7};
 TERRAINSEG_TUNED(int, parallax, aside_q1, 3); ///< halves of a pixel
-/// What is compared: the ground's place, five controls, even grey (how much there is to be seen), standing.
+/// Indices of the compared positions: ground, five controls, uniform grey (the contrast of the cell),
+/// standing.
 constexpr int first_control = 1, end_control = 6, even_grey = 6, first_standing = 7, end_standing = 15,
               hypotheses = 16;
 static_assert(hypotheses == kernels::most_offsets && first_standing + standing.size() == end_standing);
 TERRAINSEG_TUNED(int, parallax, most_left,
-                 11); ///< sixteenths of what there is to be seen that a match may leave
+                 11); ///< sixteenths of the contrast that a match may leave unexplained
 constexpr kernels::HypothesisOrder order{first_control, end_control, even_grey, first_standing, end_standing};
 
 /// sqrt((k + 1/2) << 24) for k = 64..255.
@@ -46,7 +48,7 @@ constexpr std::array<std::uint32_t, 256> make_roots() {
 }
 constexpr auto roots = make_roots();
 
-/// A direction in the picture: its unit vector in Q14 and its length.
+/// A direction in the picture: unit vector in Q14, and length.
 struct Direction {
   int x = 0, y = 0;
   std::int64_t length = 0;
@@ -74,7 +76,7 @@ Direction direction_of(std::int64_t x, std::int64_t y) {
   return d;
 }
 
-/// The ground's translation at a pixel, by t.x - x t.z and t.y - y t.z (Q24).
+/// Direction of the ground's translation at a pixel, from t.x - x t.z and t.y - y t.z (Q24).
 Direction ground_direction(const Translation& t, const GroundCamera& view, int across, int below) {
   const std::int64_t x = std::int64_t{across} * 32768 / view.focal, // Q16
       y = std::int64_t{below} * 256 / view.focal;
@@ -105,7 +107,8 @@ void Parallax::reserve(int width, int height) {
   near_.reserve(columns + 2);
 }
 
-/// The key frame as it would look from here if all were ground: rows from `above_` above the first cells on.
+/// Warps the key frame to the current frame as if everything were ground, starting `above_` rows above the
+/// first cells.
 void Parallax::warp(const PassedView& key, const PlaneMotion& motion, const GroundCamera& view, int first,
                     int end) {
   const int segments = (view.width + 15) / 16 + 2 * side_margin / 16;
@@ -136,8 +139,8 @@ void Parallax::warp(const PassedView& key, const PlaneMotion& motion, const Grou
                      stride_);
 }
 
-/// Where the hypotheses of a block of cells lie, from its own place; the length of the ground's translation
-/// there in Q4 of a pixel.
+/// Computes the offsets of all hypotheses from a block of cells. Returns the length of the ground's
+/// translation there, in Q4 of a pixel.
 int Parallax::place(const Translation& t, const GroundCamera& view, int left, int down, std::ptrdiff_t at,
                     std::int32_t* offsets) const {
   const Direction d = ground_direction(t, view, across(view, left) + block - 1, down);
@@ -162,7 +165,7 @@ int Parallax::place(const Translation& t, const GroundCamera& view, int left, in
   return length;
 }
 
-/// Sums of a row of cells; nothing of those that are not to be judged by.
+/// Computes the sums of a row of cells; 0 for cells that are not judged.
 void Parallax::compare_row(const PassedView& picture, const Translation& t, const GroundCamera& view,
                            const std::uint8_t* ground, int row, int first) {
   const std::ptrdiff_t plane = columns_ + 2;
@@ -185,9 +188,9 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
     near_[static_cast<std::size_t>(j) + 1] = above[j] | here[j] | under[j];
   for (int next = 0; next < columns_; next += block / 4) {
     const int j = std::min(next, columns_ - block / 4);
-    const std::uint8_t* ground_around = near_.data() + j; // from the cell to the left on
+    const std::uint8_t* ground_around = near_.data() + j; // starts with the cell to the left
     if (std::none_of(ground_around, ground_around + 6, [](std::uint8_t cell) { return cell != 0; })) {
-      leave_out(next, j + block / 4); // the last block has cells of the one before it
+      leave_out(next, j + block / 4); // the last block overlaps the one before it
       continue;
     }
     const std::ptrdiff_t at = (4 * (row - first) + above_) * stride_ + 4 * j + side_margin;
@@ -226,7 +229,7 @@ void Parallax::compare(const PassedView& picture, const PassedView& key, const P
   sums_.resize((rows + 1) * hypotheses * plane);
   seen_.resize((rows + 1) * plane);
   shifts_.resize(rows * static_cast<std::size_t>(columns_));
-  // Beyond the first and the last row nothing was seen.
+  // The row before the first and after the last one is empty.
   std::fill(sums_.end() - static_cast<std::ptrdiff_t>(hypotheses * plane), sums_.end(), std::uint16_t{0});
   std::fill(seen_.end() - static_cast<std::ptrdiff_t>(plane), seen_.end(), std::uint16_t{0});
   for (int i = first; i < end; ++i)
@@ -240,7 +243,7 @@ void Parallax::weigh_row(const std::uint8_t* ground, int row, int rows, CellPara
                          std::uint8_t* judged) {
   const std::uint16_t* shifts = shifts_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
   const std::ptrdiff_t plane = columns_ + 2;
-  const int above = row > 0 ? row - 1 : rows, under = row + 1; // of which row `rows` is empty
+  const int above = row > 0 ? row - 1 : rows, under = row + 1; // row `rows` is the empty one
   costs_.resize(static_cast<std::size_t>(7 * columns_ + 2));
   const auto part = [&](int k) { return costs_.data() + static_cast<std::ptrdiff_t>(k) * columns_; };
   const kernels::WindowCosts costs{part(0), part(1), part(2), part(3), part(4)};
@@ -258,7 +261,7 @@ void Parallax::weigh_row(const std::uint8_t* ground, int row, int rows, CellPara
     const int pixels = 16 * seen, ground_cost = costs.ground[j], best = costs.standing[j];
     int gain = std::clamp(std::min<int>(ground_cost, costs.control[j]) - best, -6 * pixels, 20 * pixels);
     if (16 * best >
-        most_left * costs.even_grey[j]) // as good as any other place: no match, something was hidden
+        most_left * costs.even_grey[j]) // no position matches better than another: the cell was occluded
       gain = std::min(gain, 0);
     cells[j].quality = static_cast<std::int16_t>(gain * 4096 / (ground_cost + 8 * pixels));
     cells[j].ratio = static_cast<std::int16_t>(std::min(standing[costs.which[j]] * 16 * 4096 / length, 8191));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Does a cell move as ground does, or as something that stands on it? The ground's motion since a key frame
-// says where a cell would have been as ground; a thing of height h under a camera of height H lies further
-// along the ground's own translation, by r = h / (H - h) of it.
+// Decides whether a cell moves as ground or as an obstacle that stands on it. The ground's motion since a key
+// frame predicts the earlier position of a cell that is ground. A point at height h under a camera at height
+// H is displaced from there along the ground's translation, by r = h / (H - h) of its length.
 #pragma once
 
 #include <cstdint>
@@ -12,22 +12,22 @@
 
 namespace terrainseg {
 
-/// What one pair of frames says of a cell of 4 x 4 pixels.
+/// Result of one pair of frames for a cell of 4 x 4 pixels.
 struct CellParallax {
-  std::int16_t quality = 0; ///< Q12: > 0 moves as something that stands, < 0 as ground
-  std::int16_t ratio = 0;   ///< Q12: r of the best standing hypothesis
+  std::int16_t quality = 0; ///< Q12: > 0 moves as a standing obstacle, < 0 moves as ground
+  std::int16_t ratio = 0;   ///< Q12: r of the best hypothesis of a standing obstacle
 };
 
-/// Length of the ground's translation between two frames at a pixel, Q8 of a pixel.
+/// Length of the ground's translation between two frames at a pixel, in Q8 of a pixel.
 int ground_shift(const PlaneMotion& motion, const GroundCamera& view, int across, int below);
 
 class Parallax {
  public:
-  /// Room for pictures of that size, so that later calls need none.
+  /// Reserves memory for pictures of that size, so that later calls do not allocate.
   void reserve(int width, int height);
 
-  /// Rows first .. end - 1 of cells; a cell is judged where `ground` (a byte a cell) is not 0 and both frames
-  /// show it, the others keep what they are. `judged` is set to 1 where a cell was.
+  /// Compares rows first .. end - 1 of cells. A cell is judged where `ground` (one byte per cell) is not 0
+  /// and both frames show it; `judged` is set to 1 there. Other cells remain unchanged.
   void compare(const PassedView& picture, const PassedView& key, const PlaneMotion& motion,
                const GroundCamera& view, const std::uint8_t* ground, int first, int end,
                std::vector<CellParallax>& cells, std::vector<std::uint8_t>& judged);
@@ -41,14 +41,15 @@ class Parallax {
   void weigh_row(const std::uint8_t* ground, int row, int rows, CellParallax* cells, std::uint8_t* judged);
 
   int columns_ = 0, rows_ = 0;
-  int above_ = 0; ///< rows that are warped above the first row of cells
+  int above_ = 0; ///< number of warped rows above the first row of cells
   std::ptrdiff_t stride_ = 0;
   std::vector<std::int32_t> nodes_;
   std::vector<std::uint8_t> warped_, near_;
-  std::vector<std::uint16_t> sums_;   ///< per row of cells, hypothesis and cell; a cell more at both ends
-  std::vector<std::uint16_t> seen_;   ///< per row and cell: 1 where the sums say something
+  std::vector<std::uint16_t> sums_;   ///< per row of cells, hypothesis and cell, with one more cell at each
+                                      ///< end
+  std::vector<std::uint16_t> seen_;   ///< per row and cell: 1 where the sums are valid
   std::vector<std::uint16_t> shifts_; ///< per cell, Q4 of a pixel; 0 = not compared
-  std::vector<std::uint16_t> costs_;  ///< of a row, and work
+  std::vector<std::uint16_t> costs_;  ///< costs of a row, and working memory
 };
 
 } // namespace terrainseg

@@ -11,7 +11,7 @@ namespace {
 using Matrix = std::array<std::int64_t, 9>;
 
 TERRAINSEG_TUNED(std::int64_t, plane_motion, largest,
-                 64 * one_q24); ///< of an element: products of two keep to 63 bits
+                 64 * one_q24); ///< limit of an element: keeps products of two within 63 bits
 
 Matrix product(const Matrix& a, const Matrix& b) {
   Matrix c{};
@@ -25,7 +25,8 @@ Matrix product(const Matrix& a, const Matrix& b) {
   return c;
 }
 
-/// Divided by its first element; the identity where that is no motion of a camera that looks at the ground.
+/// Divides by the first element. Returns the identity when the matrix is not the motion of a camera that
+/// views the ground.
 PlaneMotion normalised(Matrix m) {
   if (m[0] < one_q24 / 16)
     return {};

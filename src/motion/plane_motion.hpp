@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// How the ground plane moves through the picture. No calibration: the focal length is a guess.
+// Motion of the ground plane through the picture. Needs no calibration: the focal length is a guess.
 //
-// A pixel (u, v) looks along x = (u - (w - 1) / 2) / f, y = (v - y0) / f, y0 the row of the ground's
-// vanishing line. A motion maps the (x, y, 1) of a ground point in this frame to the one in an earlier frame:
+// A pixel (u, v) has the direction x = (u - (w - 1) / 2) / f, y = (v - y0) / f, where y0 is the row of the
+// ground's vanishing line. A motion maps (x, y, 1) of a ground point in this frame to that in an earlier
+// frame:
 //
-//       | 1    a     b |     a = tx - roll, b = yaw, c = roll, e = ty (the height changes), d = -pitch,
+//       | 1    a     b |     a = tx - roll, b = yaw, c = roll, e = ty (change of height), d = -pitch,
 //   G = | c   1+e    d |     h = tz + pitch; t in units of the camera's height
 //       | -b   h     1 |
 #pragma once
@@ -21,12 +22,13 @@ struct GroundCamera {
   int width = 0, height = 0;
   int focal = 0;         ///< pixels
   int vanishing_row = 0; ///< Q8 of a pixel; may lie outside the picture
-  /// The same at 4 x 4 pixels a cell.
+  /// The same camera for pictures reduced by 4 x 4.
   GroundCamera quarter() const;
   bool operator==(const GroundCamera&) const = default;
 };
 
-/// Twice the distance of a column from the middle, and that of a row from the vanishing line in Q8.
+/// across(): twice the distance of a column from the middle. below(): distance of a row from the vanishing
+/// line, Q8.
 constexpr int across(const GroundCamera& view, int u) {
   return 2 * u - (view.width - 1);
 }
@@ -47,14 +49,14 @@ struct PlaneMotion {
   bool operator==(const PlaneMotion&) const = default;
 };
 
-/// a after b: maps by b first.
+/// a after b: applies b first.
 PlaneMotion compose(const PlaneMotion& a, const PlaneMotion& b);
 PlaneMotion inverse(const PlaneMotion& motion);
-/// To first order.
+/// First-order approximation.
 Translation translation_of(const PlaneMotion& motion);
-/// A part of the motion, `part` in Q8 (256 = all of it), to first order.
+/// A fraction of the motion, `part` in Q8 (256 = 1), first-order approximation.
 PlaneMotion part_of(const PlaneMotion& motion, int part);
-/// The motion as seen from a vanishing line that lies `rows` (Q8) lower, with the form above.
+/// The same motion for a vanishing line that lies `rows` (Q8) lower, in the form above.
 PlaneMotion with_line_moved(const PlaneMotion& motion, int rows, int focal);
 
 /// A motion as a map between pixels of one level.
@@ -62,7 +64,7 @@ class PixelMap {
  public:
   PixelMap(const PlaneMotion& motion, const GroundCamera& view);
   using Position = kernels::PointPosition;
-  /// Where a pixel lies in the earlier frame; sub-pixels by across() and below() of it.
+  /// The position of a pixel in the earlier frame. For sub-pixel positions pass across() and below() of it.
   Position at(int across, int below) const { return kernels::position_of(map_, across, below); }
   const kernels::PointMap& of_points() const { return map_; } ///< for lists of points
 

@@ -11,17 +11,18 @@ namespace terrainseg {
 namespace {
 
 TERRAINSEG_TUNED(int, standing_map, one, 4096); ///< Q12
-/// Evidence with which a cell is told to stand and from which on it is so no longer, Q8.
+/// Evidence above which a cell becomes standing, and above which it remains standing, Q8.
 TERRAINSEG_TUNED(int, standing_map, least_to_appear, 17);
 TERRAINSEG_TUNED(int, standing_map, least_to_stay, 8);
-/// Frames that are kept when one is added, Q12: what comes again and again does not add up. The memory of a
-/// moving camera never holds more.
+/// Largest number of frames kept when one is added, Q12, so that repeated weak evidence does not accumulate.
+/// With the memory of a moving camera the number never exceeds it.
 TERRAINSEG_TUNED(int, standing_map, most_kept, 7 * one);
 TERRAINSEG_TUNED(int, standing_map, most_ratio,
-                 1843); ///< 0.45: no foot is further down than this part of its way to the line
+                 1843); ///< 0.45: largest distance of an obstacle's foot, as a part of the way to the
+                        ///< vanishing line
 
-/// Which cells stand, by their evidence and by whether they stood; what stands no more and what has never
-/// stood tells none. Whether one stands. Compilers make vectors of it.
+/// Updates which cells stand, from their evidence and their previous state. Limits the evidence of other
+/// cells to least_standing. Returns whether any cell stands. Auto-vectorised.
 bool settle(int count, std::int16_t* __restrict evidence, std::uint8_t* __restrict stood) {
   constexpr std::int16_t none = least_standing;
   std::uint8_t any = 0;
@@ -82,7 +83,8 @@ void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int ke
   first_filled_ = first;
 }
 
-/// What stood in rows first .. end - 1, to the nearest cell, by the nodes of a row. False where none did.
+/// Moves the standing cells of rows first .. end - 1 to the nearest cell, with a row's nodes. Returns false
+/// when there was none.
 bool StandingMap::move_stood(int row, int first, int end) {
   int least = nodes_[1], most = nodes_[1];
   for (std::size_t k = 3; k < nodes_.size(); k += 2) {
@@ -96,14 +98,14 @@ bool StandingMap::move_stood(int row, int first, int end) {
     const std::int32_t* node = nodes_.data() + j / 4 * 2;
     const int u = node[0] + (node[2] - node[0]) * (j % 4) / 4,
               v = node[1] + (node[3] - node[1]) * (j % 4) / 4;
-    const int column = (u + 512) >> 10, from = (v + 512) >> 10; // of 4 pixels in Q8
+    const int column = (u + 512) >> 10, from = (v + 512) >> 10; // Q8, in units of 4 pixels
     if (column >= 0 && from >= 0 && column < columns_ && from < rows_)
       out[j] = stood_before_[static_cast<std::size_t>(from * columns_ + column)];
   }
   return true;
 }
 
-/// A sum of so many frames.
+/// Reduces a sum to the given number of frames.
 StandingMap::Sum StandingMap::faded(const Sum& sum, int frames_q12) {
   const auto part = [&](int value) { return static_cast<std::int16_t>(value * frames_q12 / sum.count); };
   return {part(sum.quality), part(sum.count), part(sum.weight), part(sum.ratio)};
@@ -158,7 +160,7 @@ void StandingMap::fill_foot(const GroundCamera& view, int column, std::vector<st
   }
 }
 
-/// Whether two of the cells around one that stands do, too.
+/// Whether at least two of a standing cell's neighbours stand too.
 bool StandingMap::has_company(int row, int column) const {
   int count = 0;
   for (int i = std::max(row - 1, 0); i <= std::min(row + 1, rows_ - 1); ++i)

@@ -11,8 +11,8 @@
 namespace terrainseg {
 namespace {
 
-/// "The dominant color model, which corresponds to the ROI": the window where it is learned, else the
-/// heaviest learned model.
+/// "The dominant color model, which corresponds to the ROI" (paper): the window's Gaussian when the window is
+/// learned, otherwise the learned model with the largest mass.
 std::optional<Gaussian> ground_color(bool learned, Gaussian window, const Terrain& terrain) {
   if (!learned) {
     const int model = heaviest(terrain.models);
@@ -36,7 +36,7 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
   const Settings& settings = task.settings;
   Estimate& estimate = out.estimate();
 
-  // A: the octave pyramid.
+  // A: octave pyramid.
   const TrainingArea area{task.window, task.supervision, settings.ignore_regions, task.frame.width,
                           task.frame.height};
   const int training_level = select_training_level(
@@ -46,7 +46,7 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
   const Grid grid = pyramid_.grid(task.grid_level), training_grid = pyramid_.grid(training_level);
   clock.lap(Stage::pyramid);
 
-  // B: the window and its pre-filter.
+  // B: training window and its pre-filter.
   const bool blank = is_blank(grid);
   const Gaussian window = moments_of(training_grid, window_cells_);
   prefilter(training_grid, window_cells_, window, {settings.window_sigma_q8}, kept_);
@@ -69,14 +69,14 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
   }
   clock.lap(Stage::clustering);
 
-  // D: the horizon.
+  // D: horizon.
   Horizon horizon;
   if (const auto ground = ground_color(learns, window, terrain);
       ground && !blank && settings.horizon != HorizonMode::off)
     horizon = find_horizon(grid, *ground, window_cells.y, window_cells.y + window_cells.height);
   clock.lap(Stage::horizon);
 
-  // The learned mixture takes in the training models.
+  // Update of the learned models with the training models.
   if (learns) {
     learn(terrain.models, training.span(), learning_rule(settings, window_cells_.size()));
     ++terrain.generation;
@@ -84,7 +84,7 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
   }
   clock.lap(Stage::update);
 
-  // E: scoring, coarse for the confidence ...
+  // E: scores of the cells, for the confidence.
   if (blank || heaviest(terrain.models) < 0) {
     out.label_unknown();
     return;
@@ -98,7 +98,7 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
   estimate.horizon_confidence = horizon.confidence;
   clock.lap(Stage::scoring);
 
-  // ... and back-projected: each pixel by its own colour.
+  // E, continued: back-projection. Each pixel is labelled by its own colour.
   const GrayView& mask = estimate.mask;
   const int first_row = subsampled(std::max(estimate.horizon_row, 0), settings.mask_level);
   std::uint64_t traversable =
@@ -109,13 +109,14 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
       mark_ignored(settings.ignore_regions, settings.mask_level, out.mask(), mask.width, mask.height);
   clock.lap(Stage::mask);
 
-  // What of it is reachable.
+  // The free space that is connected to the training window.
   find_reach(grid, window_cells, horizon, settings, out);
   out.tell_free_space(traversable, settings, grid.level);
   clock.lap(Stage::boundary);
 }
 
-// Beyond the paper: how far the free cells reach from the window. Turns the scores into free (1) or not (0).
+// An addition to the paper: finds the free cells connected to the window. Replaces the scores by 1 (free) or
+// 0.
 void PaperPipeline::find_reach(const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
                                const Settings& settings, EstimateWriter& out) {
   for (std::uint8_t& cell : scores_)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The paper's pipeline (its figure 2): stages A to E, as printed, with what it leaves open decided where the
-// stage is.
+// The paper's pipeline (figure 2): stages A to E as printed. Where the paper leaves something open, the
+// stage's source states the decision.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@ class PaperPipeline final : public Pipeline {
   void process(const FrameTask& task, Terrain& terrain, EstimateWriter& out, StageClock& clock) override;
   TerrainModel in_this_light(const TerrainModel& learned) const override { return learned; }
   void adapt(const Settings& settings, int grid_level) override;
-  void forget_frames() override {} // no stage looks back
+  void forget_frames() override {} // no stage depends on earlier frames
   void forget_terrain() override { table_is_old_ = true; }
 
  private:

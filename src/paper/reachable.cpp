@@ -8,7 +8,7 @@
 namespace terrainseg {
 namespace {
 
-/// Spreads what was reached in a row to its free neighbours.
+/// Extends the reached cells of a row to their free neighbours.
 void spread(const std::uint8_t* free_row, std::span<std::uint8_t> reached) {
   const int width = static_cast<int>(reached.size());
   for (int x = 1; x < width; ++x)
@@ -17,7 +17,8 @@ void spread(const std::uint8_t* free_row, std::span<std::uint8_t> reached) {
     reached[x] |= reached[x + 1] & static_cast<std::uint8_t>(free_row[x] != 0);
 }
 
-/// The row between `start` and `last` (upwards) above which fewer pixels are traversable than below.
+/// The row between `start` and `last`, searched upwards, that best separates traversable pixels below from
+/// others above.
 int parting_row(const GrayView& mask, int x, int start, int last) {
   int best = start, agreement = 0, most = 0;
   for (int y = start - 1; y >= last; --y) {
@@ -35,7 +36,7 @@ int parting_row(const GrayView& mask, int x, int start, int last) {
 void find_reachable(std::span<const std::uint8_t> free_cells, int width, const Rectangle& window_cells,
                     std::vector<std::int16_t>& top) {
   top.assign(static_cast<std::size_t>(width), -1);
-  std::array<std::uint8_t, 32768> reached; // as wide as any grid
+  std::array<std::uint8_t, 32768> reached; // large enough for any grid
   const std::span<std::uint8_t> row_reached(reached.data(), static_cast<std::size_t>(width));
   const auto is_free = [&](int x, int y) { return free_cells[static_cast<std::size_t>(y) * width + x] != 0; };
 

@@ -18,8 +18,8 @@ namespace {
 
 static_assert(kernels::most_models == max_models);
 
-/// Rows of formats that are not read where they lie, a piece at a time: of samples of two bytes the upper 8
-/// bits, of grey the chroma that it has not.
+/// Prepares rows of formats that the kernel cannot read directly, piece by piece: extracts the upper 8 bits
+/// of two-byte samples, and supplies neutral chroma for grey.
 class StagedRow {
  public:
   static constexpr int most_pixels = 2048;
@@ -30,7 +30,7 @@ class StagedRow {
     return layout.sample_bytes() == 2 || layout.component_count == 1;
   }
 
-  /// `count` <= most_pixels pixels of row y from the even pixel x on.
+  /// Returns `count` <= most_pixels pixels of row y, starting at the even pixel x.
   kernels::PixelRow piece(const Frame& frame, int x, int y, int count) {
     const FormatLayout& layout = layout_of(frame.format);
     const int bytes = layout.sample_bytes();
@@ -61,7 +61,7 @@ class StagedRow {
   std::array<std::uint8_t, most_pixels> chroma_;
 };
 
-/// Squared distance of a bin's centre to the mean, in parts of the squared threshold.
+/// Squared distance from a bin's centre to the mean, as a fraction of the squared threshold.
 std::uint8_t scaled_distance(std::uint8_t centre, std::uint16_t mean, std::uint32_t variance,
                              std::uint64_t threshold_squared) {
   const std::int64_t d = (std::int64_t{centre} << 8) - mean;

@@ -34,7 +34,7 @@ void AnswerWriter::write(const Findings& f, HorizonHold& hold, EstimateWriter& o
   clock.lap(Stage::mask);
 }
 
-// What is reachable, and where the horizon lies.
+// Writes the connected free space and the horizon row.
 void AnswerWriter::write_rows(const Findings& f, std::uint8_t confidence, HorizonHold& hold,
                               EstimateWriter& out) {
   const Settings& settings = f.view.task.settings;
@@ -59,7 +59,7 @@ void AnswerWriter::write_rows(const Findings& f, std::uint8_t confidence, Horizo
   }
 }
 
-// What is doubtful in a hole stays so where another detector is sure.
+// Where the holes of two detectors overlap, doubtful has priority.
 void AnswerWriter::write_mask(const Findings& f, EstimateWriter& out) {
   const Settings& settings = f.view.task.settings;
   const GrayView& mask = out.estimate().mask;
@@ -72,7 +72,7 @@ void AnswerWriter::write_mask(const Findings& f, EstimateWriter& out) {
   out.tell_free_space(traversable, settings, f.view.grid.level);
 }
 
-// Only after the mask: the label of a cell is what the mask has there.
+// Must follow write_mask(): the confidence refers to the labels of the mask.
 void AnswerWriter::write_confidence(const Findings& f, const Estimate& estimate) {
   evidence_.start(f.view.grid, f.scores.average, f.ground.boundary, f.ground.behind);
   for (const HoleFinder* finder : f.holes.list())

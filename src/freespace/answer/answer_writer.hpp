@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The estimate of one frame, from what all stages say of it.
+// Writes the estimate of one frame from the results of all stages.
 #pragma once
 
 #include <vector>
@@ -19,7 +19,7 @@ struct Scores;
 struct Ground;
 class HoleFinders;
 
-/// All that is known of a frame in the end.
+/// The results of all stages for one frame.
 struct Findings {
   const View& view;
   const WindowLesson& lesson;
@@ -27,16 +27,16 @@ struct Findings {
   const Ground& ground;
   const FreeSpaceCurves& curves;
   const HoleFinders& holes;
-  FrameLine end;          ///< of the ground plane
-  std::int32_t speed = 0; ///< forward, over the camera's height, Q16 1/s
-  bool continued = false; ///< the frame before shows the same place
+  FrameLine end;          ///< the end of the ground plane
+  std::int32_t speed = 0; ///< forward speed in camera heights, Q16 1/s
+  bool continued = false; ///< the last frame shows the same place
 };
 
 class AnswerWriter {
  public:
-  /// What is known before anything is learned.
+  /// Writes the fields that do not depend on the terrain.
   void start(const View& view, EstimateWriter& out);
-  /// No terrain is known.
+  /// Writes the estimate for an unknown terrain.
   static void write_unknown(EstimateWriter& out, StageClock& clock);
   void write(const Findings& f, HorizonHold& hold, EstimateWriter& out, StageClock& clock);
 
@@ -46,7 +46,7 @@ class AnswerWriter {
   void write_confidence(const Findings& f, const Estimate& estimate);
 
   MutablePlane confidence_map_;
-  FrameCurve below_things_; ///< the safe curve where nothing stands in the open below it
+  FrameCurve below_things_; ///< the safe curve, lowered below obstacles in open ground
   std::vector<std::uint16_t> scratch_;
   FreeSpace free_space_;
   Evidence evidence_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// How far an estimate can be trusted.
+// Confidence of an estimate.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,15 @@
 
 namespace terrainseg {
 
-/// 0..255: how far the scores (Q4) of the ground stand above those of the rest, in the whole picture and in
-/// the rows next to the boundary, less the more rows the boundary jumps: a curve that has to dodge does not
-/// know where to go. Measured on five labelled sequences its rank correlation with the frame's error is
-/// negative in each (docs/accuracy.md).
+/// Confidence of the mask, 0..255. It measures how far the scores (Q4) of the ground exceed those of the
+/// rest, in the whole picture and in the rows next to the boundary. It decreases with the number of rows that
+/// the boundary jumps, because a curve that follows many obstacles is uncertain. On five labelled sequences
+/// its rank correlation with the frame's error is negative in each (docs/accuracy.md).
 std::uint8_t mask_confidence(const Grid& grid, const CellScores& score, const GridCurve& boundary,
                              const GroundBehind& behind);
 
-/// 0..255: the mask's confidence, less the farther apart the boundary's highest columns are: `spread` rows of
-/// the frame between two of its uppermost percentiles.
+/// Confidence of the horizon, 0..255: the mask's confidence, reduced by the `spread` between two of the
+/// boundary's uppermost percentiles, in rows of the frame.
 std::uint8_t horizon_confidence(std::uint8_t mask_confidence, int spread, int frame_height);
 
 } // namespace terrainseg

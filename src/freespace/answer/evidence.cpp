@@ -10,31 +10,32 @@
 namespace terrainseg {
 namespace {
 
-/// Cells of one colour are wrong together: what a score (Q4) says counts for a third of it, a logistic
-/// regression over 23 sets of pictures says. How often the sum is right is measured in docs/metadata.md.
+/// Cells of one colour have correlated errors: a score (Q4) therefore has only a third of its weight, as
+/// found by logistic regression over 23 sets of pictures. docs/metadata.md has the measured calibration.
 TERRAINSEG_TUNED(int, evidence, score_weight, 5);
 TERRAINSEG_TUNED(int, evidence, score_shift, 8);
 TERRAINSEG_TUNED(int, evidence, score_limit, 96 * 16);
-/// A row of cells between a cell and the boundary, 32 = 1 nat, and the most rows that count.
+/// Evidence per row between a cell and the boundary, 32 = 1 nat, and the largest number of rows that count.
 TERRAINSEG_TUNED(int, evidence, row_weight, 10);
 TERRAINSEG_TUNED(int, evidence, most_rows, 8);
-/// A cell as odd as its surroundings often are (Q4 of a deviation) says nothing; 32 more are half a nat.
+/// Oddness (Q4 of a deviation) that is usual and gives no evidence; 32 more are half a nat.
 TERRAINSEG_TUNED(int, evidence, usual_oddness, 24);
-/// What stands: 16 of 256 are a nat, and this is the most.
+/// Evidence of standing: 16 of 256 are one nat; and its limit.
 TERRAINSEG_TUNED(int, evidence, standing_weight, 2);
 TERRAINSEG_TUNED(int, evidence, most_standing, 8 * 32);
-/// Cells of spots and of motion are finer than the grid's by so many levels at most.
+/// Cells of spots and of motion are at most this many levels finer than the grid.
 TERRAINSEG_TUNED(int, evidence, most_levels_finer, 2);
-/// Of the whole picture: a label without any other evidence, and 255 of the mask's confidence.
+/// Evidence for the whole picture: for a label with zero confidence of the mask, and its increase at
+/// confidence 255.
 TERRAINSEG_TUNED(int, evidence, without_confidence, -45);
 TERRAINSEG_TUNED(int, evidence, full_confidence, 80);
 
-/// 255 * tanh(x / 2) for x = 0, 1/2, 1 .. 6 nats.
+/// Table of 255 * tanh(x / 2) for x = 0, 1/2, 1 .. 6 nats.
 constexpr int step_bits = 4;
 constexpr std::array<std::uint8_t, 13> certainty{0,   62,  118, 162, 194, 216, 231,
                                                  240, 246, 249, 252, 253, 254};
 
-/// confidence_of() from 0 up to where it grows no more.
+/// Table of confidence_of() from 0 up to its maximum.
 constexpr auto confidence_table = [] {
   std::array<std::uint8_t, (certainty.size() - 1) << step_bits> table{};
   for (std::size_t e = 0; e < table.size(); ++e) {
@@ -50,14 +51,14 @@ int appearance(int score) {
   return std::clamp(score, -score_limit, score_limit) * score_weight >> score_shift;
 }
 
-/// Of half rows from the curve; above 0: ground.
+/// Evidence of the position: half rows from the curve, positive on the ground's side.
 int place(int half_rows) {
   return std::clamp(half_rows, -2 * most_rows, 2 * most_rows) * row_weight / 2;
 }
 
 void start_row(const std::int16_t* __restrict scores, const std::uint16_t* __restrict boundary, int row,
                int count, std::int16_t* __restrict sums) {
-  // Half a row, so that the rows next to a curve are equally far from it.
+  // Counts from half a row, so that the rows next to the curve are equally far from it.
   for (int x = 0; x < count; ++x)
     sums[x] = static_cast<std::int16_t>(appearance(scores[x]) + place(2 * (row - boundary[x]) + 1));
 }
@@ -74,7 +75,7 @@ void look_at(const std::uint8_t* __restrict labels, const int* __restrict pixels
     out[x] = labels[pixels[x]];
 }
 
-/// What speaks for the label, and what the whole picture adds: as far as the table goes.
+/// Computes the evidence for the label plus that of the whole picture, limited to the size of the table.
 void turn_to(const std::uint8_t* __restrict labels, const std::int16_t* __restrict sums, std::int16_t whole,
              int count, std::int16_t* __restrict out) {
   constexpr auto last = static_cast<std::int16_t>(confidence_table.size() - 1);
@@ -112,7 +113,7 @@ void Evidence::start(const Grid& grid, const CellScores& score, const GridCurve&
   width_ = grid.width;
   height_ = grid.height;
   sums_.resize(grid.size());
-  // Whatever is subtracted later, and whether it is: no frame needs memory then.
+  // reserved for all detectors, so that no later frame allocates
   strongest_.reserve((static_cast<std::size_t>(width_) + 1) << most_levels_finer);
   ends_.reserve(static_cast<std::size_t>(width_));
   const auto w = static_cast<std::size_t>(width_);
@@ -127,14 +128,15 @@ void Evidence::start(const Grid& grid, const CellScores& score, const GridCurve&
   }
 }
 
-// A cell of the grid has what the strongest one in it has: `strength` grows with the value, and is 0 up to 0.
+// A cell of the grid gets the largest value of its finer cells. `strength` increases with the value; it is 0
+// for values up to 0.
 template <typename Value, typename Strength>
 void Evidence::subtract_cells(const FinerCells<Value>& cells, Strength strength) {
   const int half = 1 << level_ >> 1;
   const auto cell_of = [&](int index, int count) {
     return std::min(((index << cells.level) + cells.middle + half) >> level_, count - 1);
   };
-  // The finer cells of a row follow one another, and so do those of a column: they end at ends_.
+  // The finer cells of a cell are contiguous in each row and column; ends_ holds the ends of their columns.
   ends_.assign(static_cast<std::size_t>(width_), 0);
   for (int x = 0; x < cells.width; ++x)
     ends_[static_cast<std::size_t>(cell_of(x, width_))] = x + 1;

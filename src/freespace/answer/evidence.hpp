@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What all stages say of each cell, added up, and how sure the mask's label is of it.
+// Sums the evidence of all stages for each cell and converts it to the confidence of the mask's labels.
 #pragma once
 
 #include <cstdint>
@@ -14,26 +14,27 @@
 
 namespace terrainseg {
 
-/// Evidence adds up: appearance and the curve speak for or against the ground in every cell, what stands in
-/// the open against it where it was seen. The mask's label is sure where the sum is on its side.
+/// Evidence is additive. Appearance and the distance from the curve count for or against ground in every
+/// cell; detected obstacles count against it in their cells. A label has high confidence when the sum agrees
+/// with it.
 class Evidence {
  public:
-  /// Appearance (`score`), and the curve: ground is the surer ground the farther below the boundary it lies,
-  /// the rest the surer the farther above it.
+  /// Starts with the appearance (`score`) and the position: evidence for ground increases below the boundary,
+  /// evidence against it increases above.
   void start(const Grid& grid, const CellScores& score, const GridCurve& boundary,
              const GroundBehind& behind);
 
-  /// What a detector has seen in the open.
+  /// Subtracts the evidence of a detector.
   void subtract(const Detection& found);
 
-  /// For every cell of the grid how sure its label in `mask` (2^mask_level smaller than the frame) is: 255 *
-  /// (2 p - 1), where p is the share of right labels to expect; 0 where it is no better than a toss, and
-  /// where the grid is ignored. `frame_confidence` is that of the whole mask, 0..255. Doubtful pixels are not
-  /// traversable.
+  /// Writes for every cell of the grid the confidence of its label in `mask` (2^mask_level smaller than the
+  /// frame): 255 * (2 p - 1), where p is the expected share of correct labels. It is 0 where the label is no
+  /// better than chance and in ignored cells. `frame_confidence` is that of the whole mask, 0..255. Doubtful
+  /// pixels count as not traversable.
   void tell(const Grid& grid, const GrayView& mask, int mask_level, std::uint8_t frame_confidence,
             const MutablePlane& confidence);
 
-  /// Per cell of the grid, 32 = 1 nat, positive = ground.
+  /// Evidence per cell of the grid, 32 = 1 nat, positive for ground.
   std::span<const std::int16_t> sums() const { return sums_; }
 
  private:
@@ -42,13 +43,13 @@ class Evidence {
 
   int level_ = 0, width_ = 0, height_ = 0;
   std::vector<std::int16_t> sums_, strongest_;
-  std::vector<int> ends_;            ///< of each cell's columns among finer cells
-  std::vector<int> pixels_;          ///< of the mask, of each column of cells
-  std::vector<std::uint8_t> labels_; ///< of a row of cells
-  std::vector<std::int16_t> turned_; ///< its evidence for them
+  std::vector<int> ends_;            ///< for each cell the end of its columns among the finer cells
+  std::vector<int> pixels_;          ///< for each column of cells its column in the mask
+  std::vector<std::uint8_t> labels_; ///< labels of a row of cells
+  std::vector<std::int16_t> turned_; ///< evidence for these labels
 };
 
-/// 255 * (2 p - 1) of evidence for a label, 32 = 1 nat; 0 where there is none.
+/// Converts evidence for a label (32 = 1 nat) to 255 * (2 p - 1); 0 for evidence of 0 or less.
 std::uint8_t confidence_of(int evidence);
 
 } // namespace terrainseg

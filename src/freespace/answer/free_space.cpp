@@ -19,7 +19,7 @@ std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
   behind_end_.resize(width);
   std::uint64_t traversable = 0;
   for (std::size_t x = 0; x < width; ++x) {
-    // A mask row is what its top pixel row is.
+    // A mask row has the label of its uppermost row of pixels.
     boundary_[x] = static_cast<std::uint16_t>(std::min(subsampled(curves.boundary[x], mask_level), height));
     safe_[x] = static_cast<std::uint16_t>(
         std::clamp(subsampled(curves.safe[x], mask_level), int{boundary_[x]}, height));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The two curves as a mask and as what a controller drives by.
+// Writes the curves as a mask, and the connected free space for a controller.
 #pragma once
 
 #include <cstdint>
@@ -16,9 +16,9 @@ class Workers;
 
 class FreeSpace {
  public:
-  /// Writes a mask of curves.boundary.size() columns, `height` rows, 2^mask_level times smaller than the
-  /// frame: 0 above the boundary, 128 from there to the safe row, 255 below and behind obstacles, 128 where
-  /// ignored. Returns the number of traversable pixels.
+  /// Writes a mask of curves.boundary.size() columns and `height` rows, 2^mask_level times smaller than the
+  /// frame: 0 above the boundary, 128 from there to the safe row, 255 below and behind obstacles, 128 in
+  /// ignored regions. Returns the number of traversable pixels.
   std::uint64_t write(const FreeSpaceCurves& curves, int mask_level, std::span<const Rectangle> ignored,
                       const MutablePlane& mask, int height, Workers& workers);
 
@@ -27,16 +27,16 @@ class FreeSpace {
   struct Stretch {
     int left = 0, right = 0, top = 0, bottom = 0;
   };
-  /// Where the mask has ground behind obstacles; adds its pixels to `traversable`.
+  /// Writes the ground behind obstacles, adds its pixels to `traversable`, and returns where it is.
   Stretch bring_behind(const FreeSpaceCurves& curves, int mask_level, std::uint64_t& traversable);
 
   MaskCurve boundary_, safe_, behind_first_, behind_end_;
   std::vector<std::uint8_t> work_;
 };
 
-/// Per mask column the safe row, `frame_height` where the free space is not reachable from the window:
-/// outwards from the window's columns, a column in which nothing above the window's bottom edge is free ends
-/// it.
+/// Per mask column the safe row, or `frame_height` where the free space is not connected to the window. It is
+/// followed outwards from the window's columns and ends at a column without free space above the window's
+/// bottom edge.
 void reachable_rows(const FrameCurve& safe, int mask_level, const Rectangle& window, int frame_height,
                     std::span<std::uint16_t> reachable);
 

@@ -11,14 +11,16 @@
 namespace terrainseg {
 namespace {
 
-TERRAINSEG_TUNED(int, horizon_row, horizon_percent, 5);   ///< of the columns lie higher: outliers
-TERRAINSEG_TUNED(int, horizon_row, least_confidence, 48); ///< of the mask, for the horizon to mean anything
+TERRAINSEG_TUNED(int, horizon_row, horizon_percent, 5);   ///< percent of the columns that are higher and
+                                                          ///< count as outliers
+TERRAINSEG_TUNED(int, horizon_row, least_confidence, 48); ///< smallest confidence of the mask for a valid
+                                                          ///< horizon
 
 } // namespace
 
 HorizonRow horizon_of(const FrameCurve& boundary, int grid_level, int mask_level, int frame_height,
                       std::uint8_t mask_confidence, std::vector<std::uint16_t>& scratch) {
-  // The curve bends at the refinement's columns only: those are enough.
+  // The curve is linear between the refinement's columns, so these are sufficient.
   const int step = std::max(1 << refinement_level(grid_level) >> mask_level, 1);
   scratch.clear();
   for (std::size_t x = 0; x < boundary.size(); x += static_cast<std::size_t>(step))

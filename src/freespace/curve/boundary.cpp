@@ -11,31 +11,32 @@
 namespace terrainseg {
 namespace {
 
-// All in units of the score, 32 = 1 nat; used in Q4.
+// All in units of the score (32 = 1 nat); applied in Q4.
 TERRAINSEG_TUNED(int, boundary, edge_limit, 288);
 TERRAINSEG_TUNED(int, boundary, edge_per_octave, 88);
-/// With 200 India is 8.15 % wrong in place of 8.07, with 230 15 Hz 2.46 in place of 2.42.
+/// Chosen by measurement. With 200, India has 8.15 % error instead of 8.07 %; with 230, 15 Hz has 2.46 %
+/// instead of 2.42 %.
 TERRAINSEG_TUNED(int, boundary, shadow_limit, 215);
 TERRAINSEG_TUNED(int, boundary, shadow_per_grey, 10);
 TERRAINSEG_TUNED(int, boundary, step_price, 140);
 TERRAINSEG_TUNED(int, boundary, least_step_price, 16);
-/// What an upright edge takes off the price, per octave above a difference of 32: obstacles have upright
-/// sides. Takes 0.2 points of error and a tenth of the unsafe pixels off a drive in town.
+/// Reduction of the step price per octave of an upright edge above a difference of 32, because obstacles have
+/// upright sides. Reduces the error of a drive in town by 0.2 points and its unsafe pixels by a tenth.
 TERRAINSEG_TUNED(int, boundary, upright_per_octave, 72);
 TERRAINSEG_TUNED(int, boundary, upright_floor, 32);
-/// For leaving the last frame's row, per row, three rows at most. At 15 Hz, with 48 for two rows: 2.70 / 12.1
-/// in place of 2.45 / 10.7 and 1.62 % flicker in place of 1.48; with 96 2.64 / 11.0, with four rows roads and
-/// trails lose.
+/// Price for leaving the last frame's row, per row, for at most three rows. Measured at 15 Hz (error / unsafe
+/// %): with 48 for two rows 2.70 / 12.1 instead of 2.45 / 10.7, and 1.62 % flicker instead of 1.48 %; with 96
+/// 2.64 / 11.0. With four rows roads and trails get worse.
 TERRAINSEG_TUNED(int, boundary, leave_price, 80);
 TERRAINSEG_TUNED(int, boundary, leave_rows, 3);
-/// For ground above an obstacle. Without it a column is cut at an obstacle only when the ground behind it
-/// weighs less; below 300 kerbs and markings cut the ground, too.
+/// Price for ground above an obstacle. Without ground behind obstacles, a column is cut at an obstacle only
+/// when the ground behind it has less weight. Below 300, kerbs and markings also cut the ground.
 TERRAINSEG_TUNED(int, boundary, behind_price, 360);
-/// For a curve where the picture has no edge. Flat from 300 to 500; at 200 corridors are 8.0 in place of 5.8
-/// % wrong.
+/// Price for a curve where the picture has no edge. The error is nearly constant from 300 to 500; at 200
+/// corridors have 8.0 % instead of 5.8 %.
 TERRAINSEG_TUNED(int, boundary, edgeless_price, 300);
 
-// What a colour step is worth, in Q4: logarithms of few enough values to be looked up.
+// Table of the value of a colour step, in Q4. The values are logarithms of a small range.
 template <typename Worth> constexpr std::array<std::int16_t, most_color_step + 1> table_of(Worth worth) {
   std::array<std::int16_t, most_color_step + 1> table{};
   for (int step = 0; step <= most_color_step; ++step)
@@ -72,13 +73,13 @@ void BoundarySearch::find(const Grid& grid, const CellScores& score, const RowPr
   best_.assign(utility_.begin(), utility_.begin() + rows);
   came_from_.resize(utility_.size());
   for (int j = 1; j < grid.width; ++j) {
-    // The best predecessor of every row: a distance transform, down and up.
+    // The best predecessor of every row, by a distance transform: one pass down, one pass up.
     std::uint16_t* from = column_of(came_from_, j);
     std::int32_t* best = best_.data();
     const std::int16_t* price = &price_[static_cast<std::size_t>(j) * static_cast<std::size_t>(grid.height)];
     std::int32_t leader = best[0];
     std::uint16_t origin = 0;
-    // Which of the two wins is anyone's guess: a branch would be mispredicted every third time.
+    // Selects without a branch, because about a third of the predictions would fail.
     const auto pass = [&](int r, std::int32_t step, std::uint16_t own_origin) {
       const std::int32_t passed = leader - step;
       const auto keep = static_cast<std::uint16_t>(-static_cast<int>(passed > best[r]));
@@ -105,18 +106,18 @@ void BoundarySearch::find(const Grid& grid, const CellScores& score, const RowPr
   }
 }
 
-// What the picture and the last frame say of a curve at each row.
+// Computes the value of a curve at each row from the edges of the picture and the last frame's curve.
 void BoundarySearch::weigh_edges(const Grid& grid, const ColorSteps& steps, int gain_q8,
                                  const GridCurve& before) {
   const auto width = static_cast<std::size_t>(grid.width), rows = static_cast<std::size_t>(grid.height) + 1;
   edges_.assign(width * rows, 0);
   for (int r = 1; r < grid.height; ++r) {
-    // The break between the row above the curve and the row below it.
+    // The edge between the row above the curve and the row below it.
     const std::size_t above = grid.at(r - 1, 0), below = grid.at(r, 0);
     const std::uint8_t *const luma_above = grid.planes[0].row(r - 1), *const luma_below =
                                                                           grid.planes[0].row(r);
     for (std::size_t j = 0; j < width; ++j) {
-      // The base of an obstacle lies in its own shadow.
+      // The base of an obstacle is often darkened by its own shadow.
       const int darker = ((luma_below[j] - luma_above[j]) * gain_q8) >> 8;
       const int edge =
           edge_worth[steps.down[above + j]] + 16 * std::clamp(shadow_per_grey * darker, 0, shadow_limit);
@@ -138,7 +139,7 @@ void BoundarySearch::price_edgeless(const Grid& grid, const std::vector<std::uin
       edges_[j * (height + 1) + r] -= 16 * edgeless_price * edgeless[r * width + j];
 }
 
-// The sum of what lies below a curve at each row, less what lies above, and its edges.
+// Computes per row the sum of the scores below minus the sum above, plus the value of the edge.
 void BoundarySearch::weigh_columns(const Grid& grid, const CellScores& score, const RowPriors& prior) {
   const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height),
              rows = height + 1;
@@ -159,7 +160,7 @@ void BoundarySearch::weigh_columns(const Grid& grid, const CellScores& score, co
   }
 }
 
-// What the best stretch of ground above the row over the curve turns from minus to plus, less its price.
+// Adds the gain of the best stretch of ground above the curve, minus its price.
 void BoundarySearch::add_ground_behind(const Grid& grid, const CellScores& score, const RowPriors& prior) {
   const auto width = static_cast<std::size_t>(grid.width), rows = static_cast<std::size_t>(grid.height) + 1;
   stretch_.assign(width, 0);
@@ -175,7 +176,7 @@ void BoundarySearch::add_ground_behind(const Grid& grid, const CellScores& score
   }
 }
 
-// What it costs the curve to pass a row between a column and the one to its left.
+// Computes the price for the curve to pass each row between a column and the one to its left.
 void BoundarySearch::price_steps(const Grid& grid, const ColorSteps& steps) {
   const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height);
   price_.resize(width * height);

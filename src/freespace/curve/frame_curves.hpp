@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The curves between the ground and the rest of the frame.
+// Curves between the ground and the rest of the frame.
 #pragma once
 
 #include "base/quantities.hpp"
 
 namespace terrainseg {
 
-/// Curves per mask column in rows of the frame: ground begins at `boundary`, ground without doubt at `safe`.
-/// With `ground_behind` the rows behind_first .. behind_end - 1 above the boundary are ground, too.
+/// Curves per mask column in rows of the frame. `boundary` is the first row of the ground, `safe` the first
+/// row of ground that is not doubtful. With `ground_behind` the rows behind_first .. behind_end - 1 above the
+/// boundary are ground too.
 struct FreeSpaceCurves {
   FrameCurve boundary, safe;
   bool ground_behind = false;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Where the ground of one frame ends.
+// The ground of one frame.
 #pragma once
 
 #include "freespace/curve/ground_behind.hpp"
 
 namespace terrainseg {
 
-/// What the picture says, in rows of the grid: where the ground begins, where it does without doubt, and what
-/// of it is seen behind obstacles.
+/// In rows of the grid: the boundary, the first row of ground that is not doubtful, and the visible ground
+/// behind obstacles.
 struct Ground {
   GridCurve boundary, safe;
   GroundBehind behind;

@@ -12,14 +12,14 @@ namespace {
 
 TERRAINSEG_TUNED(int, ground_behind, unseen, 255);
 TERRAINSEG_TUNED(int, ground_behind, free_below,
-                 14); ///< distance from the ground beside it without a penalty
-TERRAINSEG_TUNED(int, ground_behind, follow_below, 24); ///< distance that is still the same surface
+                 14); ///< distance from the neighbouring ground without a penalty
+TERRAINSEG_TUNED(int, ground_behind, follow_below, 24); ///< distance within which it is the same surface
 TERRAINSEG_TUNED(int, ground_behind, most, 60);
 
 TERRAINSEG_TUNED(int, ground_behind, margin,
-                 8); ///< a quarter of a nat: roofs and bonnets in the dark score a little above 0
+                 8); ///< a quarter of a nat, because dark roofs and bonnets score slightly above 0
 TERRAINSEG_TUNED(int, ground_behind, least_sum,
-                 64); ///< 2 nats; half of it makes 0.05 points more flicker at 15 Hz
+                 64); ///< 2 nats; half of it gives 0.05 points more flicker at 15 Hz
 TERRAINSEG_TUNED(int, ground_behind, least_rows, 2);
 
 } // namespace
@@ -36,11 +36,11 @@ void GroundBehindSearch::find(const Grid& grid, const CellScores& score, const G
     return;
   compare_sideways(grid, boundary, first_row, *bottom, gain_q8);
   for (int j = 0; j < width; ++j) {
-    // The stretch of the greatest sum.
+    // Find the stretch with the largest sum.
     int sum = 0, start = 0, greatest = 16 * least_sum;
     std::uint16_t &first = behind.first[static_cast<std::size_t>(j)],
                   &end = behind.end[static_cast<std::size_t>(j)];
-    // The obstacle itself is a row at least.
+    // The obstacle itself takes at least one row.
     for (int i = first_row; i < boundary[static_cast<std::size_t>(j)] - 1; ++i) {
       const int penalty = penalty_[grid.at(i, j)];
       if (sum <= 0 || penalty == unseen) {
@@ -64,7 +64,7 @@ void GroundBehindSearch::find(const Grid& grid, const CellScores& score, const G
   }
 }
 
-// Carries the ground's colour along each row, over what stands above the boundary, from both sides.
+// Carries the ground's colour along each row from both sides, across the cells above the boundary.
 void GroundBehindSearch::compare_sideways(const Grid& grid, const GridCurve& boundary, int first_row,
                                           int end_row, int gain_q8) {
   penalty_.resize(grid.size());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Ground that is seen behind an obstacle: what one boundary per column cannot tell.
+// Finds visible ground behind an obstacle, which one boundary per column cannot represent.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +10,7 @@
 
 namespace terrainseg {
 
-/// Per grid column the rows first .. end - 1, above the boundary, that are ground again; first = end = 0:
-/// none.
+/// Per grid column the rows first .. end - 1 above the boundary that are ground again. first = end = 0: none.
 struct GroundBehind {
   GridCurve first, end;
   bool any = false;
@@ -19,10 +18,10 @@ struct GroundBehind {
 
 class GroundBehindSearch {
  public:
-  /// Looks above `boundary` (first ground row per column) for the rows whose `score` (Q4, 16 * 32 = 1 nat)
-  /// sums up to most, less what their colour differs from the ground that lies to the left or right of the
-  /// obstacle in the same row: ground of one row is equally far away and in much the same light. Rows in
-  /// which neither side has ground cannot be.
+  /// Searches each column above `boundary` (first ground row per column) for the rows with the largest sum of
+  /// `score` (Q4, 16 * 32 = 1 nat) minus a penalty. The penalty is the colour difference from the ground to
+  /// the left or right of the obstacle in the same row, because ground in one row has the same distance and
+  /// similar light. Rows without ground on either side are excluded.
   void find(const Grid& grid, const CellScores& score, const GridCurve& boundary, int gain_q8,
             GroundBehind& behind);
 

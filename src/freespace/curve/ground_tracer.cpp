@@ -11,12 +11,13 @@
 namespace terrainseg {
 namespace {
 
-/// A 32nd of the height above the plane's end there may be ground: it may rise a little.
+/// The first row that may be ground. Ground may extend 1/32 of the height above the plane's end, because it
+/// may rise.
 int first_row_before(const FrameLine& end, const View& view) {
   return end.row_of_level(view.grid.level, view.task.frame.height >> 5);
 }
 
-/// Takes off what lies above that row.
+/// Removes ground behind obstacles above that row.
 void cut_above(int row, GroundBehind& behind) {
   for (std::size_t x = 0; x < behind.first.size(); ++x) {
     behind.first[x] = std::max(behind.first[x], static_cast<std::uint16_t>(row));
@@ -54,7 +55,8 @@ const Ground& GroundTracer::trace(const View& view, const Scores& scores, int fi
   return ground_;
 }
 
-// The first frame knows no horizon: it is searched twice, the second time with its own.
+// In the first frame the horizon is unknown: search twice, the second time with the horizon found by the
+// first.
 void GroundTracer::search(const View& view, const Scores& scores, const FrameLine& end,
                           std::uint32_t& slow_horizon) {
   const Settings& settings = view.task.settings;

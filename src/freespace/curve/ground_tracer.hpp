@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Searches where the ground of a frame ends.
+// Finds the ground of a frame.
 #pragma once
 
 #include "base/frame_line.hpp"
@@ -14,10 +14,10 @@ struct View;
 
 class GroundTracer {
  public:
-  /// Searches the boundary, once more with what the frame itself looks like on both its sides, the ground
-  /// behind obstacles and the doubtful ground before them. No ground lies above `first_row` nor far above
-  /// `end`, the end of the plane. `last` is the boundary of the frame before, and becomes this one's;
-  /// `slow_horizon` (Q8 of the height) follows it.
+  /// Searches the boundary, repeats the search with this frame's appearance on both sides of it, then finds
+  /// ground behind obstacles and doubtful ground. No ground is above `first_row` or far above `end`, the end
+  /// of the ground plane. `last` is the boundary of the previous frame and is replaced by this one. Updates
+  /// `slow_horizon` (Q8 of the height).
   const Ground& trace(const View& view, const Scores& scores, int first_row, const FrameLine& end,
                       bool continued, GridCurve& last, std::uint32_t& slow_horizon);
 

@@ -12,20 +12,20 @@
 namespace terrainseg {
 namespace {
 
-/// Counts are multiples of it, so that smoothing loses nothing.
+/// Scale of the counts, so that smoothing loses no precision.
 TERRAINSEG_TUNED(std::uint32_t, reestimation, one, 64);
 TERRAINSEG_TUNED(std::uint32_t, reestimation, least_cells, 50);
-/// What is taken to have been counted in every bin; and for how many bins at most.
+/// Pseudo-count added to every bin, and the largest number of bins that get it.
 TERRAINSEG_TUNED(std::uint32_t, reestimation, color_floor, one);
 TERRAINSEG_TUNED(std::uint32_t, reestimation, color_floors, 50);
 TERRAINSEG_TUNED(std::uint32_t, reestimation, texture_floor, 2 * one);
-/// Q4 of the score per octave: a quarter of the ratio of colours, an eighth of that of textures.
+/// Q4 of the score per octave: a quarter of the log ratio of colours, an eighth of that of textures.
 TERRAINSEG_TUNED(int, reestimation, color_weight, 89);
 TERRAINSEG_TUNED(int, reestimation, texture_weight, 44);
-/// Q4, three eighths of a nat: flat from 10 to 20 thirty-seconds. What the frame shows here may correct, not
-/// overrule.
+/// Q4, three eighths of a nat. The error is nearly constant from 10/32 to 20/32 nat. One frame's appearance
+/// may correct the score, not overrule it.
 TERRAINSEG_TUNED(int, reestimation, limit, 192);
-/// Of the limit, Q4 per unit of the penalty: two units each.
+/// Reduction of the limit, Q4 per unit of the penalty: two units each.
 TERRAINSEG_TUNED(int, reestimation, limit_per_penalty, 32);
 TERRAINSEG_TUNED(int, reestimation, upper_end, 10); ///< percent of the columns
 
@@ -91,7 +91,7 @@ void Reestimation::compare() {
   const std::uint32_t ground = total_of(ground_.blurred) + color_floors * color_floor,
                       rest = total_of(rest_.blurred) + color_floors * color_floor;
   for (std::size_t i = 0; i < color_.size(); ++i)
-    if (ground_.color[i] + rest_.color[i] > 0) // nobody asks for the others
+    if (ground_.color[i] + rest_.color[i] > 0) // bins that do not occur are not read
       color_[i] = static_cast<std::int16_t>(ratio(ground_.blurred[i] + color_floor, ground,
                                                   rest_.blurred[i] + color_floor, rest, color_weight));
   for (int i = 0; i < texture_bins; ++i)

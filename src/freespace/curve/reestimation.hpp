@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What one frame's own ground and the rest of it look like, once a first boundary parts them (the iteration
-// of C. Rother, V. Kolmogorov, A. Blake, "GrabCut", ACM Transactions on Graphics 23, 2004, with histograms
-// and one step). What is learned over time knows the window and the frames before; light that this frame
-// alone is in, and ground that never was in the window, only the frame itself can tell.
+// Appearance of one frame's ground and of the rest, separated by a first boundary: the iteration of C.
+// Rother, V. Kolmogorov, A. Blake, "GrabCut", ACM Transactions on Graphics 23, 2004, with histograms and one
+// step. The terrain is learned only from the training window of this and earlier frames. Light that is new in
+// this frame, and ground that was never in the window, can be learned only from the frame itself.
 #pragma once
 
 #include <array>
@@ -17,16 +17,16 @@ namespace terrainseg {
 
 class Reestimation {
  public:
-  /// `revised` = `score` (Q4, 16 * 32 = 1 nat) and what each cell's colour and texture say by how often they
-  /// occur below and above `boundary` (first ground row per column): three eighths of a nat at most by each
-  /// of the two. Above the boundary's upper tenth nothing speaks for the ground, and where there is a
-  /// `penalty` (32 = 1 nat) a colour does so the less the higher it is. False, and nothing else done, where
-  /// either side has too few cells to tell. No state between frames.
+  /// Computes `revised` = `score` (Q4, 16 * 32 = 1 nat) plus the evidence of each cell's colour and texture,
+  /// from their frequencies below and above `boundary` (first ground row per column): at most three eighths
+  /// of a nat each. Above the boundary's upper tenth there is no evidence for ground. A `penalty` (32 = 1
+  /// nat) limits the evidence of colour for ground. Returns false without a result when either side has too
+  /// few cells. Keeps no state between frames.
   bool revise(const Grid& grid, const CellBins& cells, const GridCurve& boundary,
               const CellPenalties& penalty, const CellScores& score, CellScores& revised);
 
  private:
-  /// How often bins occur on one side.
+  /// Histograms of one side.
   struct Side {
     std::array<std::uint32_t, color_bins> color, blurred;
     std::array<std::uint32_t, texture_bins> texture;
@@ -37,8 +37,8 @@ class Reestimation {
 
   Side ground_{}, rest_{};
   std::array<std::uint32_t, color_bins> between_{};
-  std::array<std::int16_t, color_bins> color_{};     ///< Q4, for the ground where positive
-  std::array<std::int16_t, texture_bins> texture_{}; ///< likewise
+  std::array<std::int16_t, color_bins> color_{};     ///< Q4, positive for ground
+  std::array<std::int16_t, texture_bins> texture_{}; ///< Q4, positive for ground
   std::vector<std::uint16_t> scratch_;
 };
 

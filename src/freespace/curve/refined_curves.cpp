@@ -30,7 +30,8 @@ void RefinedCurves::refine(const View& view, const Ground& ground, int level, Fr
     curves.safe[x] = std::max(curves.safe[x], curves.boundary[x]);
   curves.ground_behind = ground.behind.any;
   for (FrameCurve* rows : {&curves.behind_first, &curves.behind_end})
-    rows->reserve(curves.safe.size()); // however late ground is first seen behind something
+    rows->reserve(curves.safe.size()); // reserved early, so that the first frame with ground behind an
+                                       // obstacle does not allocate
   if (!ground.behind.any)
     return;
   bring(ground.behind.first, curves.behind_first);

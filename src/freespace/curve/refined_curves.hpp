@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The curves of one frame's ground at the picture's own edges.
+// The curves of one frame's ground, aligned with edges of the picture.
 #pragma once
 
 #include "freespace/curve/frame_curves.hpp"
@@ -12,11 +12,11 @@ struct View;
 
 class RefinedCurves {
  public:
-  /// Refines the mask's columns.
+  /// Refines the curves at the mask's columns.
   void refine(const View& view, const Ground& ground);
-  /// A column per mask column.
+  /// One column per mask column.
   const FreeSpaceCurves& of_mask() const { return of_mask_; }
-  /// A column per 2^level of the frame, of the ground that was refined.
+  /// One column per 2^level pixels of the frame, of the ground that was refined last.
   const FreeSpaceCurves& at(const View& view, const Ground& ground, int level);
 
  private:
@@ -24,7 +24,7 @@ class RefinedCurves {
 
   Refinement refinement_;
   FreeSpaceCurves of_mask_;
-  FreeSpaceCurves finer_; ///< for small masks, whose columns are too few to search with
+  FreeSpaceCurves finer_; ///< for small masks, whose columns are too coarse for detectors
 };
 
 } // namespace terrainseg

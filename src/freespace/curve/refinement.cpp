@@ -13,7 +13,7 @@ constexpr int reach = 3; ///< rows of the refinement's level
 static_assert(2 * reach + 2 <= kernels::strip_rows);
 constexpr int median_reach = 2;
 
-// Doubled rows of the refinement's level: every row is ground; no row is.
+// In doubled rows of the refinement's level: every row is ground; no row is ground.
 constexpr int all = -1;
 constexpr int none_of(int height) {
   return 2 * height - 1;
@@ -22,7 +22,7 @@ bool is_open(int edge, int height) {
   return edge <= all || edge >= none_of(height);
 }
 
-// The median of five without a loop.
+// Median of five without a loop.
 int median5(int a, int b, int c, int d, int e) {
   const int low = std::max(std::min(a, b), std::min(c, d)), high = std::min(std::max(a, b), std::max(c, d));
   return std::max(std::min(low, high), std::min(std::max(low, high), e));
@@ -44,10 +44,10 @@ void Refinement::refine(const Pyramid& pyramid, const Grid& grid, const ColorTra
   write_rows(level, height, mask_level, frame_width, frame_height, rows);
 }
 
-// The curve at the columns of the refinement's level; where it may move is noted.
+// Interpolates the curve at the columns of the refinement's level and marks where it may move.
 void Refinement::interpolate(const Grid& grid, const GridCurve& curve, int width, int height) {
   const int ratio = 1 << (grid.level - refinement_level(grid.level));
-  // Cell i of the grid is row i * ratio here; the edge before it lies half a cell higher.
+  // Row i of the grid is row i * ratio here. The edge above it lies half a cell higher.
   const auto edge_of = [&](int j) {
     const int row = curve[static_cast<std::size_t>(j)];
     return row == 0 ? all : row >= grid.height ? none_of(height) : (2 * row - 1) * ratio;
@@ -65,7 +65,7 @@ void Refinement::interpolate(const Grid& grid, const GridCurve& curve, int width
   }
 }
 
-// Moves the curve to the strongest edge near it, each column by itself.
+// Moves the curve to the strongest edge near it, in each column separately.
 void Refinement::snap_columns(const Pyramid& pyramid, const ColorTransform& transform, int level, int first,
                               int end) {
   const std::array<Plane, 3> planes{pyramid.plane(level, 0), pyramid.plane(level, 1),
@@ -107,11 +107,12 @@ void Refinement::take_medians() {
   }
 }
 
-// Doubled row e of this level is row e * 2^level / 2 of the frame, between two columns on their line.
+// Converts doubled rows e of this level to rows e * 2^level / 2 of the frame, interpolated linearly between
+// columns.
 void Refinement::write_rows(int level, int height, int mask_level, int frame_width, int frame_height,
                             FrameCurve& rows) const {
   const int count = subsampled(frame_width, mask_level), coarser = std::max(mask_level - level, 0),
-            columns = 1 << std::max(level - mask_level, 0); // of the mask, from one of ours to the next
+            columns = 1 << std::max(level - mask_level, 0); // columns of the mask per column of this level
   rows.resize(static_cast<std::size_t>(count));
   for (int x = 0; x < count; x += columns) {
     const std::size_t f = static_cast<std::size_t>(x / columns) << coarser;

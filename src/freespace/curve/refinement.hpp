@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Curves of the grid brought to the edges that the picture shows two levels finer, and to frame rows.
+// Aligns curves of the grid with edges of the picture two levels finer, and converts them to rows of the
+// frame.
 #pragma once
 
 #include <cstdint>
@@ -16,9 +17,9 @@ namespace terrainseg {
 class Refinement {
  public:
   /// `curve`: per grid column the first row of the ground, 0..grid.height. With `snap` the curve moves to the
-  /// strongest colour edge within three quarters of a cell at refinement_level(), then takes the median of
-  /// five columns. Result in `rows`, one per column x of a mask that is 2^mask_level times narrower than the
-  /// frame: the first row of the frame, 0..frame_height.
+  /// strongest colour edge within three quarters of a cell at refinement_level(), then a median of five
+  /// columns is applied. `rows` receives the first row of the ground in the frame, 0..frame_height, for each
+  /// column of a mask that is 2^mask_level times narrower than the frame.
   void refine(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform,
               const GridCurve& curve, bool snap, int mask_level, int frame_width, int frame_height,
               FrameCurve& rows);
@@ -30,9 +31,9 @@ class Refinement {
   void write_rows(int level, int height, int mask_level, int frame_width, int frame_height,
                   FrameCurve& rows) const;
 
-  // Rows of the refinement's level times two, so that the half row between two of them is whole.
+  // Doubled rows of the refinement's level, so that half rows are integers.
   std::vector<int> fine_, median_;
-  std::vector<std::uint8_t> moves_; ///< whether a column may snap
+  std::vector<std::uint8_t> moves_; ///< whether a column may move
   kernels::Strip strip_{};
 };
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The few cells of a level that stand out, row by row, and boxes around them.
+// A sparse list of the cells of a level that differ from the ground, row by row, with sums over boxes around
+// them.
 #pragma once
 
 #include <algorithm>
@@ -13,22 +14,22 @@
 
 namespace terrainseg {
 
-/// Cells are numbered row by row. Allocates in start() only.
+/// Cells are numbered row by row. Allocates only in start().
 class CandidateCells {
  public:
-  /// Empty, for rows `first` to `height` of `width` cells.
+  /// Clears the list for rows `first` to `height` of `width` cells.
   void start(int width, int height, int first) {
     width_ = width;
     height_ = height;
     first_ = first;
     cells_.clear();
-    // Now: not in the frame in which something is first found.
+    // reserved now, so that the first frame with a candidate does not allocate
     cells_.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
     columns_.reserve(static_cast<std::size_t>(width));
     row_ends_.assign(static_cast<std::size_t>(height), 0);
   }
 
-  /// Lists the cells whose value (0..127) is `least` or more.
+  /// Lists the cells whose value (0..127) is at least `least`.
   void list(const std::uint8_t* values, int least) {
     const auto w = static_cast<std::size_t>(width_);
     cells_.clear();
@@ -52,8 +53,9 @@ class CandidateCells {
 
   const std::vector<std::uint32_t>& cells() const { return cells_; }
 
-  /// seeds[cell] = 1 where the mean of `values` (0..127) over the ground in the box around it, which reaches
-  /// reach_of(row), is `enough` or more, else 0. False where none is.
+  /// Sets seeds[cell] = 1 where the mean of `values` (0..127) over the ground in the surrounding box is at
+  /// least `enough`, otherwise 0. The box extends reach_of(row) cells in each direction. Returns false when
+  /// there is no seed.
   template <typename Reach>
   bool seed(const std::uint8_t* values, const GroundOutline& ground, int enough, Reach reach_of,
             std::uint8_t* seeds) {
@@ -70,7 +72,8 @@ class CandidateCells {
     return any;
   }
 
-  /// near[cell] = 1 where a seed is in the box around it, else 0. All that are no candidates are no seeds.
+  /// Sets near[cell] = 1 where the surrounding box contains a seed, otherwise 0. Only listed cells can be
+  /// seeds.
   template <typename Reach> void grow(const std::uint8_t* seeds, Reach reach_of, std::uint8_t* near) {
     sum_around(
         reach_of,
@@ -81,7 +84,7 @@ class CandidateCells {
         [&](std::uint32_t cell, int count) { near[cell] = count > 0; });
   }
 
-  /// Calls visit(row, first, end) for each stretch of a row whose cells are listed and `marked`.
+  /// Calls visit(row, first, end) for each run of listed cells of a row that are `marked`.
   template <typename Visit> void each_stretch(const std::uint8_t* marked, Visit visit) const {
     std::size_t next = 0;
     for (int i = first_; i < height_; ++i) {
@@ -99,8 +102,8 @@ class CandidateCells {
     }
   }
 
-  /// `piece`: the cells that are `waiting` (1) and hang together with `start` (eight neighbours). None of
-  /// them waits any longer.
+  /// Collects in `piece` the cells with `waiting` = 1 that are connected to `start` (eight neighbours), and
+  /// sets their `waiting` to 0.
   void take_piece(std::uint32_t start, std::uint8_t* waiting, std::vector<std::uint32_t>& piece) const {
     piece.clear();
     piece.push_back(start);
@@ -124,9 +127,9 @@ class CandidateCells {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
   }
 
-  // Calls visit(cell, sum) for each, with the sum over the box around it that reaches reach_of(row).
-  // `add(row, sign)` adds a row's values to columns_, or takes them off again: boxes move down with the rows
-  // and never up, so that each row is added once.
+  // Calls visit(cell, sum) for each listed cell with the sum over the surrounding box, which extends
+  // reach_of(row) cells. `add(row, sign)` adds a row's values to columns_ or subtracts them. Boxes only move
+  // down with the rows, so each row is added once.
   template <typename Reach, typename Add, typename Visit>
   void sum_around(Reach reach_of, Add add, Visit visit) {
     columns_.assign(static_cast<std::size_t>(width_), 0);
@@ -164,7 +167,7 @@ class CandidateCells {
     }
   }
 
-  /// True where one of eight values, 0..127, is `least` or more.
+  /// Whether one of eight values (0..127) is at least `least`.
   static bool any_of_eight(const std::uint8_t* values, int least) {
     constexpr std::uint64_t ones = 0x0101010101010101u;
     std::uint64_t eight = 0;
@@ -174,8 +177,8 @@ class CandidateCells {
 
   int width_ = 0, height_ = 0, first_ = 0;
   std::vector<std::uint32_t> cells_;
-  std::vector<std::int32_t> columns_; ///< sums over a box's rows
-  std::vector<std::size_t> row_ends_; ///< of each row's cells
+  std::vector<std::int32_t> columns_; ///< sums over the rows of a box
+  std::vector<std::size_t> row_ends_; ///< end of each row in cells_
 };
 
 } // namespace terrainseg

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::uint16_t no_row = 65535;
 
-// In 16 bits from end to end: of these compilers make vectors.
+// Uses 16-bit values throughout, so that compilers vectorise it.
 void outline_row(const std::uint16_t* __restrict safe, std::uint16_t row, std::size_t count,
                  std::uint8_t* __restrict in) {
   for (std::size_t x = 0; x < count; ++x)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Which cells of a pyramid level are ground, as the curves say.
+// Rasterises the curves: which cells of a pyramid level are ground.
 #pragma once
 
 #include <cstdint>
@@ -11,23 +11,25 @@
 
 namespace terrainseg {
 
-/// How a level's cells lie to the curves.
+/// Relation of a level's cells to the curves.
 struct OutlineView {
-  int level = 0, width = 0, height = 0; ///< of the cells; rows may end above the picture's end
-  int column_level = 0;                 ///< the curves have a column per 2^this of the frame
-  /// Of them the one at or before the cell's centre at a multiple of 2^this of the frame is looked at.
+  int level = 0, width = 0, height = 0; ///< size of the level in cells; the rows may end above the end of the
+                                        ///< picture
+  int column_level = 0;                 ///< the curves have one column per 2^column_level pixels of the frame
+  /// Each cell uses the curves' column at or before its centre, at a multiple of 2^column_spacing pixels of
+  /// the frame.
   int column_spacing = 0;
-  std::span<const Rectangle> ignored; ///< frame pixels
-  int stride = 0; ///< cells of a row in memory, `width` at least: none of the others is ground
+  std::span<const Rectangle> ignored; ///< in pixels of the frame
+  int stride = 0; ///< elements per row in memory, at least `width`; the additional ones are not ground
 };
 
 class GroundOutline {
  public:
-  /// A cell is ground where its centre is. False where no cell is.
+  /// Marks the cells whose centres are in the ground. Returns false when there is none.
   bool draw(const FreeSpaceCurves& curves, const OutlineView& view);
 
-  int first() const { return first_; } ///< uppermost row that has ground; the height where none has
-  /// 1 = ground, else 0; known from row first() on.
+  int first() const { return first_; } ///< the uppermost row with ground; the height when there is none
+  /// 1 = ground, otherwise 0. Valid from row first() on.
   const std::uint8_t* row(int i) const { return &cells_[static_cast<std::size_t>(i) * stride_]; }
   bool at(std::uint32_t cell) const { return cells_[cell] != 0; }
 

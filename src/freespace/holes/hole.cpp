@@ -8,7 +8,7 @@
 namespace terrainseg {
 namespace {
 
-// Traversable pixels; returns how many there were. Compilers make vectors of it.
+// Labels traversable pixels. Returns their number. Auto-vectorised.
 unsigned label_row(std::uint8_t* pixels, int count, std::uint8_t label) {
   unsigned turned = 0;
   for (int x = 0; x < count; ++x) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The detectors of what stands in the open, each with a switch of its own.
+// The detectors of obstacles in open ground. Each has a setting that switches it off.
 #pragma once
 
 #include <array>
@@ -17,31 +17,31 @@ namespace terrainseg {
 struct View;
 struct Ground;
 
-/// What detectors keep from frame to frame.
+/// The state that the detectors keep between frames.
 struct HoleMemory {
   StoneField::Watch stones;
   MotionTrack motion;
 };
 
-/// The ground of a frame, in which they look.
+/// The ground of a frame, the input of the detectors.
 struct OpenGround {
   const View& view;
   const Ground& ground;
   RefinedCurves& curves;
-  std::uint32_t horizon = 0; ///< slow, Q8 of the height: sizes grow with the distance from it
-  FrameLine line;            ///< what is known of the ground's vanishing line
-  bool continued = false;    ///< the frame before shows the same place
-  /// Evidence of motion, which is looked at first; empty where there is none.
+  std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
+  FrameLine line;            ///< the known vanishing line of the ground
+  bool continued = false;    ///< the last frame shows the same place
+  /// Evidence of motion, which is detected first. Empty when there is none.
   FinerCells<std::int16_t> motion{};
 
   const FreeSpaceCurves& curves_at(int level) const { return curves.at(view, ground, level); }
 };
 
-/// One detector: it finds, and what it has found becomes holes in one place (hole.hpp).
+/// One detector. hole.hpp turns its detections into holes.
 class HoleFinder {
  public:
   virtual ~HoleFinder() = default;
-  /// Fills found(): no holes where the settings switch it off.
+  /// Fills found(). Finds no holes when the settings switch the detector off.
   virtual void find(OpenGround& open, HoleMemory& memory) = 0;
   const Detection& found() const { return found_; }
 
@@ -49,7 +49,7 @@ class HoleFinder {
   Detection found_;
 };
 
-/// Obstacles: what moves as something that stands on the ground.
+/// Obstacles that move in the picture as objects standing on the ground.
 class MotionFinder final : public HoleFinder {
  public:
   MotionFinder() { found_.label = mask_not_traversable; }
@@ -59,8 +59,8 @@ class MotionFinder final : public HoleFinder {
   StandingThings things_;
 };
 
-/// Small things that differ from the ground on both their sides: in the whole picture, or far away in cells
-/// half as large.
+/// Small objects that differ from the ground on both sides: in the whole picture, or far away in cells of
+/// half the size.
 class SpotFinder final : public HoleFinder {
  public:
   enum class Reach : std::uint8_t { whole_picture, far_away };

@@ -12,38 +12,40 @@
 namespace terrainseg {
 namespace {
 
-/// No distance from the horizon is less, nor where only what is far away is searched: a box of its own
-/// distance holds few cells there, and those of the thing itself.
+/// Smallest distance from the horizon that sizes of boxes are computed with; the second is for the search far
+/// away. There, a box for the true distance would hold few cells, mostly those of the object itself.
 TERRAINSEG_TUNED(int, odd_spots, nearest_rows, 2);
 TERRAINSEG_TUNED(int, odd_spots, far_nearest_rows, 24);
-/// Boxes beside a block: width and height in sixteenths of the distance. 9..16 and 12..16 are as good.
+/// Boxes beside a block: width and height in sixteenths of the distance. 9..16 and 12..16 give equal results.
 TERRAINSEG_TUNED(int, odd_spots, box_width, 12);
 TERRAINSEG_TUNED(int, odd_spots, box_height, 16);
-/// Share of a side that must be ground for it to say anything, as its inverse.
+/// Inverse of the smallest share of a side that must be ground.
 TERRAINSEG_TUNED(int, odd_spots, least_side, 8);
-/// Added to the deviation of luma and of both chromas, grey levels.
+/// Added to the deviation of luma and of both chromas, in grey levels.
 constexpr std::array<int, 3> deviation_floor{5, 2, 2};
-/// Rows below light in which something dark makes it a stone, sixty-fourths of the distance.
+/// Height below a light cell in which a dark cell makes it a stone instead of paint, in 1/64 of the distance.
 TERRAINSEG_TUNED(int, odd_spots, shadow_reach, 10);
 TERRAINSEG_TUNED(int, odd_spots, dark_enough, 16); ///< Q4: one deviation
 TERRAINSEG_TUNED(int, odd_spots, most_oddness, 96);
-/// Q4 of a deviation: of a cell, and of the mean of a box around a seed. 40 finds a tenth more of the things
-/// that stand on rendered trails and plains, for half a point of error on trails and 0.05 in town.
+/// Q4 of a deviation: threshold of a cell, and of the mean in a seed's box. 40 instead of 48 finds a tenth
+/// more of the obstacles on rendered trails and plains, but costs half a point of error on trails and 0.05
+/// points in town.
 TERRAINSEG_TUNED(int, odd_spots, odd_enough, 31);
 TERRAINSEG_TUNED(int, odd_spots, seed_enough, 48);
-/// Of a seed far away. With this and far_nearest_rows 32 % of the things on rendered plains are called ground
-/// in place of 39 by day, 53 in place of 62 at dusk, for 0.01 of error on the drives. 12 rows find half of
-/// that, 42 flickers more.
+/// Threshold of a seed far away. Share of the obstacles on rendered plains that are called ground with this
+/// and far_nearest_rows: 32 % instead of 39 % by day, 53 % instead of 62 % at dusk, at a cost of 0.01 points
+/// of error on the drives. With 12 rows the effect is half as large; a threshold of 42 gives more flicker.
 TERRAINSEG_TUNED(int, odd_spots, far_seed_enough, 44);
-/// Half the size of the boxes around seeds, and around cells that a seed must be near to, sixty-fourths of
-/// the distance. Of the former 2 or 4 find as many things; at 4 twice as much of each stays unseen. Of the
-/// latter 8 takes in the ground around things; 3 is as good in error, but a tenth more of the things on
-/// rendered plains is called ground.
+/// Half the size of a seed's box, and the largest distance of a cell from a seed, in 1/64 of the distance.
+/// For the first, 2 and 4 find as many obstacles, but with 4 twice as much of each is missed. For the second,
+/// 8 includes ground around obstacles; 3 gives the same error, but calls a tenth more of the obstacles on
+/// rendered plains ground.
 TERRAINSEG_TUNED(int, odd_spots, seed_reach, 3);
 TERRAINSEG_TUNED(int, odd_spots, growth_reach, 4);
-/// Most evidence of something that stands (Q8) that any cell of a flat spot has, and most of their mean; what
-/// moves as ground has down to -192. On 24 rendered trails 5.02 -> 4.82 % error, with one of 261 things more
-/// called ground. With -5 and -20 4.68 %, but five more, and six of 381 on plains.
+/// Largest evidence of standing (Q8) of any cell in a flat spot, and of the spot's mean. Cells that move as
+/// ground have down to -192. On 24 rendered trails these reduce the error from 5.02 to 4.82 %, with one of
+/// 261 obstacles more called ground. With -5 and -20 the error is 4.68 %, but with five more, and six of 381
+/// on plains.
 TERRAINSEG_TUNED(int, odd_spots, flat_everywhere, -20);
 TERRAINSEG_TUNED(int, odd_spots, flat_on_average, -40);
 
@@ -54,14 +56,15 @@ std::uint8_t largest(const std::uint8_t* values, std::size_t count) {
   return most;
 }
 
-/// 4096 / sqrt(variance), Q12, to 1 %; variance Q8, at least 2^10.
+/// 4096 / sqrt(variance), Q12, within 1 %. The variance is Q8 and at least 2^10.
 constexpr std::int16_t inverse_root(std::uint32_t variance_q8) {
   const int octaves = 16 * 256 - log2_q8(variance_q8) / 2, whole = octaves >> 8, part = octaves & 255;
   const int mantissa = 65536 + 256 * part - ((part * (256 - part) * 88) >> 8);
   return static_cast<std::int16_t>((mantissa << whole) >> 16);
 }
 
-/// It has as many values as the logarithm: of the highest nine bits of the variance, which is below 2^25.
+/// Table over the highest nine bits of the variance, which is below 2^25. It has as many distinct values as
+/// the logarithm.
 constexpr int least_exponent = 10;
 constexpr auto root_table = [] {
   std::array<std::int16_t, kernels::octaves_of_table * 256 + 1> table{};
@@ -70,26 +73,26 @@ constexpr auto root_table = [] {
   return table;
 }();
 
-/// Cells of a row in memory: whole vectors of cells, and of blocks behind the first, which has one column.
-/// Those beyond the picture are not ground.
+/// Elements per row in memory: whole vectors of cells, and of blocks after the first one, which has one
+/// column. Cells outside the picture are not ground.
 constexpr int stride_of(int width) {
   constexpr int vector = 16;
   return (width + vector - 2) / vector * vector + 1;
 }
 
-/// Blocks of a side at that distance.
+/// Number of blocks of a side at that distance.
 constexpr int side_reach(int distance) {
   return std::max((box_width * distance / 16 + 1) >> 1, 2);
 }
 
 } // namespace
 
-// Rows below the horizon.
+// Distance from the horizon in rows.
 int OddSpots::distance(int row) const {
   return std::max(row - horizon_row_, is_far() ? far_nearest_rows : nearest_rows);
 }
 
-// Half of a box around a cell of that row, at least a cell.
+// Half the size of a box around a cell of that row, at least one cell.
 int OddSpots::reach(int sixty_fourths, int row) const {
   return std::max((sixty_fourths * distance(row) + 32) >> 6, 1);
 }
@@ -107,12 +110,12 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   blocks_y_ = (height_ >> 1) + 1;
   const std::size_t size = static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height_);
   odd_.resize(size);
-  for (const std::uint32_t cell : candidates_.cells()) // no others belong to spots
+  for (const std::uint32_t cell : candidates_.cells()) // only candidates belong to spots
     spot_[cell] = 0;
   spot_.resize(size);
   holes.clear();
   holes.reserve(size / 2);
-  queue_.reserve(size); // now: not in the frame in which something is first found
+  queue_.reserve(size); // reserved now, so that the first frame with a spot does not allocate
   seed_.resize(size);
   const bool any_ground = ground_.draw(
       curves, {view.level, width_, height_, view.column_level, view.level, view.ignored, stride_});
@@ -124,7 +127,7 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   read_cells(pyramid, transform);
   sum_blocks();
   const int most_reach = side_reach(is_far() ? std::max(view.rows, far_nearest_rows) : height_);
-  for (auto& strip : strips_) // however high the horizon comes to lie
+  for (auto& strip : strips_) // reserved for any position of the horizon
     strip.reserve(static_cast<std::size_t>(blocks_x_ + 1 + 2 * most_reach));
   nearest_dark_.assign(static_cast<std::size_t>(stride_), 30000);
   for (int block_row = blocks_y_ - 1; 2 * block_row >= first_; --block_row) {
@@ -153,7 +156,8 @@ void OddSpots::read_cells(const Pyramid& pyramid, const ColorTransform& transfor
   }
 }
 
-// Block (I, J) holds the cells 2 I - 1, 2 I of the columns 2 J - 1, 2 J: its middle is a cell of the grid.
+// Block (I, J) holds the cells 2 I - 1 and 2 I of the columns 2 J - 1 and 2 J: its centre is a cell of the
+// grid.
 void OddSpots::sum_blocks() {
   const auto w = static_cast<std::size_t>(stride_), stride = static_cast<std::size_t>(blocks_x_);
   const int first_block = (first_ + 1) >> 1;
@@ -169,7 +173,7 @@ void OddSpots::sum_blocks() {
       const std::size_t row = static_cast<std::size_t>(i) * w;
       const std::uint8_t* const ground = ground_.row(i);
       const auto add = [&](const std::uint8_t* values, std::uint32_t* sums, std::uint32_t* squares) {
-        // Of the first block one column is in the picture.
+        // only one column of the first block is in the picture
         const std::uint32_t value = ground[0] ? values[0] : 0;
         sums[0] += value;
         if (squares)
@@ -183,8 +187,8 @@ void OddSpots::sum_blocks() {
   }
 }
 
-// Running sums over the blocks of the rows `top` to `bottom`, from `pad` blocks left of the picture to `pad`
-// blocks right of it.
+// Prefix sums over the blocks of the rows `top` to `bottom`, padded by `pad` blocks on the left and right of
+// the picture.
 void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
   const auto stride = static_cast<std::size_t>(blocks_x_);
   const auto from = static_cast<std::size_t>(std::max(top, (first_ + 1) >> 1)) * stride,
@@ -206,7 +210,7 @@ void OddSpots::compare_sides(int I) {
   const int top = std::max(I - rows, 0), bottom = std::min(I + rows + 1, blocks_y_);
   const auto blocks = static_cast<std::size_t>(blocks_x_);
   sum_strips(top, bottom, static_cast<std::size_t>(reach));
-  // Nothing is known where a side has too little ground.
+  // A side with too little ground has no result.
   const auto full = 4u * static_cast<std::uint32_t>(reach) * static_cast<std::uint32_t>(bottom - top);
   for (auto* values : {&box_cells_, &box_inverse_[0], &box_inverse_[1], &box_inverse_[2]})
     values->resize(blocks);
@@ -245,7 +249,7 @@ void OddSpots::measure_row(int row) {
   }
   const std::uint8_t *const ground = ground_.row(row), *const y = deviation_[0].data(),
                             *const dark = dark_.data();
-  // A column wider on both sides.
+  // One more column on each side.
   shade_.resize(w + 2);
   const kernels::DeviationRow deviations{y, deviation_[1].data(), deviation_[2].data(), ground, dark};
   kernels::note_dark(deviations, dark_enough, static_cast<std::int16_t>(row), stride_, shade_.data(),
@@ -254,8 +258,8 @@ void OddSpots::measure_row(int row) {
   kernels::oddness(deviations, nearest_dark_.data(), reached, most_oddness, stride_, &odd_[at]);
 }
 
-// Where the mean oddness of the ground around a candidate is enough. The rest of seed_ is 0: keep_islands()
-// leaves nothing of it.
+// Marks the candidates around which the mean oddness of the ground is high enough. The other elements of
+// seed_ are 0, because keep_islands() clears them.
 bool OddSpots::seed() {
   const int enough = is_far() ? far_seed_enough : seed_enough;
   const std::size_t from = static_cast<std::size_t>(first_) * static_cast<std::size_t>(stride_);
@@ -266,11 +270,11 @@ bool OddSpots::seed() {
       odd_.data(), ground_, enough, [&](int row) { return reach(seed_reach, row); }, seed_.data());
 }
 
-// Drops the pieces of spots whose cells are not to be kept. False when none are left.
+// Removes the pieces of spots for which keep() is false. Returns false when none remain.
 template <typename Keep> bool OddSpots::keep_pieces(Keep keep) {
   bool any = false;
   for (const std::uint32_t cell : candidates_.cells())
-    seed_[cell] = spot_[cell]; // cells that wait to be looked at
+    seed_[cell] = spot_[cell]; // cells that are still to be visited
   for (const std::uint32_t start : candidates_.cells()) {
     if (!seed_[start])
       continue;
@@ -284,7 +288,7 @@ template <typename Keep> bool OddSpots::keep_pieces(Keep keep) {
   return any;
 }
 
-// Drops what touches something above it that is not ground: a matter of the boundary.
+// Removes pieces below a cell that is not ground: these belong to the boundary.
 bool OddSpots::keep_islands() {
   const auto w = static_cast<std::uint32_t>(stride_);
   return keep_pieces([&](const std::vector<std::uint32_t>& piece) {
@@ -294,7 +298,8 @@ bool OddSpots::keep_islands() {
   });
 }
 
-// The foot of a thing moves as the ground does, too: all of a spot has to, and most of it clearly.
+// The foot of an obstacle also moves as the ground does. Therefore all cells of a flat spot must move so, and
+// most of them clearly.
 bool OddSpots::drop_flat(const FinerCells<std::int16_t>& motion, std::vector<Hole>& holes) {
   if (motion.values.empty())
     return true;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Small things that stand in the open, from one frame: one curve a column swallows them. A centre is compared
-// with its surroundings on both sides (local contrast as in L. Itti, C. Koch, E. Niebur, "A model of
-// saliency-based visual attention", IEEE PAMI 20, 1998, here in standard deviations of the ground itself).
+// Finds small obstacles in open ground from one frame; a curve with one row per column cannot represent them.
+// Compares each cell with its surroundings on both sides (local contrast as in L. Itti, C. Koch, E. Niebur,
+// "A model of saliency-based visual attention", IEEE PAMI 20, 1998, here in standard deviations of the ground
+// itself).
 #pragma once
 
 #include <array>
@@ -18,33 +19,34 @@
 
 namespace terrainseg {
 
-/// What the search has to know of the picture.
+/// Parameters of the search in a frame.
 struct GroundView {
-  int level = 0;             ///< of the pyramid that is searched, finer than the grid by one or two
-  int column_level = 0;      ///< the curves have a column per 2^this of the frame, at most `level`
+  int level = 0;             ///< the pyramid level that is searched, one or two levels finer than the grid
+  int column_level = 0;      ///< the curves have one column per 2^column_level pixels of the frame; at most
+                             ///< `level`
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
-  std::span<const Rectangle> ignored; ///< frame pixels
-  int rows = 0; ///< below the horizon that are searched, in cells; 0 = down to the picture's end
+  std::span<const Rectangle> ignored; ///< in pixels of the frame
+  int rows = 0; ///< rows of cells to search below the horizon; 0 = to the end of the picture
 };
 
-/// A cell of the ground is odd when it differs, in the same direction, from the ground to its left and from
-/// the ground to its right at the same distance. Vignetting, gradients of light, kerbs and the edges of
-/// trails and shadows are one-sided and fall out. What is lighter and of the ground's own chroma is paint,
-/// unless something dark lies right below it. No state between frames.
+/// A cell of the ground is odd when it differs in the same direction from the ground to its left and from the
+/// ground to its right at the same distance. Vignetting, gradients of light, kerbs and the edges of trails
+/// and shadows differ on one side only and are not detected. A lighter cell of the ground's own chroma is
+/// paint, unless a dark cell is right below it. Keeps no state between frames.
 class OddSpots {
  public:
-  /// Looks for spots in the ground that `curves` tell, and lists them. False when there are none.
+  /// Finds and lists the spots in the ground given by `curves`. Returns false when there are none.
   bool find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
             const GroundView& view, std::vector<Hole>& holes);
 
-  /// Of what find() found drops the spots that are seen to move as the ground does all over: shadows, patches
-  /// of another tint. `motion` as StandingThings::evidence(); where that is empty nothing is dropped. False
-  /// when none are left.
+  /// Removes the spots of find() that move as the ground does in all of their cells: shadows and patches of
+  /// another tint. `motion` is StandingThings::evidence(); when it is empty nothing is removed. Returns false
+  /// when no spot remains.
   bool drop_flat(const FinerCells<std::int16_t>& motion, std::vector<Hole>& holes);
 
-  /// Of the last find(): cells searched (the rows end where it was told to stop), and per cell how odd it is,
-  /// Q4 of a standard deviation, 0..96, and whether it belongs to a spot.
-  /// A row takes stride() cells in memory.
+  /// Results of the last find(): number of searched cells (down to the last searched row), and per cell the
+  /// oddness (Q4 of a standard deviation, 0..96) and whether the cell belongs to a spot. A row has stride()
+  /// elements in memory.
   int width() const { return width_; }
   int stride() const { return stride_; }
   int height() const { return height_; }
@@ -54,7 +56,7 @@ class OddSpots {
  private:
   /// Sums over blocks of 2 x 2 cells: count, three values, three squares.
   static constexpr int sum_count = 7;
-  /// What both sides of a row of cells look like, from column -1 on: means (Q4) left and right, one over the
+  /// Statistics of both sides of a row of cells, from column -1 on: means (Q4) on the left and right, and 1 /
   /// deviation (Q12).
   struct Sides {
     std::array<std::vector<std::int16_t>, 3> left, right, inverse;
@@ -62,7 +64,7 @@ class OddSpots {
 
   int distance(int row) const;
   int reach(int sixty_fourths, int row) const;
-  bool is_far() const { return view_.rows > 0; } ///< only what is far away is searched
+  bool is_far() const { return view_.rows > 0; } ///< only rows near the horizon are searched
   void read_cells(const Pyramid& pyramid, const ColorTransform& transform);
   void sum_blocks();
   void sum_strips(int top, int bottom, std::size_t pad);
@@ -80,17 +82,18 @@ class OddSpots {
   std::array<std::vector<std::uint8_t>, 3> color_;
   std::vector<std::uint8_t> odd_, seed_, spot_;
   std::array<std::vector<std::uint32_t>, sum_count>
-      sums_; ///< of blocks and those above; from the first that has ground
-  std::array<std::vector<std::uint32_t>, sum_count> strips_; ///< of a block row: integral over its box's rows
-  std::vector<std::uint32_t> box_cells_;                     ///< of a block row, per block
+      sums_; ///< cumulative over blocks of rows, from the first one with ground
+  std::array<std::vector<std::uint32_t>, sum_count> strips_; ///< of a row of blocks: prefix sums over the
+                                                             ///< rows of its boxes
+  std::vector<std::uint32_t> box_cells_;                     ///< of a row of blocks, per block
   std::array<std::vector<std::uint32_t>, 3> box_inverse_; ///< 2^24 / cells: of the box, its left, its right
   std::vector<std::uint32_t> variance_;                   ///< Q8
   std::vector<std::int16_t> block_left_, block_right_, block_deviation_;
   Sides sides_;
   std::vector<std::int16_t> nearest_dark_;
   std::array<std::vector<std::uint8_t>, 3> deviation_; ///< of a row, Q4
-  std::vector<std::uint8_t> dark_, shade_;             ///< likewise: darker than both sides; clearly so
-  CandidateCells candidates_;                          ///< that are odd enough
+  std::vector<std::uint8_t> dark_, shade_;             ///< of a row: darker than both sides; clearly darker
+  CandidateCells candidates_;                          ///< cells above the oddness threshold
   std::vector<std::uint32_t> queue_;                   ///< cells of a piece
 };
 

@@ -10,7 +10,7 @@
 namespace terrainseg {
 namespace {
 
-TERRAINSEG_TUNED(int, standing_things, cell_bits, 2); ///< a cell is 4 x 4 pixels of motion's level
+TERRAINSEG_TUNED(int, standing_things, cell_bits, 2); ///< a cell has 4 x 4 pixels of motion's level
 
 int level_of(const Pyramid& pyramid, int grid_level) {
   return std::max(motion_level(pyramid.width(0), pyramid.height(0)), texture_level(grid_level));
@@ -29,7 +29,7 @@ struct GroundColumns {
   const std::uint16_t *safe, *behind_first, *behind_end;
 };
 
-// Compilers make vectors of these.
+// The functions below are auto-vectorised.
 void outline_row(const GroundColumns& ground, std::uint16_t row, std::size_t count,
                  std::uint8_t* __restrict out) {
   const std::uint16_t *const safe = ground.safe, *const first = ground.behind_first,
@@ -41,7 +41,7 @@ void outline_row(const GroundColumns& ground, std::uint16_t row, std::size_t cou
   }
 }
 
-/// Whether something stands in the row.
+/// Returns whether something stands in the row.
 bool outline_standing(const std::uint8_t* __restrict ground, const std::int16_t* __restrict standing,
                       std::size_t count, std::uint8_t* __restrict out) {
   std::uint8_t any = 0;
@@ -54,19 +54,19 @@ bool outline_standing(const std::uint8_t* __restrict ground, const std::int16_t*
 
 } // namespace
 
-/// A cell's middle, which is looked at, is a column of theirs.
+/// Each cell is tested at its centre, which is a column of these curves.
 int StandingThings::coarsest_columns(const Pyramid& pyramid, int grid_level) {
   return level_of(pyramid, grid_level) + cell_bits - 1;
 }
 
-/// Cells whose centres lie in the ground, outside what is ignored.
+/// Marks the cells whose centres are in the ground and not in an ignored region.
 void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesOfFrame& of, int width,
                                     int height) {
   const int cell_level = level_ + cell_bits, half = 1 << cell_level >> 1;
   columns_ = width / 4;
   rows_ = height / 4;
   ground_.resize(static_cast<std::size_t>(columns_) * rows_);
-  // The first row of cells whose centre lies at or below a row of the frame.
+  // The first row of cells whose centre is at or below a row of the frame.
   const auto cell_row = [=](int row) {
     return static_cast<std::uint16_t>(std::max((row - half + (1 << cell_level) - 1) >> cell_level, 0));
   };
@@ -92,12 +92,12 @@ void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesO
 bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of,
                           MotionTrack& track, std::vector<Hole>& holes) {
   holes.clear();
-  track.line = {}; // a picture that is too small for motion has none
+  track.line = {}; // the picture is too small for motion
   track.speed = track.line_offset = 0;
   evidence_ = {};
   level_ = level_of(pyramid, of.grid_level);
   if (level_ > of.grid_level)
-    return false; // the pyramid ends before
+    return false; // the pyramid has no such level
   const int width = pyramid.width(level_), height = pyramid.height(level_);
   outline_ground(curves, of, width, height);
   if (ground_.empty())
@@ -115,7 +115,8 @@ bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves,
       static_cast<std::int32_t>(std::clamp<std::int64_t>(view.speed_over_height, INT32_MIN, INT32_MAX));
   evidence_ = view.standing;
   stands_.resize(ground_.size());
-  holes.reserve(ground_.size() / 2 + 1); // now: not in the frame in which something first stands
+  holes.reserve(ground_.size() / 2 + 1); // reserved now, so that the first frame with an obstacle does not
+                                         // allocate
   for (int i = 0; i < rows_; ++i) {
     const std::ptrdiff_t at = std::ptrdiff_t{i} * columns_;
     if (outline_standing(ground_.data() + at, view.standing.data() + at, static_cast<std::size_t>(columns_),
@@ -130,7 +131,7 @@ FinerCells<std::int16_t> StandingThings::evidence() const {
   return {evidence_, columns_, rows_, level, 1 << level >> 1, columns_};
 }
 
-/// The last row and the last column of cells have the odd rest of the frame, too.
+/// The last row and the last column of cells include the remaining pixels of the frame.
 void StandingThings::list(int row, int frame_width, int frame_height, std::vector<Hole>& holes) const {
   const int level = level_ + cell_bits;
   const auto pixel = [](int value) { return static_cast<std::uint16_t>(value); };

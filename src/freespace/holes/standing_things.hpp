@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What motion says of the ground that the curves tell: holes in the mask where something stands, and how the
-// camera moves over the ground.
+// Applies motion to the ground given by the curves: finds holes in the mask where an obstacle stands, and the
+// motion of the camera over the ground.
 #pragma once
 
 #include <cstdint>
@@ -16,36 +16,36 @@
 
 namespace terrainseg {
 
-/// What the curves and the pyramid are of.
+/// Relation of the curves to the frame and the pyramid.
 struct CurvesOfFrame {
-  int grid_level = 0; ///< coarsest level of the pyramid
-  int mask_level = 0; ///< the curves have a column per 2^this of the frame
+  int grid_level = 0; ///< the coarsest level of the pyramid
+  int mask_level = 0; ///< the curves have one column per 2^mask_level pixels of the frame
   std::int64_t pts = -1;
-  std::span<const Rectangle> ignored; ///< frame pixels
-  FrameLine line;                     ///< what is known of the ground's, from elsewhere
+  std::span<const Rectangle> ignored; ///< in pixels of the frame
+  FrameLine line;                     ///< the vanishing line of the ground from a setting, a pose or a hint
 };
 
-/// What motion knows from frame to frame.
+/// The state of motion between frames.
 struct MotionTrack {
   MotionObstacles motion;
-  FrameLine line;         ///< of the last frame, once motion has found it
-  int line_offset = 0;    ///< Q8 rows by which it lies below one that a pose tells
-  std::int32_t speed = 0; ///< forward, over the camera's height, Q16 1/s; 0 = still or unknown
+  FrameLine line;         ///< the vanishing line of the last frame, when motion has found it
+  int line_offset = 0;    ///< Q8 rows from a pose's line down to the measured line
+  std::int32_t speed = 0; ///< forward speed in camera heights, Q16 1/s; 0 = still or unknown
 };
 
 class StandingThings {
  public:
-  /// Level of the coarsest columns that say where the ground of a cell ends; curves that are coarser say
-  /// something else.
+  /// The level of the coarsest columns that give a cell's ground exactly. Coarser curves would change the
+  /// result.
   static int coarsest_columns(const Pyramid& pyramid, int grid_level);
 
-  /// Follows the ground that `curves` tell into this frame, and lists what stands on it. False where nothing
-  /// does.
+  /// Tracks the ground given by `curves` into this frame, and lists the obstacles that stand on it. Returns
+  /// false when there are none.
   bool find(const Pyramid& pyramid, const FreeSpaceCurves& curves, const CurvesOfFrame& of,
             MotionTrack& track, std::vector<Hole>& holes);
 
-  /// Of the last find(): evidence in cells of 4 x 4 pixels of motion's level, Q8: above 15 something stands,
-  /// the surer the greater; below 0 a cell moves as the ground does. Empty while motion is not looked at.
+  /// Evidence of the last find() in cells of 4 x 4 pixels of motion's level, Q8. Above 15 something stands,
+  /// and higher is more certain; below 0 the cell moves as the ground does. Empty while motion is off.
   FinerCells<std::int16_t> evidence() const;
 
  private:
@@ -54,8 +54,8 @@ class StandingThings {
 
   int level_ = 0, columns_ = 0, rows_ = 0;
   std::vector<std::uint8_t> ground_, stands_;                   ///< per cell
-  std::vector<std::uint16_t> safe_, behind_first_, behind_end_; ///< per column, rows of cells
-  std::span<const std::int16_t> evidence_;                      ///< per cell, in memory of the track's
+  std::vector<std::uint16_t> safe_, behind_first_, behind_end_; ///< per column, in rows of cells
+  std::span<const std::int16_t> evidence_;                      ///< per cell, in memory of the MotionTrack
 };
 
 } // namespace terrainseg

@@ -9,42 +9,43 @@
 namespace terrainseg {
 namespace {
 
-/// Cells of a block, each way; the ground is measured in every fourth row of them.
+/// Width and height of a block in cells. The ground is measured in every fourth row of a block.
 constexpr int block_shift = 4, block = 1 << block_shift, row_step = 4;
-/// No distance from the horizon is less, for boxes.
+/// Smallest distance from the horizon for the size of a box, in rows.
 TERRAINSEG_TUNED(int, stone_field, nearest_rows, 30);
-/// The box around a block reaches that much of the distance, in sixteenths; at most so many blocks, whose
-/// sums of squares fit.
+/// Reach of the box around a block in 1/16 of the distance, and its limit in blocks, within which the sums of
+/// squares do not overflow.
 TERRAINSEG_TUNED(int, stone_field, box_reach, 8);
 TERRAINSEG_TUNED(int, stone_field, most_reach, 15);
-/// Share of a box that must be ground for it to say anything, as its inverse.
+/// Inverse of the smallest share of a box that must be ground.
 TERRAINSEG_TUNED(int, stone_field, least_ground, 4);
-/// Deviations beyond which a cell does not count as ground; and grey levels: no deviation is less.
+/// Cells beyond this many deviations do not count as ground; and the smallest deviation, in grey levels.
 TERRAINSEG_TUNED(int, stone_field, trim, 2);
 TERRAINSEG_TUNED(int, stone_field, deviation_floor, 5);
-/// Q4 of a deviation: of a cell, and of the mean of the box around a seed.
+/// Q4 of a deviation: threshold of a cell, and of the mean in a seed's box.
 TERRAINSEG_TUNED(int, stone_field, odd_enough, 24);
 TERRAINSEG_TUNED(int, stone_field, seed_enough, 31);
-/// Half of that box, and of the one in which pieces grow around a seed, 1024ths of the distance.
+/// Half the size of a seed's box and of the box in which pieces grow around a seed, in 1/1024 of the
+/// distance.
 TERRAINSEG_TUNED(int, stone_field, seed_reach, 20);
-/// Of a stone: largest width and height in 64ths of the distance, and what its clearest cell must have. A
-/// piece of three cells is never too large: far away nothing is smaller.
+/// Largest width and height of a stone in 1/64 of the distance, and the smallest deviation of its clearest
+/// cell. A piece of at most three cells is never too large, because nothing far away is smaller.
 TERRAINSEG_TUNED(int, stone_field, stone_width, 51);
 TERRAINSEG_TUNED(int, stone_field, stone_height, 38);
 TERRAINSEG_TUNED(int, stone_field, stone_peak, 48);
 TERRAINSEG_TUNED(int, stone_field, always_small, 3);
-/// Likewise of those that tell a field.
+/// The same limits for the stones that prove a field.
 TERRAINSEG_TUNED(int, stone_field, sure_width, 19);
 TERRAINSEG_TUNED(int, stone_field, sure_height, 16);
 TERRAINSEG_TUNED(int, stone_field, sure_peak, 80);
-/// A field has so many of them, and they are a sixth of all that stands out.
+/// A field has at least this many of them, and they have at least a sixth of all differing cells.
 TERRAINSEG_TUNED(int, stone_field, least_sure, 16);
 TERRAINSEG_TUNED(int, stone_field, least_share, 6);
-/// Half of both is enough where the frame before showed one.
+/// Half of both is sufficient when the last frame showed a field.
 TERRAINSEG_TUNED(int, stone_field, less_in_a_field, 2);
-/// Frames that are not looked at after so many looks in vain, in a row.
+/// Number of frames to skip after each successive search without a result.
 constexpr std::array<int, 4> pauses{0, 2, 4, 8};
-/// Of the distance that sizes are compared with.
+/// Smallest distance that sizes are compared with.
 TERRAINSEG_TUNED(int, stone_field, least_distance, 12);
 TERRAINSEG_TUNED(int, stone_field, most_oddness, 96);
 
@@ -66,10 +67,10 @@ void spread(const Value* values, int blocks, std::size_t count, std::vector<Valu
 
 } // namespace
 
-/// What is told of a piece.
+/// Properties of a connected piece.
 struct StoneField::Piece {
   int left, right, top, bottom, cells, peak;
-  bool inside; ///< ground surrounds it
+  bool inside; ///< surrounded by ground
 
   bool is_within(int distance, int most_width, int most_height) const {
     const int width = right - left + 1, height = bottom - top + 1;
@@ -78,7 +79,7 @@ struct StoneField::Piece {
   }
 };
 
-// Rows below the horizon.
+// Distance from the horizon in rows.
 int StoneField::distance(int row) const {
   return std::max(row - horizon_row_, nearest_rows);
 }
@@ -86,7 +87,7 @@ int StoneField::distance(int row) const {
 bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
                       const StoneView& view, Watch& watch, std::vector<Hole>& holes) {
   holes.clear();
-  for (const Run& run : runs_) // nothing else is marked
+  for (const Run& run : runs_) // only these cells are marked
     std::fill_n(&oddness_[static_cast<std::size_t>(run.row) * static_cast<std::size_t>(width_) + run.from],
                 run.to - run.from, std::uint8_t{0});
   runs_.clear();
@@ -113,7 +114,7 @@ bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, c
   const std::size_t size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   for (auto* cells : {&deviation_, &marked_, &waiting_, &oddness_})
     cells->resize(size);
-  piece_.reserve(size); // now: not in the frame in which something is first found
+  piece_.reserve(size); // reserved now, so that the first frame with a stone does not allocate
   runs_.reserve(size / 2);
   row_ends_.reserve(static_cast<std::size_t>(height_));
   const bool any_ground = ground_.draw(
@@ -129,7 +130,7 @@ bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, c
   candidates_.list(deviation_.data(), odd_enough);
   const auto clear = std::count_if(candidates_.cells().begin(), candidates_.cells().end(),
                                    [&](std::uint32_t cell) { return deviation_[cell] >= sure_peak; });
-  if (clear < pieces_of_a_field()) // each piece has one
+  if (clear < pieces_of_a_field()) // each piece has at least one such cell
     return false;
   if (!candidates_.seed(deviation_.data(), ground_, seed_enough, reach_of, marked_.data()))
     return false;
@@ -164,11 +165,12 @@ int StoneField::block_reach(int block_row) const {
   return std::clamp((box_reach * away / 16 + block / 2) >> block_shift, 1, most_reach);
 }
 
-// Sums per block of what `add_row(row)` adds to columns, over the rows that are measured, as integrals.
+// Sums per block over the measured rows, as integrals. `add_row(row)` adds a row to the columns.
 template <typename AddRow> void StoneField::sum_blocks(AddRow add_row) {
   const auto columns = static_cast<std::size_t>(width_), stride = static_cast<std::size_t>(blocks_x_) + 1;
   for (auto& sums : blocks_) {
-    sums.resize(stride * (static_cast<std::size_t>(blocks_y_) + 1)); // wherever the ground begins
+    sums.resize(stride * (static_cast<std::size_t>(blocks_y_) + 1)); // large enough for any first row of the
+                                                                     // ground
     std::fill_n(sums.begin(), stride, 0u);
   }
   for (int I = first_block_; I < blocks_y_; ++I) {
@@ -187,7 +189,7 @@ template <typename AddRow> void StoneField::sum_blocks(AddRow add_row) {
       for (std::size_t x = b << block_shift; x < std::min((b + 1) << block_shift, columns); ++x) {
         run[0] += cells_[x];
         run[1] += sums_[x];
-        run[2] += squares_[x] + distances_[x]; // one of them is 0
+        run[2] += squares_[x] + distances_[x]; // one of the two is 0
       }
       for (std::size_t s = 0; s < 3; ++s)
         blocks_[s][above + stride + b + 1] = blocks_[s][above + b + 1] + run[s];
@@ -195,7 +197,8 @@ template <typename AddRow> void StoneField::sum_blocks(AddRow add_row) {
   }
 }
 
-// Of the box around a block: cells that count, their sum, and that of their squares or distances.
+// Of the box around a block: the number of counted cells, their sum, and the sum of their squares or
+// distances.
 std::array<std::uint32_t, 3> StoneField::box_around(int block_row, int column, int reach) const {
   const auto stride = static_cast<std::size_t>(blocks_x_) + 1;
   const auto top = static_cast<std::size_t>(std::max(block_row - reach - first_block_, 0)) * stride,
@@ -211,8 +214,8 @@ std::array<std::uint32_t, 3> StoneField::box_around(int block_row, int column, i
   return box;
 }
 
-// Per block the mean of the ground around it and its mean deviation, twice: the second time without what lies
-// beyond `trim` deviations of the first.
+// Computes per block the mean of the surrounding ground and its mean deviation, in two passes. The second
+// pass leaves out cells beyond `trim` deviations of the first.
 void StoneField::measure_ground() {
   blocks_x_ = (width_ + block - 1) >> block_shift;
   blocks_y_ = (height_ + block - 1) >> block_shift;
@@ -237,10 +240,10 @@ void StoneField::measure_ground() {
   each_block([&](std::size_t b, const std::array<std::uint32_t, 3>& box, int reach) {
     const auto [n, sum, squares] = box;
     const auto side = static_cast<std::uint32_t>(2 * reach + 1) << block_shift;
-    reach_[b] = 0; // nothing is known of too little ground
+    reach_[b] = 0; // too little ground: no result
     if (least_ground * row_step * n < side * side)
       return;
-    // Around 128, so that the sums of squares fit.
+    // Relative to 128, so that the sums of squares do not overflow.
     const std::int64_t count = n, off = static_cast<std::int64_t>(sum) - 128 * count;
     const auto variance_q8 =
         static_cast<std::uint32_t>(256 * (squares * count - off * off) / (count * count));
@@ -264,7 +267,7 @@ void StoneField::measure_ground() {
     if (reach_[b] == 0 || n == 0)
       return;
     middle_[b] = static_cast<std::uint8_t>((sum + n / 2) / n);
-    // A normal distribution's deviation is 5/4 of the mean distance.
+    // For a normal distribution the standard deviation is 5/4 of the mean deviation.
     const std::uint32_t deviation_q4 = std::max<std::uint32_t>(20 * distances / n, 16 * deviation_floor);
     scale_[b] = static_cast<std::uint16_t>((16 << 12) / deviation_q4);
   });
@@ -283,13 +286,13 @@ void StoneField::measure_deviations() {
   }
 }
 
-// Half of the box around a cell of that row.
+// Half the size of the box around a cell of that row.
 int StoneField::reach(int row) const {
   return std::max((seed_reach * distance(row) + 512) >> 10, 1);
 }
 
-// Calls visit(piece) for each piece with a cell that stands out by `peak` or more, whose cells are in piece_
-// and wait no longer.
+// Calls visit(piece) for each piece that has a cell with a deviation of at least `peak`. piece_ then holds
+// its cells, and their waiting_ is 0.
 template <typename Visit> void StoneField::each_piece(int peak, Visit visit) {
   for (const std::uint32_t cell : candidates_.cells())
     if (waiting_[cell] && deviation_[cell] >= peak) {
@@ -298,7 +301,7 @@ template <typename Visit> void StoneField::each_piece(int peak, Visit visit) {
     }
 }
 
-// Clear pieces that make the field.
+// Number of clear pieces that a field must have.
 int StoneField::pieces_of_a_field() const {
   return in_field_ ? least_sure / less_in_a_field : least_sure;
 }
@@ -319,12 +322,12 @@ StoneField::Piece StoneField::look_at(std::span<const std::uint32_t> cells) cons
   return piece;
 }
 
-// Sizes are compared with the distance of where a thing stands.
+// Sizes are compared with the distance of the piece's lower end.
 int StoneField::distance_of(const Piece& piece) const {
   return std::max(piece.bottom - horizon_row_, least_distance);
 }
 
-// Of pieces without a clear cell only how many cells they have matters.
+// Pieces without a clear cell contribute only their number of cells.
 bool StoneField::is_field() {
   int sure = 0;
   std::int64_t sure_cells = 0, all_cells = 0;
@@ -354,8 +357,8 @@ void StoneField::take_stones() {
     waiting_[cell] = 0;
 }
 
-// A stone is as wide as its outermost cells in each row: what lies between its light and its shaded side has
-// the ground's own luma.
+// Fills each row between its outermost cells: between the lit and the shaded side of a stone the luma equals
+// the ground's.
 void StoneField::fill(const Piece& piece) {
   const auto w = static_cast<std::uint32_t>(width_);
   const auto rows = static_cast<std::size_t>(piece.bottom - piece.top + 1);

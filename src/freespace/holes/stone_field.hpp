@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Stones in the open, of any shade: what stands out of the ground around it, where many things do. A detector
-// of a constant false alarm rate whose reference leaves the targets out (J. T. Rickard, G. M. Dillard,
-// "Adaptive detection algorithms for multiple-target situations", IEEE Trans. AES 13, 1977): a stone shows a
-// lit side beside a shaded one, and in a field of stones the neighbours are no measure of the ground.
+// Finds stones of any shade in open ground: cells that differ from the surrounding ground, where there are
+// many. A constant false alarm rate detector whose reference excludes the targets (J. T. Rickard, G. M.
+// Dillard, "Adaptive detection algorithms for multiple-target situations", IEEE Trans. AES 13, 1977). A
+// comparison with both neighbours does not suffice: a stone has a lit and a shaded side, and in a field of
+// stones the neighbours are not ground.
 #pragma once
 
 #include <array>
@@ -20,44 +21,43 @@
 
 namespace terrainseg {
 
-/// What the search has to know of the picture.
+/// Parameters of the search in a frame.
 struct StoneView {
-  int level = 0;             ///< of the pyramid that is searched: its luma is kept, of RGB all three
+  int level = 0;             ///< the pyramid level that is searched; of YUV only the luma is read
   bool rgb = false;          ///< the pyramid's components are red, green and blue
-  int column_level = 0;      ///< the curves have a column per 2^this of the frame
+  int column_level = 0;      ///< the curves have one column per 2^column_level pixels of the frame
   int column_spacing = 0;    ///< see OutlineView
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
-  std::span<const Rectangle> ignored; ///< frame pixels
+  std::span<const Rectangle> ignored; ///< in pixels of the frame
 };
 
-/// A cell stands out by its distance in luma from the mean of the ground around it, in mean deviations of
-/// that ground (one deviation of a normal distribution = 16), both without what lies beyond two deviations.
-/// Where the mean of a small box is enough it is a seed; pieces grow around seeds. Pieces that ground
-/// surrounds, and that are no larger than a stone, are stones only in a field of them: where there are many,
-/// and they are much of all that stands out. On roads markings, seams, shadows and patches stand out: few of
-/// them are small and surrounded. Where there is no field only every third frame is looked at, then
-/// every fifth, then every ninth; where there is one, it stays one with half of that.
+/// The deviation of a cell is its distance in luma from the mean of the surrounding ground, in mean
+/// deviations of that ground (16 = one deviation of a normal distribution). Both statistics exclude cells
+/// beyond two deviations. A cell is a seed where the mean of a small box is high enough; pieces grow around
+/// seeds. A piece is a stone when ground surrounds it, it is not larger than a stone, and it is in a field:
+/// there are many such pieces, and they make up a large share of all differing cells. On roads, markings,
+/// seams, shadows and patches differ too, but few of them are small and surrounded. Without a field only
+/// every third frame is searched, then every fifth, then every ninth. Once found, a field needs only half of
+/// these numbers.
 class StoneField {
  public:
-  /// What frame after frame showed.
+  /// The state of the search between frames.
   struct Watch {
-    bool in_field = false; ///< the last frame that was looked at
+    bool in_field = false; ///< whether the last searched frame showed a field
     int frames_to_wait = 0;
     std::size_t looks_in_vain = 0;
-    /// The next frame does not continue the last one: it is looked at, however often there was none.
+    /// The next frame shows another place: search it regardless of earlier results.
     void look_again() { frames_to_wait = 0, looks_in_vain = 0; }
   };
 
-  /// Lists the stones. False when there is no field of them, or none was looked for.
+  /// Lists the stones. Returns false when there is no field of them or the frame is skipped.
   bool find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
             const StoneView& view, Watch& watch, std::vector<Hole>& holes);
 
-  /// Of the last find(): per cell how far the stone it belongs to stands out (Q4 of a deviation, 0..96), 0
-  /// where there is none.
+  /// Result of the last find(): per cell the deviation of its stone (Q4, 0..96), 0 outside stones.
   FinerCells<std::uint8_t> oddness() const { return {oddness_, width_, height_, view_.level, 0, width_}; }
 
-  /// Of the last find(): per cell how far it stands out (Q4 of a deviation, 0..127), known from the first row
-  /// that has ground.
+  /// Result of the last find(): per cell its deviation (Q4, 0..127), valid from the first row with ground.
   std::span<const std::uint8_t> deviations() const { return deviation_; }
   int width() const { return width_; }
   int height() const { return height_; }
@@ -65,7 +65,7 @@ class StoneField {
  private:
   struct Piece;
   struct Run {
-    std::uint16_t row, from, to; ///< cells
+    std::uint16_t row, from, to; ///< in cells
   };
 
   bool look(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
@@ -86,26 +86,26 @@ class StoneField {
   void take_stones();
   void fill(const Piece& piece);
 
-  bool in_field_ = false; ///< the last frame that was looked at
+  bool in_field_ = false; ///< whether the last searched frame showed a field
   StoneView view_;
   int width_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
   int blocks_x_ = 0, blocks_y_ = 0, first_block_ = 0;
   GroundOutline ground_;
-  std::vector<const std::uint8_t*> luma_; ///< rows, from first_ on
+  std::vector<const std::uint8_t*> luma_; ///< pointers to rows, valid from first_ on
   std::vector<std::uint8_t> luma_of_rgb_;
   std::vector<std::uint16_t> cells_, sums_, distances_; ///< per column of a row of blocks
   std::vector<std::uint32_t> squares_;
-  std::array<std::vector<std::uint32_t>, 3> blocks_; ///< from first_block_ on, integral
-  std::vector<std::uint8_t> middle_, reach_;         ///< per block; a reach of 0: nothing is known
+  std::array<std::vector<std::uint32_t>, 3> blocks_; ///< integrals, from first_block_ on
+  std::vector<std::uint8_t> middle_, reach_;         ///< per block; a reach of 0 means no result
   std::vector<std::uint16_t> scale_;
   std::vector<std::uint8_t> row_middle_, row_reach_; ///< of a row, per cell
   std::vector<std::uint16_t> row_scale_;
   std::vector<std::uint8_t> deviation_, oddness_;
   std::vector<std::uint8_t> marked_, waiting_; ///< 0 between frames
   CandidateCells candidates_;
-  std::vector<std::uint32_t> piece_; ///< cells
+  std::vector<std::uint32_t> piece_; ///< cells of the current piece
   std::vector<std::pair<int, int>> row_ends_;
-  std::vector<Run> runs_; ///< rows of stones
+  std::vector<Run> runs_; ///< rows of the stones
 };
 
 } // namespace terrainseg

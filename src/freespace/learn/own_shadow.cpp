@@ -11,29 +11,31 @@
 namespace terrainseg {
 namespace {
 
-/// Fewer cells have no two kinds.
+/// Smallest number of cells that can be split into two kinds.
 TERRAINSEG_TUNED(std::size_t, own_shadow, fewest, 32);
 /// Percent of the cells. A crate or paint that is brighter than the ground and fills less than two fifths of
-/// the window is no lit ground. With 25 what is measured is the same, with 50 the rocks of Mars whose shadows
-/// cover more than half of the window are 6.0 % wrong in place of 2.6.
+/// the window is not lit ground. 25 gives the same results. With 50 the rocks of Mars, whose shadows cover
+/// more than half of the window, have 6.0 % error instead of 2.6 %.
 TERRAINSEG_TUNED(int, own_shadow, least_lit, 40);
-/// Percent: less changes little, but a stone's shadow on the Moon has 10 (60.1 % of the stones are called
-/// ground in place of 59.6). Flat from 12 to 25.
+/// Percent of the cells. Lower values change little, but a stone's shadow on the Moon has 10 % (60.1 % of the
+/// stones are called ground instead of 59.6 %). The error is nearly constant from 12 to 25.
 TERRAINSEG_TUNED(int, own_shadow, least_dark, 12);
-/// The lit kind's mean luma is at least this many percent of the dark one's, and so many levels. With 130
-/// snow is 5.1 % wrong in place of 5.4, but a drive by day takes part too; with 180 Mars is 5.1.
+/// Smallest ratio of the mean lumas of the lit and the dark kind, in percent, and smallest difference in grey
+/// levels. With 130, snow has 5.1 % error instead of 5.4 %, but the stage also affects a drive by day; with
+/// 180, Mars has 5.1 %.
 TERRAINSEG_TUNED(int, own_shadow, least_ratio, 150);
 TERRAINSEG_TUNED(int, own_shadow, least_step, 8);
 TERRAINSEG_TUNED(int, own_shadow, most_chroma,
-                 12); ///< U and V together: shade is bluer; with 24 snow is 6.2 % wrong
-/// Percent of the cells in the middle 3/10 between both. A slope of light across the window has 15, as a lamp
-/// by night makes it: no edge, no shadow. With 14 a stone's shadow in the window takes part and the Moon
-/// is 15.1 % wrong in place of 14.5, with 8 Mars is 5.1 in place of 2.6.
+                 12); ///< U and V together, because shade is bluer; with 24 snow has 6.2 % error
+/// Percent of the cells in the middle 3/10 between both kinds. A gradient of light across the window, as from
+/// a lamp by night, has 15 %: it has no edge and is not a shadow. With 14 a stone's shadow in the window is
+/// included, and the Moon has 15.1 % error instead of 14.5 %; with 8 Mars has 5.1 % instead of 2.6 %.
 TERRAINSEG_TUNED(int, own_shadow, most_between, 12);
 
-/// Of cells up to a luma.
+/// Sums over the cells up to a luma.
 struct Sum {
-  std::int64_t count = 0, luma = 0, u = 0, v = 0, upper = 0; ///< upper: how many in the window's upper half
+  std::int64_t count = 0, luma = 0, u = 0, v = 0, upper = 0; ///< upper: number of cells in the upper half of
+                                                             ///< the window
   void add(const Color& color, bool is_upper) {
     ++count;
     luma += color[0];
@@ -41,12 +43,12 @@ struct Sum {
     v += color[2];
     upper += is_upper;
   }
-  /// Of one of the sums, Q8.
+  /// The mean of one of the sums, Q8.
   std::int64_t mean(std::int64_t sum) const { return 256 * sum / count; }
 };
 
-/// The luma that parts a histogram best: up to it dark, above it lit (Otsu 1979: the greatest variance
-/// between both).
+/// The threshold of luma that splits a histogram into dark (up to it) and lit: the one with the largest
+/// variance between both (N. Otsu, IEEE Trans. SMC 9, 1979).
 int parting_luma(const std::array<std::int64_t, 256>& histogram, std::int64_t count, std::int64_t total) {
   std::int64_t dark_count = 0, dark_total = 0, most = -1;
   int parting = 0;
@@ -72,7 +74,7 @@ bool leave_own_shadow(const Grid& grid, const Rectangle& window, std::span<const
                       std::vector<Cell>& lit) {
   if (cells.size() < fewest)
     return false;
-  lit.reserve(cells.size()); // however late there is a shadow: later frames need no memory
+  lit.reserve(cells.size()); // reserved now, so that the first frame with a shadow does not allocate
   const auto count = static_cast<std::int64_t>(cells.size());
   std::array<std::int64_t, 256> histogram{};
   std::int64_t total = 0;
@@ -97,7 +99,7 @@ bool leave_own_shadow(const Grid& grid, const Rectangle& window, std::span<const
           std::abs(dark.mean(dark.v) - bright.mean(bright.v)) >
       256 * most_chroma)
     return false;
-  // Of the upper half no more is dark than of all.
+  // The dark share of the upper half must not exceed that of the whole window.
   if (dark.upper * count > dark.count * (dark.upper + bright.upper))
     return false;
   const std::int64_t from = low + (high - low) * 35 / 100, to = high - (high - low) * 35 / 100;

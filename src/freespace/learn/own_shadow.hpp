@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The rover's own shadow, or a dark part of it, in the training window.
+// Detects the rover's own shadow, or a dark part of it, in the training window.
 #pragma once
 
 #include <span>
@@ -9,11 +9,11 @@
 
 namespace terrainseg {
 
-/// Leaves the cells of the training window that the rover's own shadow does not darken: where they fall into
-/// two kinds of luma with little between them, of about the same chroma, the lit kind half as bright again as
-/// the dark one, 40 % of the cells at least and 88 at most, and seen less at the window's lower half - for
-/// the shadow begins at the rover. False, and `lit` as it was, where there is no such shadow. `window` in
-/// cells of the grid.
+/// Writes to `lit` the cells of the training window that the rover's own shadow does not darken. A shadow is
+/// detected when the cells form two kinds of luma with little between them and similar chroma, the lit kind
+/// is at least half as bright again as the dark one and has 40 to 88 % of the cells, and it is less frequent
+/// in the window's lower half, because the shadow begins at the rover. Returns false and leaves `lit`
+/// unchanged when there is no such shadow. `window` is in cells of the grid.
 bool leave_own_shadow(const Grid& grid, const Rectangle& window, std::span<const Cell> cells,
                       std::vector<Cell>& lit);
 

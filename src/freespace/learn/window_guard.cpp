@@ -8,10 +8,10 @@
 namespace terrainseg {
 namespace {
 
-/// Mean score beside the window minus inside it, and mean score inside, 32 = 1 nat. Once something stands
-/// there less is enough to keep it out: a car's smooth flanks look like the road in one frame and unlike it
-/// in the next. (A drive at dusk among queueing cars has 25 % unsafe pixels with the second pair and 31 %
-/// without it; both of its values are flat.)
+/// Thresholds of the mean score beside the window minus that inside, and of the mean score inside, 32 = 1
+/// nat. While an obstacle is in the window lower thresholds apply, because a car's smooth flanks look like
+/// the road in one frame and unlike it in the next. (A drive at dusk among queueing cars has 25 % unsafe
+/// pixels with the second pair and 31 % without it; the result is nearly constant around both values.)
 struct Limits {
   int gap, inside;
 };
@@ -38,7 +38,7 @@ bool WindowGuard::refuses(const CellBins& cells, const LikelihoodTables& tables,
       cells_inside > 0 && cells_beside > 0 && inside < limits.inside * cells_inside &&
       beside * cells_inside - inside * cells_beside > limits.gap * cells_inside * cells_beside;
   if (!foreign || held_ >= patience) {
-    // After giving in the patience comes back slowly: no flapping between the two.
+    // After the limit is reached the count decreases slowly, so that the decision does not alternate.
     held_ = std::max(held_ - 4, 0);
     return false;
   }

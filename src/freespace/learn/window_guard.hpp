@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Keeps an obstacle that fills the window from being learned as terrain.
+// Prevents the learning of an obstacle that fills the training window.
 #pragma once
 
 #include <cstdint>
@@ -11,18 +11,18 @@
 
 namespace terrainseg {
 
-/// The learned terrain is to be seen left and right of the window but not in it: something stands in front.
-/// When the terrain itself changes it does so on both sides too, and is learned at once. What keeps looking
-/// foreign is learned after 64 frames all the same: the guard must not blind the filter for good.
+/// The learned terrain is visible left and right of the window but not in it: an obstacle stands in front. A
+/// change of the terrain itself is visible on both sides too, and is learned immediately. A window that keeps
+/// looking foreign is learned after 64 frames, so that the guard cannot stop learning permanently.
 class WindowGuard {
  public:
-  /// True when this frame's window must not be learned. `tables` are those of what was learned before it;
-  /// `window` in cells of the grid.
+  /// Returns true when this frame's window must not be learned. `tables` are those of the terrain before this
+  /// frame; `window` is in cells of the grid.
   bool refuses(const CellBins& cells, const LikelihoodTables& tables, int grid_width,
                const Rectangle& window);
 
  private:
-  int held_ = 0; ///< frames
+  int held_ = 0; ///< number of consecutive refused frames
 };
 
 } // namespace terrainseg

@@ -10,13 +10,13 @@
 namespace terrainseg {
 namespace {
 
-/// Even ground of one colour keeps its noise (Q8).
+/// Floor of the variance (Q8): uniform ground of one colour still has noise.
 TERRAINSEG_TUNED(std::uint32_t, window_teacher, prefilter_floor, 41 << 8);
-/// Of a training model, per component (Q8).
+/// Smallest variance of a training model, per component (Q8).
 TERRAINSEG_TUNED(std::uint32_t, window_teacher, least_variance, 180 << 8);
 
-/// Whether the window holds something that is not the terrain to its left and right. What is not learned, or
-/// comes from a teacher, needs no guard.
+/// Whether the window contains something other than the terrain to its left and right. Not checked when the
+/// window is not learned or training pixels are supplied.
 bool is_foreign(const View& view, WindowGuard& guard, TerrainTables& tables, const Terrain& terrain) {
   const Settings& settings = view.task.settings;
   return settings.window_guard && settings.learning && settings.near_clear && view.task.supervision.empty() &&
@@ -58,15 +58,15 @@ WindowLesson WindowTeacher::learn(const View& view, const GridCurve& last, Windo
   return lesson;
 }
 
-// The window's cells without the rover's own shadow.
+// The window's cells outside the rover's own shadow.
 std::span<const Cell> WindowTeacher::lit_window(const View& view) {
   const bool shaded = view.task.settings.own_shadow && view.task.supervision.empty() &&
                       leave_own_shadow(view.colors(), view.window_of_grid(), view.window_cells, lit_cells_);
   return shaded ? lit_cells_ : view.window_cells;
 }
 
-// The mixture is evaluated at bin centres, but learned from unshifted colours: as accurate, and the models'
-// colours are those of the ground. Returns the cells that the window vouches for.
+// Models are learned from unquantised colours and evaluated at bin centres. This is as accurate, and the
+// models have the colours of the ground. Returns the cells for which the window vouches.
 std::span<const std::uint8_t> WindowTeacher::teach(const View& view, const GridCurve& last,
                                                    TerrainTables& tables, Terrain& terrain,
                                                    StageClock& clock) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What a frame's training window teaches.
+// Learns from a frame's training window.
 #pragma once
 
 #include <cstdint>
@@ -16,20 +16,20 @@ namespace terrainseg {
 
 struct View;
 
-/// Of one frame's window: views into memory of the teacher, good until its next frame.
+/// The result of one frame's window: views into memory of the teacher, valid until its next frame.
 struct WindowLesson {
-  std::uint32_t flags = 0;  ///< learned, or why not
+  std::uint32_t flags = 0;  ///< flag_learned, or the reason for not learning
   bool known = false;       ///< a terrain is known, from this frame or from earlier ones
-  bool from_memory = false; ///< what stands in front has not been looked at
-  Vouched trusted;          ///< the window's cells that are ground, and what is joined to them
-  Horizon horizon;          ///< the paper's, where it is asked for
+  bool from_memory = false; ///< the window was not examined
+  Vouched trusted;          ///< the window's cells that are ground, and the ground connected to them
+  Horizon horizon;          ///< the paper's horizon, when the settings select it
 };
 
 class WindowTeacher {
  public:
-  /// Learns the window unless it is foreign, has too few cells, or must not be learned: Gaussians (paper, C
-  /// and D), and histograms of what stands against them. `last` is the boundary of the frame before where
-  /// that shows the same place, else empty.
+  /// Learns the window unless it is foreign, has too few cells, or learning is disabled. Updates the
+  /// Gaussians (paper, stages C and D) and the histograms of terrain and non-terrain. `last` is the boundary
+  /// of the previous frame when it shows the same place, otherwise empty.
   WindowLesson learn(const View& view, const GridCurve& last, WindowGuard& guard, TerrainTables& tables,
                      Terrain& terrain, StageClock& clock);
 

@@ -11,16 +11,16 @@
 namespace terrainseg {
 namespace {
 
-/// Q4: the sum of three bands' noise, 7 grey levels. Without a floor compressed pictures lose most of their
-/// texture evidence: half of it costs 0.3 points of error at 1 Hz, JPEG at quality 15 several.
+/// Q4: the sum of the noise of three bands, 7 grey levels. Without it compressed pictures lose most of their
+/// texture evidence. Half of it costs 0.3 points of error at 1 Hz, and several points for JPEG at quality 15.
 constexpr int noise_floor = 112;
-/// Of an octave of brightness, Q8, that roughness grows by for the surface to be the same.
+/// Increase of the roughness per octave of brightness on the same surface, in Q8 of an octave.
 constexpr int brightness_slope = 320;
 constexpr int middle_grey = 1664; ///< log2(90) Q8
 /// 24 bins over 10 octaves, Q16.
 TERRAINSEG_TUNED(int, color_bins, bins_per_octave, 614);
 
-// What a luma takes off the roughness, log2 Q8.
+// Offset of the roughness for each luma, log2 Q8.
 constexpr std::array<std::int16_t, 256> brightness = [] {
   std::array<std::int16_t, 256> table{};
   for (int y = 0; y < 256; ++y)
@@ -29,11 +29,11 @@ constexpr std::array<std::int16_t, 256> brightness = [] {
   return table;
 }();
 
-/// Sums of differences are looked up as so many times themselves: from 2^10 on.
+/// Sums of differences are multiplied by 2^lookup_shift for the look-up, which makes them at least 2^10.
 constexpr int lookup_shift = 4;
 static_assert(noise_floor << lookup_shift >= 1 << 10);
 
-// log2 Q8 of what is looked up.
+// Table of log2 in Q8.
 constexpr auto octave_table = [] {
   std::array<std::int16_t, kernels::octaves_of_table * 256 + 1> table{};
   for (std::uint64_t i = 0; i + 1 < table.size(); ++i)
@@ -41,14 +41,14 @@ constexpr auto octave_table = [] {
   return table;
 }();
 
-// The gain is below 2^12: that of the darkest mean. Compilers make vectors of it.
+// The gain is below 2^12, that of the darkest mean. Auto-vectorised.
 void scale_differences(const std::uint16_t* __restrict differences, std::uint32_t gain, std::size_t count,
                        std::uint32_t* __restrict out) {
   for (std::size_t i = 0; i < count; ++i)
     out[i] = ((differences[i] * gain >> 8) + noise_floor) << lookup_shift;
 }
 
-// Luma as the exposure has it, and the gain that it gives to chroma.
+// Looks up the normalised luma and the gain of the chroma.
 void look_up_exposure(const std::uint8_t* __restrict in, const ExposureTables& exposure, int count,
                       std::uint8_t* __restrict luma, std::uint32_t* __restrict gain) {
   for (int j = 0; j < count; ++j) {
@@ -57,11 +57,11 @@ void look_up_exposure(const std::uint8_t* __restrict in, const ExposureTables& e
   }
 }
 
-// Compilers make vectors of this and of the next.
+// This function and the next are auto-vectorised.
 void normalise_chroma(const std::uint8_t* __restrict in, const std::uint32_t* __restrict gain, int count,
                       std::uint8_t* __restrict out) {
   for (int j = 0; j < count; ++j) {
-    const int beyond = ((in[j] - 128) * static_cast<int>(gain[j])) >> 8; // 16 bits hold it
+    const int beyond = ((in[j] - 128) * static_cast<int>(gain[j])) >> 8; // fits 16 bits
     const auto chroma = static_cast<std::int16_t>(128 + beyond);
     out[j] = static_cast<std::uint8_t>(std::clamp(chroma, std::int16_t{0}, std::int16_t{255}));
   }
@@ -74,7 +74,7 @@ void bin_colors(const std::uint8_t* __restrict y, const std::uint8_t* __restrict
                                           v[j] >> chroma_bin_shift);
 }
 
-// Along one axis: `count` neighbours `slice` bins apart in every block.
+// Blurs along one axis: `count` neighbours per block, `slice` bins apart.
 void blur(std::span<const std::uint32_t> in, std::span<std::uint32_t> out, int slice, int count) {
   const int block = slice * count;
   for (int start = 0; start < color_bins; start += block) {

@@ -18,7 +18,7 @@ kernels::ComponentRow row_from(const Grid& grid, int row, int column) {
 } // namespace
 
 void measure_color_steps(const Grid& grid, int gain_q8, bool diagonal, ColorSteps& steps) {
-  // From every cell of a row to the one `down` rows below it and `right` columns beside it.
+  // Measures from every cell to the one `down` rows below and `right` columns to the right.
   const auto measure = [&](int down, int right, std::vector<std::uint16_t>& out) {
     out.resize(grid.size());
     const int first = right < 0 ? 1 : 0, count = grid.width - std::abs(right);

@@ -9,23 +9,25 @@
 namespace terrainseg {
 namespace {
 
-/// What is smoother than the seeds by this is sky: 1024ths of an octave.
+/// Cells that are smoother than the seeds by more than this are sky. In 1/1024 octave.
 TERRAINSEG_TUNED(int, connected_ground, sky_is_smoother, 1600);
-/// Chroma of cells that are taught and of those that seeds vouch for, both together, quarters of a grey
-/// level. Taught without a limit an indoor floor takes walls along: 3.47 % wrong, 3.33 with, 3.18 with 36.
+/// Largest chroma difference of taught and of vouched cells from the seeds, sum of both components, in
+/// quarters of a grey level. Without a limit for taught cells an indoor floor includes walls: 3.47 % error,
+/// 3.33 % with 48, 3.18 % with 36.
 TERRAINSEG_TUNED(int, connected_ground, taught_chroma, 48);
 TERRAINSEG_TUNED(int, connected_ground, vouched_chroma, 32);
-/// They are darker by one part in so many at most: off the road 16.4 % unsafe, 17.3 without.
+/// Vouched cells are darker than the seeds by at most 1/6: 16.4 % unsafe off the road, 17.3 % without this
+/// limit.
 TERRAINSEG_TUNED(int, connected_ground, vouched_darker, 6);
-/// Least texture of the seeds: night shows less. Without it a smooth car in the window at dusk vouches for
-/// cars.
+/// Smallest texture of the seeds; night shows less. Without it a smooth car in the window at dusk causes cars
+/// to be taken for ground.
 TERRAINSEG_TUNED(int, connected_ground, least_texture, 56);
-/// Rows above and below a boundary in which an edge explains it: the curve is smooth, edges are not.
+/// Rows above and below a boundary within which an edge counts: the curve is smooth, edges are not.
 TERRAINSEG_TUNED(int, connected_ground, edge_reach, 3);
-/// Added to the sum of two lumas, quarters of a grey level: in the dark all is noise.
+/// Added to the sum of two lumas, in quarters of a grey level, because differences in the dark are noise.
 TERRAINSEG_TUNED(int, connected_ground, dark_luma, 32);
 
-// Four times the value, the ends repeated.
+// Smooths along a row: 1-2-1, with repeated ends. The result is four times the value.
 template <typename In> void smooth_columns(const In* in, int width, std::int16_t* out) {
   const auto smoothed = [in](int left, int j, int right) {
     return static_cast<std::int16_t>(in[left] + 2 * in[j] + in[right]);
@@ -36,12 +38,12 @@ template <typename In> void smooth_columns(const In* in, int width, std::int16_t
   out[width - 1] = smoothed(std::max(width - 2, 0), width - 1, width - 1);
 }
 
-// In 16 bits, as all that is compared here: no difference of two values needs more.
+// All values here fit 16 bits, and so do their differences.
 std::int16_t distance(std::int16_t a, std::int16_t b) {
   return static_cast<std::int16_t>(std::max(a, b) - std::min(a, b));
 }
 
-// Of the cells of `in` those as light as the darkest luma at least, and near the chroma that is given.
+// Keeps the cells of `in` that are at least as light as the darkest luma and near the given chroma.
 void keep_like(const std::array<const std::int16_t*, 3>& smooth, const std::array<std::int16_t, 3>& like,
                int most_chroma, const std::uint8_t* __restrict in, std::size_t count,
                std::uint8_t* __restrict out) {
@@ -58,8 +60,8 @@ void keep_like(const std::array<const std::int16_t*, 3>& smooth, const std::arra
 
 // 6 % of the luma, 2.4 grey levels of chroma, a third of an octave of roughness.
 const ConnectedGround::Limits ConnectedGround::joined_limits{32, 9, 369, 1};
-// 10 %, 4 grey levels, 0.6 octaves. Of luma relative to itself: 8 grey levels would hit a quarter of the true
-// edges at dusk.
+// 10 %, 4 grey levels, 0.6 octaves. The luma limit is relative: an absolute limit of 8 grey levels would miss
+// a quarter of the true edges at dusk.
 const ConnectedGround::Limits ConnectedGround::edge_limits{20, 16, 616, 0};
 
 void ConnectedGround::look(const Grid& grid, const CellBins& cells) {
@@ -73,7 +75,7 @@ void ConnectedGround::look(const Grid& grid, const CellBins& cells) {
   }
 }
 
-// Every cell with the one `to` - `from` cells on; rows lie one after the other.
+// Compares every cell with the one `to` - `from` cells after it, in row order.
 void ConnectedGround::compare(const Grid& grid, std::size_t from, std::size_t to, const Limits& limits,
                               std::vector<std::uint8_t>& alike) const {
   alike.resize(grid.size());
@@ -89,7 +91,7 @@ void ConnectedGround::compare(const Grid& grid, std::size_t from, std::size_t to
   std::uint8_t* __restrict out = &alike[from];
   const Limits most = limits;
   for (std::size_t i = 0; i < count; ++i) {
-    const auto step = static_cast<std::int16_t>(most.luma * distance(ya[i], yb[i])); // 32 * 1020 at most
+    const auto step = static_cast<std::int16_t>(most.luma * distance(ya[i], yb[i])); // at most 32 * 1020
     const auto sum = static_cast<std::int16_t>(ya[i] + yb[i] + dark_luma);
     const auto color = static_cast<std::int16_t>(distance(ua[i], ub[i]) + distance(va[i], vb[i]));
     const int same = (step <= sum) & (color <= most.chroma) & (distance(ra[i], rb[i]) <= most.rough);
@@ -164,7 +166,7 @@ const std::vector<std::uint8_t>& ConnectedGround::vouched(const Grid& grid, cons
   return vouched_;
 }
 
-// From the three cells below each cell of a row.
+// Extends a row from the three cells below each cell.
 void ConnectedGround::climb(std::size_t row, std::size_t width) {
   std::uint8_t* const here = &joined_[row];
   const std::uint8_t *const below = here + width, *const down = &down_[row], *const left = &down_left_[row],
@@ -177,7 +179,7 @@ void ConnectedGround::climb(std::size_t row, std::size_t width) {
     here[j] |= below[j + 1] & right[j] & may[j];
 }
 
-// Along a row, one way and the other.
+// Extends along a row in both directions.
 void ConnectedGround::spread(std::size_t row, std::size_t width) {
   std::uint8_t* const here = &joined_[row];
   const std::uint8_t *const right = &right_[row], *const may = &rough_enough_[row];
@@ -194,7 +196,7 @@ const std::vector<std::uint8_t>& ConnectedGround::edgeless(const Grid& grid) {
   for (int r = 1; r < grid.height; ++r) {
     std::uint8_t* const out = &edgeless_[grid.at(r, 0)];
     std::fill_n(out, width, std::uint8_t{1});
-    // Between rows k - 1 and k.
+    // The edge between rows k - 1 and k.
     for (int k = std::max(r - edge_reach, 1); k <= std::min(r + edge_reach, grid.height - 1); ++k) {
       const std::uint8_t* const alike = &down_[grid.at(k - 1, 0)];
       for (std::size_t j = 0; j < width; ++j)

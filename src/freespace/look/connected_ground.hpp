@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Ground that is joined to the training window without an edge: seeded region growing (R. Adams, L. Bischof,
-// IEEE Transactions on Pattern Analysis and Machine Intelligence 16, 1994), and the places where a boundary
-// would cross no edge.
+// Finds ground that is connected to the training window without an edge, by seeded region growing (R. Adams,
+// L. Bischof, IEEE Transactions on Pattern Analysis and Machine Intelligence 16, 1994), and positions where a
+// boundary would cross no edge.
 #pragma once
 
 #include <array>
@@ -13,42 +13,42 @@
 
 namespace terrainseg {
 
-/// The histograms have seen only the window as ground: open ground farther on stands against it like
-/// everything else. Where luma, chroma and roughness go on without a step it is the same ground: its cells
-/// are taught as terrain, and a boundary there is unlikely. Never looks at what was learned: nothing can
-/// confirm itself. No state between frames.
+/// The histograms contain only the window as ground, so ground farther away counts as "the rest of the
+/// frame". Where luma, chroma and roughness continue without a step it is the same ground: its cells are
+/// learned as terrain, and a boundary there is unlikely. Does not use the terrain, so the result cannot
+/// confirm itself. Keeps no state between frames.
 class ConnectedGround {
  public:
-  /// Takes a frame's cells in; the other functions speak of them.
+  /// Prepares a frame's cells for the other functions.
   void look(const Grid& grid, const CellBins& cells);
 
-  /// Grows from the `seeds` upwards and sideways over neighbours (of eight) that hardly differ. One byte a
-  /// cell, 1 = joined; none without seeds. What is much smoother than the seeds is not joined: sky. Ignored
-  /// cells join their neighbours, and may be marked.
+  /// Grows from the `seeds` upwards and sideways over similar neighbours (of eight). Returns one byte per
+  /// cell, 1 = connected; none without seeds. Cells much smoother than the seeds (sky) are not connected.
+  /// Ignored cells connect their neighbours and may be marked.
   const std::vector<std::uint8_t>& grow(const Grid& grid, const std::vector<Cell>& seeds);
 
-  /// Of what grow() joined the cells that are taught as terrain, one byte a cell: step by small step it also
-  /// reaches walls, and their chroma is another than the seeds'.
+  /// The subset of grow() that is learned as terrain, one byte per cell. Its chroma must be near the seeds',
+  /// because growing in small steps can reach walls.
   const std::vector<std::uint8_t>& taught();
 
-  /// Of what grow() joined the cells that its `seeds`, the same, vouch for, one byte a cell: of their chroma,
-  /// more strictly, and no darker than they are by more than a sixth, as an obstacle's shaded foot is;
-  /// lighter ground is the same ground in more light. None where the seeds show so little texture (as
-  /// TextureReader gives it) that an edge would not be seen either.
+  /// The subset of grow() that its `seeds` vouch for, one byte per cell. The limit of the chroma is stricter,
+  /// and a cell must not be darker than the seeds by more than a sixth, as the shaded base of an obstacle is.
+  /// Lighter cells are the same ground in more light. Empty when the seeds have so little texture (as
+  /// measured by TextureReader) that an edge would not be visible either.
   const std::vector<std::uint8_t>& vouched(const Grid& grid, const std::vector<Cell>& seeds,
                                            const std::vector<std::uint16_t>& texture);
 
-  /// One byte a cell: 1 at row r of a column where no edge lies between any two of the rows r - 4 to r + 3;
-  /// the topmost row is 0. Ignored cells have an edge around them.
+  /// One byte per cell: 1 at row r of a column when there is no edge between any two of the rows r - 4 to r +
+  /// 3. The top row is 0. Ignored cells have an edge around them.
   const std::vector<std::uint8_t>& edgeless(const Grid& grid);
 
  private:
-  /// The most that two cells may differ by.
+  /// Largest differences between two similar cells.
   struct Limits {
-    std::int16_t luma;       ///< of their lumas' sum and eight grey levels: one part in so many
-    std::int16_t chroma;     ///< of both chromas together, quarters of a grey level
-    std::int16_t rough;      ///< 1024ths of an octave
-    std::uint8_t if_ignored; ///< whether an ignored cell is like its neighbours
+    std::int16_t luma;       ///< relative: 1/luma of the sum of both lumas and eight grey levels
+    std::int16_t chroma;     ///< sum of both chroma components, in quarters of a grey level
+    std::int16_t rough;      ///< in 1/1024 octave
+    std::uint8_t if_ignored; ///< 1 when an ignored cell counts as similar to its neighbours
   };
   static const Limits joined_limits, edge_limits;
 
@@ -58,10 +58,10 @@ class ConnectedGround {
   void climb(std::size_t row, std::size_t width);
   void spread(std::size_t row, std::size_t width);
 
-  /// Luma, chromas, log2 of roughness (Q8), 1-2-1 over the columns: four times the value.
+  /// Luma, chromas and log2 of roughness (Q8), smoothed by 1-2-1 over the columns: four times the value.
   std::array<std::vector<std::int16_t>, 4> smooth_;
-  std::array<int, 4> means_{}; ///< of the seeds that grow() was given, in the same units
-  /// Whether a cell and its neighbour on that side are alike; anything at the ends of rows.
+  std::array<int, 4> means_{}; ///< means of the seeds of grow(), in the same units
+  /// Whether a cell and its neighbour on that side are similar; undefined at the ends of rows.
   std::vector<std::uint8_t> right_, down_, down_left_, down_right_;
   std::vector<std::uint8_t> rough_enough_, joined_, taught_, vouched_, edgeless_;
 };

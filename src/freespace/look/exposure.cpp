@@ -11,7 +11,7 @@ namespace {
 TERRAINSEG_TUNED(int, exposure, follow_shift, 4);
 TERRAINSEG_TUNED(int, exposure, target_mean, 110);
 TERRAINSEG_TUNED(std::uint32_t, exposure, darkest_mean,
-                 8 << 8); ///< Q8: below it a gain shows the sensor's noise only
+                 8 << 8); ///< Q8: below it a gain amplifies only the sensor's noise
 
 } // namespace
 
@@ -36,7 +36,7 @@ std::uint32_t follow_exposure(std::uint32_t mean, std::uint32_t now) {
 }
 
 void fill_exposure(std::uint32_t mean, ExposureTables& tables) {
-  // With the gain a dusk drive is off by 4 %, without it by 12.
+  // With this gain the error of a dusk drive is 4 %, without it 12 %.
   const int g = mean == 0 ? 256 : (target_mean << 16) / static_cast<int>(std::max(mean, darkest_mean));
   tables.gain = g;
   for (int y = 0; y < 256; ++y) {
@@ -51,7 +51,8 @@ TerrainModel in_this_light(const TerrainModel& learned, const ExposureTables& ex
   const int luma = std::min(learned.mean[0] * 256 / exposure.gain, 255 << 8); // Q8
   const int chroma_gain = std::max<int>(exposure.chroma_gain[static_cast<std::size_t>(luma >> 8)], 1);
   for (int c = 0; c < 3; ++c) {
-    const std::int64_t gain = c == 0 ? exposure.gain : chroma_gain; // whose square needs 32 bits
+    const std::int64_t gain = c == 0 ? exposure.gain : chroma_gain; // 64 bits for the square of the chroma
+                                                                    // gain
     if (c > 0)
       model.mean[c] = static_cast<std::uint16_t>(
           std::clamp<std::int64_t>((128 << 8) + (learned.mean[c] - (128 << 8)) * 256 / gain, 0, 255 << 8));

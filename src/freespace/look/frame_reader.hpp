@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Reads one frame: what it shows before anything is learned from it.
+// Reads one frame: computes all of its features that do not depend on the terrain.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace terrainseg {
 
 class FrameReader {
  public:
-  /// The exposure's mean follows the frame unless nothing is to be learned.
+  /// Updates the exposure's mean unless learning is off.
   View read(const FrameTask& task, std::uint32_t& exposure_mean, StageClock& clock);
   const ExposureTables& exposure() const { return exposure_; } ///< of the last frame
 
@@ -30,7 +30,7 @@ class FrameReader {
   TextureReader texture_reader_;
   std::vector<std::uint16_t> texture_;
   ExposureTables exposure_;
-  std::optional<std::uint32_t> exposure_of_tables_; ///< mean luma that exposure_ was made for
+  std::optional<std::uint32_t> exposure_of_tables_; ///< mean luma for which exposure_ was computed
   CellBins cells_;
   ConnectedGround connected_;
 };

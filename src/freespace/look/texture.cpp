@@ -12,7 +12,8 @@ namespace {
 
 TERRAINSEG_TUNED(int, texture, bands_wanted, 3);
 
-// The columns' sums of |right - left|: of every pair, or where there are no pairs of every two neighbours.
+// Adds |right - left| to the sums of the columns: for every pair of pixels, or without pairs for every two
+// neighbours.
 void add_differences(const std::uint8_t* luma, int step, int whole, int count, int width,
                      std::uint16_t* sums) {
   if (step == 2)
@@ -33,9 +34,9 @@ void TextureReader::read(const Pyramid& pyramid, const Grid& grid, const ColorTr
   const int bands = std::clamp(grid.level, 1, bands_wanted);
   for (int band = 1; band <= bands; ++band) {
     const int level = std::max(grid.level - band, 0);
-    // Level 0 has no finer band: one difference per cell, one column apart.
+    // Level 0 has no finer band: one difference per cell, between neighbouring columns.
     const int step = grid.level == 0 ? 1 : 2, per_cell = 1 << (band - 1);
-    // The box of differences lies around the cell's centre, not to its right and below.
+    // Centres the box of differences on the cell.
     const int before = per_cell / 2;
     const int width = pyramid.width(level), height = pyramid.height(level);
     if (width < 2)
@@ -57,12 +58,13 @@ void TextureReader::read(const Pyramid& pyramid, const Grid& grid, const ColorTr
         }
         add_differences(luma, step, whole, count, width, columns);
       }
-      const int shift = 4 - 2 * (band - 1);              // Q4 of the mean over per_cell^2 differences
-      std::fill_n(columns_.begin(), before, columns[0]); // the first cell's box ends at the picture's edge
+      const int shift = 4 - 2 * (band - 1);              // Q4 of the mean of per_cell^2 differences
+      std::fill_n(columns_.begin(), before, columns[0]); // the first cell's box ends at the edge of the
+                                                         // picture
       kernels::add_boxes(columns_.data(), per_cell, shift, grid.width, &texture[grid.at(i, 0)]);
     }
   }
-  // YUV luma was differenced as it came: the gain of its range is applied to the sums.
+  // The differences are of unconverted YUV luma: the sums get the gain of its range.
   const int gain = ((rgb ? 1 << 16 : transform.matrix[0][0]) * bands_wanted / bands) >> 8;
   if (gain != 256)
     for (std::uint16_t& t : texture)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What one frame shows, before anything is learned from it.
+// All features of one frame that do not depend on the terrain.
 #pragma once
 
 #include <cstdint>
@@ -16,21 +16,21 @@ namespace terrainseg {
 class ConnectedGround;
 class Pyramid;
 
-/// One frame as the default pipeline sees it: views into memory of the reader, good until its next frame.
+/// One frame for the default pipeline: views into memory of the reader, valid until its next frame.
 struct View {
   const FrameTask& task;
   const Pyramid& pyramid;
   ColorTransform transform;
-  Rectangle window;                   ///< that trains, in frame pixels
-  std::span<const Cell> window_cells; ///< likewise, in cells of the grid
-  bool blank;                         ///< of one colour: what follows has not been read
-  Grid grid;                          ///< in one colour space
+  Rectangle window;                   ///< the training window, in pixels of the frame
+  std::span<const Cell> window_cells; ///< the training window's cells
+  bool blank;                         ///< a single colour: the following members have not been read
+  Grid grid;                          ///< in the learning colour space
   const std::vector<std::uint16_t>& texture;
   const ExposureTables& exposure;
   const CellBins& cells;
-  ConnectedGround& connected; ///< has looked at the cells
+  ConnectedGround& connected; ///< prepared with the cells of this frame
 
-  /// Normalised colours.
+  /// Colours normalised by the exposure.
   Grid colors() const { return colors_of(cells, grid); }
   Rectangle window_of_grid() const { return cells_of_window(window, grid.level, grid.width, grid.height); }
 };

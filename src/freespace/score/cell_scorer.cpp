@@ -8,7 +8,7 @@
 namespace terrainseg {
 namespace {
 
-/// Where no ground is trusted the heaviest model stands in for it.
+/// The mean colour of the trusted cells, or of the learned model with the largest mass when there are none.
 std::array<int, 3> reference_color(const View& view, std::span<const Cell> trusted, const Terrain& terrain) {
   if (!trusted.empty())
     return mean_color(view.grid, trusted);
@@ -17,7 +17,8 @@ std::array<int, 3> reference_color(const View& view, std::span<const Cell> trust
   return {model.mean[0] >> 4, model.mean[1] >> 4, model.mean[2] >> 4};
 }
 
-/// A teacher shows the ground in all lights; what stands in the window lies in none.
+/// The columns in which ground may be in another light. None when training pixels are supplied, because these
+/// show the ground in all lights, and none when the window is not trusted.
 Columns in_one_light(const View& view, std::span<const Cell> trusted) {
   const bool one_light = view.task.settings.light_ahead && !trusted.empty() && view.task.supervision.empty();
   return one_light ? columns_ahead(view.window_of_grid(), view.grid.width) : Columns{};

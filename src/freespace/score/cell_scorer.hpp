@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Scores the cells of a frame.
+// Computes the scores of a frame's cells.
 #pragma once
 
 #include "freespace/score/coherence.hpp"
@@ -14,10 +14,9 @@ struct View;
 
 class CellScorer {
  public:
-  /// Colour and texture speak for and against a cell; its distance from the trusted ground and upright
-  /// edges speak against it.
-  /// `trusted` are the window's cells that vouch for the ground: none where what is in front has not been
-  /// looked at.
+  /// Colour and texture give evidence for and against ground; the distance from the trusted ground and
+  /// upright edges give evidence against it. `trusted` are the window's cells that vouch for the ground;
+  /// empty when the window was not examined.
   Scores score(const View& view, const Vouched& trusted, bool continued, CellScores& average,
                TerrainTables& tables, const Terrain& terrain);
 

@@ -9,19 +9,19 @@
 namespace terrainseg {
 namespace {
 
-/// Rows of cells over which luma is added up, half of them above a cell's centre; and rows and columns over
-/// which the result is averaged.
+/// Number of rows over which luma is summed, half of them above the cell's centre; and number of rows and
+/// columns over which the result is averaged.
 constexpr int rows_added = 4, rows_averaged = 5;
-/// Of the score's weight, 32nds: what colour and texture say is no longer alone.
+/// Weight of the score in 1/32, because colour and texture are no longer the only evidence.
 constexpr int score_weight = 25;
-/// Coherence that says nothing, Q8; what one octave more takes off the score, Q4 of it; and the limits of
-/// that (five eighths of a nat against the ground, a third for it).
+/// Coherence without evidence (Q8); reduction of the score per additional octave (Q4); and the limits of the
+/// evidence (five eighths of a nat against ground, a third for it).
 constexpr int neutral = -40, weight = 336, against = -20 * 16, in_favour = 10 * 16;
-/// Sum of 64 steps below which what is said fades: half a grey level each. A wall without texture is as
-/// incoherent as sand, and stones in the haze have upright edges of one grey level.
+/// Sum of 64 steps below which the evidence decreases: half a grey level each. A wall without texture is as
+/// incoherent as sand, and stones in haze have upright edges of one grey level.
 constexpr int full_contrast = 32;
-/// Most that is said in the lower third, where the row prior favours the ground already: with 0 2 % more of
-/// the obstacles' pixels there are called ground.
+/// Upper limit of the evidence in the lower third, where the row prior already favours ground. With 0, 2 %
+/// more of the obstacles' pixels there are called ground.
 constexpr int near_by = -4 * 16;
 
 } // namespace
@@ -33,7 +33,7 @@ void UprightCoherence::look(const Pyramid& pyramid, const Grid& grid, const Colo
   average(grid);
 }
 
-// Luma and steps, added up over the rows of each cell.
+// Sums luma and steps over the rows of each cell.
 void UprightCoherence::add_rows(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform,
                                 bool rgb) {
   level_ = refinement_level(grid.level);
@@ -57,9 +57,9 @@ void UprightCoherence::add_rows(const Pyramid& pyramid, const Grid& grid, const 
   }
 }
 
-// The largest step of the sums against the sum of the steps, around each cell's centre.
+// Compares the largest step of the sums with the sum of the steps, around each cell's centre.
 void UprightCoherence::compare(const Grid& grid) {
-  const int shift = grid.level - level_, scale = 2 - shift; // as if a cell had four columns and rows
+  const int shift = grid.level - level_, scale = 2 - shift; // scales to a cell of four columns and rows
   const auto columns = static_cast<std::size_t>(grid.width), per_cell = std::size_t{1} << shift,
              before = per_cell / 2;
   coherence_.resize(grid.size());
@@ -88,7 +88,7 @@ void UprightCoherence::compare(const Grid& grid) {
         all += column_all_[x];
       }
       all <<= 2 * scale;
-      // Q8 of (1 + 4 most / 16) / (1 + 4 all / 64).
+      // Q8 of log2 of (1 + 4 most / 16) / (1 + 4 all / 64).
       coherence_[grid.at(i, 0) + j] =
           static_cast<std::int16_t>(log2_q8(4 + (most << scale)) - log2_q8(16 + all) + 512);
       contrast_[grid.at(i, 0) + j] = static_cast<std::uint16_t>(std::min<unsigned>(all, full_contrast));
@@ -96,7 +96,7 @@ void UprightCoherence::compare(const Grid& grid) {
   }
 }
 
-// Over 3 x 5 cells; those at the picture's edge count for what is missing beyond it.
+// Averages over 3 x 5 cells. Cells at the edge of the picture are repeated beyond it.
 void UprightCoherence::average(const Grid& grid) {
   const auto columns = static_cast<std::size_t>(grid.width);
   constexpr int reach = rows_averaged / 2;

@@ -9,20 +9,23 @@ namespace terrainseg {
 namespace {
 
 TERRAINSEG_TUNED(int, geodesic, far, 1 << 20);
-/// Distance without a penalty, and the highest one: it may outweigh colour, not colour and texture together.
+/// Distance without a penalty, and the largest penalty. It may outweigh colour alone, but not colour and
+/// texture together.
 TERRAINSEG_TUNED(int, geodesic, free_distance, 10);
 TERRAINSEG_TUNED(int, geodesic, most, 40);
-/// What a step may differ by for nothing: the ground's own mean step and three quarters more, and one; in
-/// the dark the gain blows up every grey level, hence the limit. With 2 and twice the mean's whole part a
-/// drive in town is 2.95 / 8.3 in place of 2.88 / 7.9; with 1 and that, rendered roads 6.2 in place of 4.8.
+/// Largest step without a cost: 7/4 of the ground's own mean step plus one. It is limited because in the dark
+/// the gain amplifies every grey level. With 2 plus twice the mean's integer part, a drive in town has 2.95 /
+/// 8.3 (error / unsafe %) instead of 2.88 / 7.9; with 1 plus that, rendered roads have 6.2 % instead of 4.8
+/// %.
 TERRAINSEG_TUNED(int, geodesic, least_own_step, 1);
 TERRAINSEG_TUNED(int, geodesic, greatest_own_step, 8);
 TERRAINSEG_TUNED(int, geodesic, own_step_quarters, 7);
-/// An eighth of the distance is forgiven with every row: a stop line across the whole road must not cut off
-/// what lies behind it (cropped to the road, a drive in town is 4.4 % wrong with it and 5.6 without).
+/// With every row the distance decreases by an eighth, so that a stop line across the whole road does not cut
+/// off the ground behind it. Cropped to the road, a drive in town has 4.4 % error with it and 5.6 % without.
 TERRAINSEG_TUNED(int, geodesic, forgive_shift, 3);
 
-// What a step may differ by: from those of the cells of the window to the cells left of and above them.
+// The largest step without a cost, from the steps between the window's cells and the cells to their left and
+// above them.
 int own_step(const Grid& grid, const ColorSteps& steps, std::span<const Cell> seeds) {
   std::int64_t sum = 0, count = 0;
   for (const Cell& seed : seeds) {
@@ -58,7 +61,7 @@ void GeodesicPenalty::raise(const Grid& grid, const ColorSteps& steps, std::span
   here_.resize(size);
   below_.assign(size, far);
   const auto price = [&](const std::vector<std::uint16_t>& step, std::size_t a, std::size_t b) {
-    // What is ignored is crossed for nothing.
+    // Ignored cells are crossed without a cost.
     return std::max(step[a] - free, 0) * (1 - (grid.ignored[a] | grid.ignored[b]));
   };
   for (int i = lowest; i >= 0; --i) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// How far every cell lies from the training window when the way is paid in colour steps (the geodesic
-// distance of image segmentation: P. J. Toivanen, Pattern Recognition Letters 17, 1996).
+// Distance of every cell from the training window when each move costs the colour step (the geodesic distance
+// of image segmentation: P. J. Toivanen, Pattern Recognition Letters 17, 1996).
 #pragma once
 
 #include <cstdint>
@@ -12,15 +12,14 @@
 
 namespace terrainseg {
 
-/// An obstacle is enclosed by edges: its base, its sides. A road has ways around its markings and shadows,
-/// and most of them cost nothing. No state between frames.
+/// An obstacle is enclosed by edges at its base and its sides. A road has paths around its markings and
+/// shadows, and most of them have no cost. Keeps no state between frames.
 class GeodesicPenalty {
  public:
-  /// Raises `penalty` (32 = 1 nat) to what each cell's distance from the `seeds` is worth, 0..40. The ways
-  /// climb: from a row to the same row or to the one above it, to any of the eight neighbours there. A step
-  /// costs what it differs in colour (`steps`, the slanting ones too) beyond what the cells of the
-  /// window differ among themselves; an eighth of the distance is forgiven with every row. Cells below all
-  /// seeds are left as they are.
+  /// Raises `penalty` (32 = 1 nat) to the value of each cell's distance from the `seeds`, 0..40. Paths go up:
+  /// from a row to the same row or to the row above, to any of the eight neighbours there. A move costs the
+  /// colour step (`steps`, including diagonal ones) minus the usual step among the window's cells. With every
+  /// row the distance decreases by an eighth. Cells below all seeds remain unchanged.
   void raise(const Grid& grid, const ColorSteps& steps, std::span<const Cell> seeds, CellPenalties& penalty);
 
  private:

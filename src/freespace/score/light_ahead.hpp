@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The ground straight ahead of the window may lie in another light: sun beyond shade, shade beyond sun.
+// Ground straight ahead of the window in another light: sunlit ground beyond shade, or shaded ground beyond
+// sun.
 #pragma once
 
 #include "terrainseg/frame.hpp"
@@ -7,19 +8,20 @@
 
 namespace terrainseg {
 
-/// Columns of the grid, the last one left out; none where both are equal.
+/// Columns of the grid, `end` exclusive; none when both are equal.
 struct Columns {
   int first = 0, end = 0;
   bool operator==(const Columns&) const = default;
 };
 
-/// The columns straight ahead of a window (in cells of the grid), a third of the grid's width at most, around
-/// the window's middle.
+/// The columns straight ahead of a window (in cells of the grid), centred on it and at most a third of the
+/// grid's width.
 Columns columns_ahead(const Rectangle& window, int grid_width);
 
-/// A model of normalised colours (color_bins.hpp: chroma does not change with brightness) in the other light:
-/// one that is brighter than the middle in the shade, half as bright and bluer, for only the sky lights it; a
-/// darker one in the sun, twice as bright and less blue. Luma varies twice as much there.
+/// Converts a model of normalised colours to the other light (color_bins.hpp: chroma does not change with
+/// brightness). A model brighter than the middle is moved into the shade: half as bright, and bluer, because
+/// only the sky lights it. A darker one is moved into the sun: twice as bright and less blue. The variance of
+/// luma is doubled.
 TerrainModel in_other_light(const TerrainModel& model);
 
 } // namespace terrainseg

@@ -16,47 +16,54 @@ namespace {
 TERRAINSEG_TUNED(int, likelihood, colors_per_bin_log2, luma_bin_shift + 2 * chroma_bin_shift);
 
 TERRAINSEG_TUNED(int, likelihood, score_limit, 48); ///< 1.5 nats: no cell outweighs two neighbours
-/// What a colour says from which on it speaks for ground in any light. With 0 dusk is 1.3 points less safe,
-/// with 16 places in the sun a little worse.
+/// Smallest evidence of a colour that counts as ground in any light. With 0, dusk has 1.3 points more unsafe
+/// pixels; with 16, sunlit places are slightly worse.
 TERRAINSEG_TUNED(int, likelihood, speaks_for_ground, 10);
-/// Of ground that is joined to the window: Mars 15.3 -> 7.1 % wrong. A wall that has come into the
-/// window is like itself, too, but not yet like the ground: it vouches for no more than that.
+/// Smallest score of ground that is connected to the window: reduces the error on Mars from 15.3 to 7.1 %. A
+/// wall that has entered the window is similar to itself too, but not yet to the ground; its cells get no
+/// more than the mean score of the seeds.
 TERRAINSEG_TUNED(int, likelihood, least_of_vouched, 24);
 
 TERRAINSEG_TUNED(std::uint64_t, likelihood, frame_weight,
-                 1 << 20); ///< what one frame adds to a histogram in all
+                 1 << 20); ///< total weight of one frame in a histogram
 constexpr std::uint64_t histogram_limit = std::uint64_t{1} << 30;
 
-/// Least probability of a bin under the mixture, log2 Q8.
+/// Smallest probability of a bin under the mixture, log2 Q8.
 TERRAINSEG_TUNED(int, likelihood, least_positive, -3968);
-/// In favour of the terrain, log2 Q8: "the rest of the frame" is ground for the most part, so the plain ratio
-/// sits near 0 on the ground itself. Flat from 3 to 4.5 octaves; without it the mean error of five sequences
-/// is 8.4 in place of 5.5.
+/// Bias towards the terrain, log2 Q8. Most of "the rest of the frame" is ground, so the plain ratio is near 0
+/// on the ground itself. The error is nearly constant from 3 to 4.5 octaves; without the bias the mean error
+/// of five sequences is 8.4 % instead of 5.5 %.
 TERRAINSEG_TUNED(int, likelihood, rest_is_ground, 950);
-/// The same where a range sensor or a large window has taught most of the ground: the rest is the rest then.
-/// From depth, indoors, all of it makes 9.6 % of what is not ground traversable, this 1.0.
+/// The bias when a range sensor or a large window covers most of the ground, so that the rest is not ground.
+/// With training from depth indoors, the full bias labels 9.6 % of the non-ground as traversable, this one
+/// 1.0 %.
 TERRAINSEG_TUNED(int, likelihood, rest_of_taught, 300);
-/// Shares of the picture, Q8, between which one goes over into the other; a usual window takes 5 to 12.
+/// Learned shares of the picture, Q8, between which the bias changes from one to the other. The usual window
+/// has 5 to 12.
 TERRAINSEG_TUNED(int, likelihood, little_taught, 32);
 TERRAINSEG_TUNED(int, likelihood, much_taught, 64);
-/// Of a training model, log2 Q8: a fifth. Flat from an eighth to a half; without it single frames after a
-/// jump of the scene lose their ground altogether (off-road 11.6 in place of 10.8 % with forgetting by >> 6).
+/// Share of a training model, log2 Q8: a fifth. The error is nearly constant from an eighth to a half.
+/// Without it single frames after a sudden change of the scene lose all ground (off-road 11.6 % instead of
+/// 10.8 % with forgetting by >> 6).
 TERRAINSEG_TUNED(int, likelihood, training_share, -619);
-/// Of a model in the other light, log2 Q8: half of its share. Flat from a quarter to all of it.
+/// Share of a model in the other light relative to its own, log2 Q8: a half. The error is nearly constant
+/// from a quarter to all of it.
 TERRAINSEG_TUNED(int, likelihood, other_light_share, -256);
-/// A negative bin holds at least a 10000th of all.
+/// Smallest share of a negative bin: 1/10000.
 TERRAINSEG_TUNED(std::uint64_t, likelihood, negative_floor, 10000);
-/// 0.385 of the ratio in nats, 32 = 1 nat, from log2 Q8 (Q16).
+/// 0.385 of the log ratio in nats, 32 = 1 nat, from log2 Q8 (Q16).
 TERRAINSEG_TUNED(int, likelihood, color_weight, 2180);
-/// Colour may lie: it never outweighs texture, and one cell never outweighs its neighbours.
+/// Colour alone can be misleading: it never outweighs texture, and one cell never outweighs its neighbours.
 TERRAINSEG_TUNED(int, likelihood, color_limit, 26);
-/// What lies as far from every model in chroma, |U| + |V| in normalised grey levels, lies in no other light:
-/// a car or a box as smooth as the road. From 104 to 136 flat but for India (8.3, 8.0 % wrong); with 88 roads
-/// in the sun are 12.2 % wrong in place of 11.4, with 72 roads by day 10.8 in place of 8.7, for their verges.
+/// Largest chroma distance |U| + |V| from the nearest model, in normalised grey levels, that another light
+/// can explain. Beyond it the colour is that of an obstacle, such as a car or a box as smooth as the road.
+/// The error is nearly constant from 104 to 136 except for India (8.3 %, 8.0 %). With 88 sunlit roads have
+/// 12.2 % error instead of 11.4 %, with 72 roads by day have 10.8 % instead of 8.7 %, because of their
+/// verges.
 TERRAINSEG_TUNED(int, likelihood, other_chroma, 136);
 TERRAINSEG_TUNED(std::int8_t, likelihood, no_ground,
-                 -128); ///< of such a colour: no texture, 127 at most, makes up for it
-/// 1.6 of the ratio.
+                 -128); ///< score of such a colour; texture adds at most 127 and cannot compensate it
+/// 1.6 of the log ratio.
 TERRAINSEG_TUNED(int, likelihood, texture_weight, 9086);
 TERRAINSEG_TUNED(std::uint64_t, likelihood, texture_floor, 1000);
 
@@ -68,13 +75,13 @@ void fade(std::vector<std::uint32_t>& histogram, int shift) {
   if (shift > 0)
     for (std::uint32_t& h : histogram)
       h -= h >> shift;
-  // Without forgetting counts would run over after some hours; halving keeps their proportions.
+  // Without forgetting the counts would overflow after some hours. Halving keeps their proportions.
   if (total_of(histogram) > histogram_limit)
     for (std::uint32_t& h : histogram)
       h >>= 1;
 }
 
-// Where an end is repeated a sum holds three times the histogram at most.
+// With repeated ends a sum is at most three times the histogram.
 static_assert(3 * (histogram_limit + (std::uint64_t{1} << 27)) < (std::uint64_t{1} << 32));
 
 std::uint64_t smoothed(std::span<const std::uint32_t> histogram, int bin) {
@@ -85,7 +92,7 @@ std::uint64_t smoothed(std::span<const std::uint32_t> histogram, int bin) {
   return sum;
 }
 
-// In favour of the terrain, log2 Q8, when `taught_q8` of the picture was taught as terrain.
+// The bias towards the terrain, log2 Q8, when the share `taught_q8` of the picture was learned as terrain.
 int favour(int taught_q8) {
   return rest_of_taught + (rest_is_ground - rest_of_taught) *
                               std::clamp(much_taught - taught_q8, 0, much_taught - little_taught) /
@@ -167,7 +174,7 @@ void learn_histograms(const CellBins& cells, const std::vector<Lesson>& lessons,
   }
 }
 
-// All models with their share of the mass, log2 Q8.
+// Visits all models with their share of the mass, log2 Q8.
 template <typename Weigh>
 void Likelihood::each_model(const Terrain& learned, std::span<const TerrainModel> training, int favour,
                             const Weigh& weigh) {
@@ -181,14 +188,14 @@ void Likelihood::each_model(const Terrain& learned, std::span<const TerrainModel
     weigh(model, training_share + favour);
 }
 
-// The heaviest density of the mixture at each bin's centre.
+// Computes the largest density of the mixture's models at each bin's centre.
 void Likelihood::weigh_for(const Terrain& learned, std::span<const TerrainModel> training, int favour) {
   positive_.fill(least_positive);
   each_model(learned, training, favour,
              [this](const TerrainModel& model, int share) { weigh_model(model, share); });
 }
 
-// The same where the ground may also lie in the other light: on top of weigh_for().
+// The same for ground in the other light. Adds to the result of weigh_for().
 void Likelihood::weigh_other_light(const Terrain& learned, std::span<const TerrainModel> training,
                                    int favour) {
   each_model(learned, training, favour, [this](const TerrainModel& model, int share) {
@@ -206,7 +213,7 @@ void Likelihood::weigh_model(const TerrainModel& model, int log_share) {
     scale -= (log2_q8(static_cast<std::uint64_t>(variance)) - 8 * 256) / 2;
     for (int bin = 0; bin < 256 >> shift; ++bin) {
       const std::int64_t d = ((bin << shift) + (1 << shift >> 1)) * 256 - model.mean[c];
-      // d^2 / 2 variance nats as log2 Q8: d^2 is Q16, variance Q8; log2(e) / 2 = 47274 / 65536.
+      // d^2 / (2 variance) nats as log2 Q8: d^2 is Q16, variance Q8; log2(e) / 2 = 47274 / 65536.
       const std::int64_t fall = (d * d / variance * 47274) >> 16;
       term[c][bin] = static_cast<std::int32_t>(-std::min<std::int64_t>(fall, 1 << 20));
     }
@@ -238,7 +245,7 @@ void Likelihood::compare(std::array<std::int8_t, color_bins>& table) const {
         std::clamp(((positive_[i] - negative_[i]) * color_weight) >> 16, -color_limit, color_limit));
 }
 
-// Of the colours that speak against the terrain as much as any those that are no shade of it either.
+// Rejects colours with the largest evidence against the terrain whose chroma is far from that of every model.
 void Likelihood::refuse_other_chroma(const Terrain& learned, std::span<const TerrainModel> training,
                                      LikelihoodTables& tables) {
   constexpr std::size_t chromas = std::size_t{chroma_bins} * chroma_bins;

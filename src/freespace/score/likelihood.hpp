@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What a colour and a texture say for or against the terrain: tables of log-likelihood ratios, made from the
-// learned mixture (paper, section 3.4) and from histograms of what stands against it.
+// Evidence of colour and texture for or against the terrain: tables of log-likelihood ratios, from the
+// learned mixture (paper, section 3.4) and histograms of the rest of the frame.
 #pragma once
 
 #include <array>
@@ -17,57 +17,57 @@
 
 namespace terrainseg {
 
-/// What a cell teaches.
+/// What a cell is learned as.
 enum class Lesson : std::uint8_t {
-  against,       ///< the rest of the frame
-  terrain,       ///< a cell of the window that passed the pre-filter
-  nothing,       ///< the window's other cells, ignored ones
-  against_little ///< Negatives::split: the last mask called it ground
+  against,       ///< not terrain: the rest of the frame
+  terrain,       ///< terrain: a cell of the window that passed the pre-filter
+  nothing,       ///< not learned: the window's other cells, ignored cells
+  against_little ///< not terrain, with a low weight; Negatives::split: the last mask labelled it as ground
 };
 
-/// Log-likelihood ratios, 32 = 1 nat, positive for the terrain. A colour that is none of the terrain in any
-/// light has less than any texture makes up for.
+/// Log-likelihood ratios, 32 = 1 nat, positive for the terrain. A colour that the terrain has in no light has
+/// so low a value that texture cannot compensate it.
 struct LikelihoodTables {
   std::array<std::int8_t, color_bins> color{};
-  std::array<std::int8_t, color_bins> any_light{}; ///< of colours whose ground may lie in another light
+  std::array<std::int8_t, color_bins> any_light{}; ///< for cells whose ground may be in another light
   std::array<std::int8_t, texture_bins> texture{};
 };
 
-/// What every cell of a grid teaches: those that `kept` says are terrain; the rest of the `window` and what
-/// is ignored nothing; all others stand against it. With Negatives::split those below the `last` curve (first
-/// ground row per column; empty = none) little. Cells that are `joined` to the window (1 per cell; empty =
-/// none) are terrain, too.
+/// Determines what every cell of a grid is learned as. Cells in `kept` are terrain; the rest of the `window`
+/// and ignored cells are not learned; all others are not terrain. With Negatives::split, cells below the
+/// `last` curve (first ground row per column; empty = none) have a low weight. Cells that are `joined` to the
+/// window (1 per cell; empty = none) are terrain too.
 void mark_lessons(const Grid& grid, std::span<const Cell> window, std::span<const Cell> kept,
                   std::span<const std::uint8_t> joined, Negatives negatives, const GridCurve& last,
                   std::vector<Lesson>& lessons);
 
-/// Fades the histograms by >> forget_shift (0 = never) and counts a frame: every frame weighs the same,
-/// whatever the size of its grid.
+/// Multiplies the histograms by 1 - 2^-forget_shift (0 = no forgetting) and adds a frame. Every frame has the
+/// same weight, independent of the size of its grid.
 void learn_histograms(const CellBins& cells, const std::vector<Lesson>& lessons, int forget_shift,
                       Terrain& learned);
 
-/// Ground that is joined to the window: 1 per cell (empty = none), and the cells that vouch for it.
+/// Ground that is connected to the window: 1 per cell (empty = none), and the cells that vouch for it.
 struct Vouched {
   std::span<const std::uint8_t> cells;
   std::span<const Cell> seeds;
 };
 
-/// Score of every cell in Q4 (16 * 32 = 1 nat), positive for the terrain: what its colour and its texture
-/// say, less its `penalty` (32 = 1 nat); no more than 1.5 nats either way, and 0 where ignored. Cells that
-/// are vouched for have three quarters of a nat at least, or what colour and texture say of the seeds in the
-/// mean where that is less. In the columns `ahead` the ground may lie in another light, and where its colour
-/// speaks for it there the penalty counts half.
+/// Computes the score of every cell in Q4 (16 * 32 = 1 nat), positive for the terrain: the evidence of its
+/// colour and texture minus its `penalty` (32 = 1 nat), limited to 1.5 nats either way, and 0 in ignored
+/// cells. Vouched cells have at least three quarters of a nat, or the mean evidence of the seeds' colour and
+/// texture when that is lower. In the columns `ahead` ground may be in another light; where its colour gives
+/// evidence for ground there, the penalty has half of its weight.
 void score_cells(const Grid& grid, const CellBins& cells, const LikelihoodTables& tables,
                  const CellPenalties& penalty, const Vouched& vouched, const Columns& ahead,
                  CellScores& score);
 
 class Likelihood {
  public:
-  /// Tables from what is learned and from the frame's own training models, which speak with a fixed share of
-  /// the mass: what has just been learned is terrain, however heavy the memory is. `taught_q8` is the share
-  /// of the picture that the last lesson taught as terrain: the more it is, the less ground is left in the
-  /// rest. Without negatives (Negatives::off) all colours stand against the terrain alike. The table for any
-  /// light is made with Settings::light_ahead only.
+  /// Computes the tables from the terrain and the frame's own training models. These have a fixed share of
+  /// the mass, so that newly learned ground counts as terrain regardless of the mass of the learned models.
+  /// `taught_q8` is the share of the picture that the last frame learned as terrain; the larger it is, the
+  /// less ground is in the rest. Without negatives (Negatives::off) all other colours are equally likely. The
+  /// table for any light is computed only with Settings::light_ahead.
   void build(const Terrain& learned, std::span<const TerrainModel> training, int taught_q8,
              const Settings& settings, LikelihoodTables& tables);
 

@@ -8,7 +8,7 @@ namespace terrainseg {
 namespace {
 
 TERRAINSEG_TUNED(int, local_reference, follow_below,
-                 48); ///< distance that is still the same surface in another light
+                 48); ///< distance within which it is the same surface in another light
 TERRAINSEG_TUNED(int, local_reference, free_below, 34); ///< distance without a penalty
 TERRAINSEG_TUNED(int, local_reference, most, 36);
 

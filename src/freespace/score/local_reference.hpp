@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A reference colour per column that climbs from the window's colour up the rows.
+// A reference colour per column that is updated row by row, from the window's colour upwards.
 #pragma once
 
 #include <array>
@@ -12,15 +12,15 @@
 
 namespace terrainseg {
 
-/// The mean Y U V (Q4) of cells of the grid, at least one.
+/// The mean Y U V (Q4) of the given cells of the grid, at least one.
 std::array<int, 3> mean_color(const Grid& grid, std::span<const Cell> cells);
 
-/// It follows light and perspective, and stays behind where the colour breaks: at a car's base, say. No state
-/// between frames.
+/// The reference follows light and perspective, but does not follow a sudden change of colour, such as the
+/// base of a car. Keeps no state between frames.
 class LocalReference {
  public:
-  /// Penalty of each cell, 0..36 (32 = 1 nat), into `penalty`. `start` is the window's mean Y U V, Q4; `gain`
-  /// the exposure's, Q8.
+  /// Writes to `penalty` the penalty of each cell, 0..36 (32 = 1 nat). `start` is the window's mean Y U V,
+  /// Q4; `gain` is the exposure's, Q8.
   void climb(const Grid& grid, const std::array<int, 3>& start, int gain, CellPenalties& penalty);
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the cells of one frame say for the ground and against it.
+// Evidence of one frame's cells for and against ground.
 #pragma once
 
 #include "base/quantities.hpp"
@@ -8,7 +8,7 @@
 namespace terrainseg {
 
 struct Scores {
-  const CellScores& average; ///< over the frames that show the same
+  const CellScores& average; ///< over the frames that show the same place
   const CellPenalties& penalty;
   const ColorSteps& steps;
 };

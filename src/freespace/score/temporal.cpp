@@ -10,11 +10,12 @@ namespace terrainseg {
 namespace {
 
 TERRAINSEG_TUNED(std::int64_t, temporal, longest_gap,
-                 2'000'000'000); ///< after it the scores are old, however like the pictures are
-/// What tells is the picture, not the clock: averaging over the jumps of a 1 Hz sequence costs 0.8 to 6
-/// points, over two like pictures a second apart nothing. Frames of one motion differ by less than a fifth of
-/// what the picture itself varies: a drive in town at 15 Hz by 0.07 to 0.2, pictures a second apart by 0.3
-/// and more.
+                 2'000'000'000); ///< largest interval; after it the scores are outdated even if the pictures
+                                 ///< are similar
+/// Largest difference for averaging, as the inverse of a share of the variation. The decision uses the
+/// picture instead of the clock: averaging over the jumps of a 1 Hz sequence costs 0.8 to 6 points of error,
+/// over two similar pictures a second apart nothing. Frames of one motion differ by less than a fifth of the
+/// picture's own variation: a drive in town at 15 Hz by 0.07 to 0.2, pictures a second apart by 0.3 and more.
 TERRAINSEG_TUNED(std::uint64_t, temporal, likeness, 5);
 
 } // namespace
@@ -51,8 +52,8 @@ void average_scores(const CellScores& score, bool continued, CellScores& average
     average.assign(score.begin(), score.end());
     return;
   }
-  // Three quarters: what shifts along in the picture must not leave a trail. A half makes twice as many
-  // unsafe pixels in a drive at 15 Hz as an eighth saves of flicker.
+  // Weight of three quarters, so that objects that move in the picture leave no trail. A half doubles the
+  // unsafe pixels of a drive at 15 Hz, and saves an eighth of the flicker.
   for (std::size_t i = 0; i < score.size(); ++i)
     average[i] = static_cast<std::int16_t>(average[i] + (((score[i] - average[i]) * 3) >> 2));
 }

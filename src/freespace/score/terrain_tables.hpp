@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The tables of what is learned, made anew where that has changed.
+// Caches the likelihood tables of the terrain and recomputes them when it has changed.
 #pragma once
 
 #include "freespace/score/likelihood.hpp"
@@ -9,11 +9,11 @@ namespace terrainseg {
 
 class TerrainTables {
  public:
-  /// A window has taught these models, and so much of the picture (Q8).
+  /// Stores the training models of a learned window, and its share of the picture (Q8).
   void learned(const TrainingModels& training, int taught_q8);
-  /// This frame's window is not learned: only what was learned before counts.
+  /// This frame's window is not learned: the tables use the terrain only.
   void rely_on_memory();
-  /// The terrain is another one now.
+  /// The terrain was replaced.
   void forget();
 
   const LikelihoodTables& of(const Terrain& terrain, const Settings& settings);
@@ -21,7 +21,7 @@ class TerrainTables {
  private:
   Likelihood likelihood_;
   LikelihoodTables tables_;
-  TrainingModels training_; ///< of the last frame; none where its window was not learned
+  TrainingModels training_; ///< of the last frame; empty when its window was not learned
   int taught_q8_ = 0;
   bool old_ = true;
 };
