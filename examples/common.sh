@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# What the scripts beside this one share; they source it.
+# Shared by the scripts in this folder, which source it.
 #
-#   SOURCE  where the pictures come from, a piece of a pipeline    (default: the first camera)
-#   VIEW    where they are shown                                    (default: a window)
+#   SOURCE    the source of the pictures, a part of a pipeline      (default: the first camera)
+#   VIEW      where they are shown                                  (default: a window)
 #   LINES_TO  a file for one JSON object per frame                  (default: none)
 #   SETTINGS  properties of terrainseg, as in gst-launch-1.0        (default: none)
 set -euo pipefail
