@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Shows terrainseg (left) and the unmodified algorithm, terrainreference (right), on the same pictures.
+# Needs a build with the lab (OpenCV, Eigen): docs/tasks/installing.md.
 # usage: examples/compare.sh | --self-test
 # Environment: SOURCE  the source of the pictures (default: the rendered scene)     VIEW  where to show them (default: a window)
 #              SETTINGS  properties of terrainseg       REFERENCE_SETTINGS  properties of terrainreference
