@@ -116,7 +116,7 @@ quoted=$(printf '%q' "$source")
 cat <<NEXT
 To run the commands of README, pages and examples, open a shell: meson devenv -w $top -C $build
 (examples/tune.sh also needs: ./install-dependencies.sh tune)
-Next, in $top:
+What next, in $top:
   examples/quickstart.sh $quoted caution=8    # another setting
   ${process#"$top"/} -o out $quoted    # many files, CSV, resuming: docs/tasks/files.md
   meson devenv -C ${build#"$top"/} gst-inspect-1.0 terrainseg    # every setting, and the filter in your own pipelines
