@@ -23,7 +23,7 @@ HELP = '''1..9 0  choose    + -  change
 Backspace  as the preset has it
 left drag   training window
 right drag  region to ignore
-right click takes it away
+right click removes it
 Space pause   . step   r forget
 l learning on/off   q leave'''
 
