@@ -1,24 +1,24 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# A camera's free space as obstacles for an autopilot: MAVLink OBSTACLE_DISTANCE and HEARTBEAT by UDP or a serial line.
+# Sends the free space of a camera to an autopilot as obstacles: MAVLink OBSTACLE_DISTANCE and HEARTBEAT, by UDP or serial line.
 # usage: examples/ardupilot.sh [--scene] [HOST:PORT | DEVICE[:BAUD]] | --self-test
 #   HOST:PORT   where the autopilot, or a router in front of it, listens (default: 127.0.0.1:14552)
 #   DEVICE      a serial port to the autopilot, such as /dev/ttyS1 or /dev/ttyAMA0:57600 (default: 921600 baud). No other
-#               program may use the port: for that put a router in front of it
-#   --scene     a rendered rover's view with its calibration in place of the camera: nothing is to be driven by it
-# Set CAMERA_INFO and MOUNT (docs/tasks/calibration.md): without them nothing is known, and all ahead is an obstacle.
+#               program may use the port; to share it, put a router in front of it
+#   --scene     a rendered scene with its calibration instead of the camera; do not drive by it
+# Set CAMERA_INFO and MOUNT (docs/tasks/calibration.md). Without them no range is known, and everything ahead is an obstacle.
 #   CAMERA_INFO   a ROS camera_info file          MOUNT   a mount file, or height=0.5,pitch=10deg
 #   ATTITUDE      HOST:PORT on which the autopilot's ATTITUDE arrives; MOUNT must then be text
-#   SYSTEM_ID     the vehicle's (default: 1)      LAYOUT  fine (default), or portable, in which ArduPilot's simple
+#   SYSTEM_ID     the vehicle's (default: 1)      LAYOUT  fine (default), or portable, with which ArduPilot's simple
 #                 avoidance sees half of what is ahead (docs/tasks/autopilot.md)
 # Parameters of a Rover (ArduPilot 4.1 and later; PRX1_TYPE was PRX_TYPE before 4.2):
-#   PRX1_TYPE 2         proximity comes by MAVLink. Restart the autopilot after it
-#   AVOID_ENABLE 3      stop before what proximity sees (2), and fences (1), in Acro, Steering, Loiter and Guided
-#   AVOID_MARGIN 2      metres to keep
-#   OA_TYPE 1           BendyRuler: drive around it in Auto, Guided and RTL
-#   OA_BR_LOOKAHEAD 5   metres ahead that BendyRuler looks: not more than the range-max of the calibration
-#   OA_MARGIN_MAX 2     metres that BendyRuler keeps
-#   SERIAL2_PROTOCOL 2  MAVLink 2 on the port that leads here, with SERIAL2_BAUD 921
+#   PRX1_TYPE 2         receive proximity by MAVLink. Restart the autopilot afterwards
+#   AVOID_ENABLE 3      stop for proximity (2) and fences (1) in Acro, Steering, Loiter and Guided
+#   AVOID_MARGIN 2      distance to keep, metres
+#   OA_TYPE 1           BendyRuler: drive around obstacles in Auto, Guided and RTL
+#   OA_BR_LOOKAHEAD 5   look-ahead of BendyRuler, metres: at most the range-max of the calibration
+#   OA_MARGIN_MAX 2     distance that BendyRuler keeps, metres
+#   SERIAL2_PROTOCOL 2  MAVLink 2 on the port that is connected to this program, with SERIAL2_BAUD 921
 #   SR2_EXTRA1 50       ATTITUDE at 50 Hz on that port
 . "$(dirname "$0")/common.sh"
 camera_info=${CAMERA_INFO:-} mount=${MOUNT:-} target=127.0.0.1:14552
@@ -62,8 +62,8 @@ esac
 [ -z "${1:-}" ] || target=$1
 if [[ $target =~ ^(/dev/[A-Za-z0-9._/-]+)(:([0-9]+))?$ ]]; then
   device=${BASH_REMATCH[1]} baud=${BASH_REMATCH[3]:-921600}
-  [ -c "$device" ] || fail "there is no serial port $device: ls /dev/tty* /dev/serial/by-id/* shows those that are there"
-  { [ -r "$device" ] && [ -w "$device" ]; } || fail "$device is not yours to write: sudo adduser $(id -un) dialout, and log in again"
+  [ -c "$device" ] || fail "there is no serial port $device: ls /dev/tty* /dev/serial/by-id/* lists the ports"
+  { [ -r "$device" ] && [ -w "$device" ]; } || fail "no permission to read and write $device: run sudo adduser $(id -un) dialout, and log in again"
   # Bytes as they are, whatever a program before this one has set.
   stty -F "$device" "$baud" raw -echo -crtscts clocal cs8 -cstopb -parenb || fail "$device does not take $baud baud"
   sink="filesink location=$device buffer-mode=unbuffered"
@@ -74,10 +74,10 @@ else
   fail "'$target' is not HOST:PORT, nor a serial port such as /dev/ttyS1 or /dev/ttyS1:57600"
 fi
 SYSTEM_ID=${SYSTEM_ID:-1} LAYOUT=${LAYOUT:-fine}
-{ [[ $SYSTEM_ID =~ ^[0-9]{1,3}$ ]] && [ "$((10#$SYSTEM_ID))" -ge 1 ] && [ "$((10#$SYSTEM_ID))" -le 255 ]; } || fail "SYSTEM_ID '$SYSTEM_ID': say 1 to 255"
-[[ $LAYOUT =~ ^(fine|portable)$ ]] || fail "LAYOUT '$LAYOUT': say fine or portable"
+{ [[ $SYSTEM_ID =~ ^[0-9]{1,3}$ ]] && [ "$((10#$SYSTEM_ID))" -ge 1 ] && [ "$((10#$SYSTEM_ID))" -le 255 ]; } || fail "SYSTEM_ID '$SYSTEM_ID': use 1 to 255"
+[[ $LAYOUT =~ ^(fine|portable)$ ]] || fail "LAYOUT '$LAYOUT': use fine or portable"
 [ -n "$camera_info" ] && [ -n "$mount" ] ||
-  echo "ardupilot.sh: CAMERA_INFO or MOUNT is not set: the autopilot will be told that nothing is known" >&2
+  echo "ardupilot.sh: CAMERA_INFO or MOUNT is not set: no range is known, and everything ahead is sent as an obstacle" >&2
 text="$SOURCE ! videoconvert ! video/x-raw,format=NV12 ! queue leaky=downstream max-size-buffers=1 ! terrainseg ${camera_info:+camera-info=$(quoted "$camera_info")} \
   ${mount:+mount=$(quoted "$mount")} $SETTINGS ! terrainextract mavlink-layout=$LAYOUT system-id=$SYSTEM_ID \
   ! application/x-mavlink ! $sink sync=false async=false"

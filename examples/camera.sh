@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# A camera in a window, the traversable ground tinted. Old frames are dropped, so the picture is never late.
+# Shows a camera in a window with the traversable ground tinted. Drops old frames, so the picture is never late.
 # usage: examples/camera.sh [DEVICE] | --self-test
-#   DEVICE  such as /dev/video2 (default: the first camera); or set SOURCE to any source, such as libcamerasrc
+#   DEVICE  such as /dev/video2 (default: the first camera)
+# Environment: SOURCE  any other source, such as libcamerasrc          VIEW  where to show it, such as a file
+#              SETTINGS  properties of terrainseg
 . "$(dirname "$0")/common.sh"
 case "${1:-}" in
   --help) usage ;;

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# What the scripts beside this one share; they source it.
+# Shared by the scripts in this folder, which source it.
 #
-#   SOURCE  where the pictures come from, a piece of a pipeline    (default: the first camera)
-#   VIEW    where they are shown                                    (default: a window)
+#   SOURCE    the source of the pictures, a part of a pipeline      (default: the first camera)
+#   VIEW      where they are shown                                  (default: a window)
 #   LINES_TO  a file for one JSON object per frame                  (default: none)
 #   SETTINGS  properties of terrainseg, as in gst-launch-1.0        (default: none)
 set -euo pipefail
@@ -14,7 +14,7 @@ SETTINGS=${SETTINGS:-}
 fail() { echo "$(basename "$0"): $*" >&2; exit 1; }
 usage() { sed -n '3,/^[^#]/s/^# \{0,1\}//p' "$0"; exit "${1:-0}"; }
 
-# use_plugin: GST_PLUGIN_PATH as it is when it is set, else the newest build in the source tree, else what is installed.
+# use_plugin: keeps GST_PLUGIN_PATH if it is set, else uses the newest build in the source tree, else the installed plugin.
 use_plugin() {
   local plugin newest=""
   [ -z "${GST_PLUGIN_PATH:-}" ] || return 0
@@ -34,33 +34,33 @@ use_plugin() {
 }
 [[ " $* " == *" --help "* ]] || use_plugin
 
-# quoted TEXT: one word of a pipeline, whatever the text holds.
+# quoted TEXT: quotes any text as one word of a pipeline.
 quoted() {
   local text=${1//\\/\\\\}
   printf '"%s"' "${text//\"/\\\"}"
 }
 
-# check_port TEXT: gst-launch-1.0 only warns of a number that is no port, and goes on with another one.
+# check_port TEXT: needed because gst-launch-1.0 only warns of an invalid port and continues with another one.
 check_port() {
   { [[ $1 =~ ^[0-9]{1,5}$ ]] && [ "$((10#$1))" -ge 1 ] && [ "$((10#$1))" -le 65535 ]; } || fail "'$1' is no port: say one from 1 to 65535"
 }
 
-# check_passphrase: one that SRT takes, or none.
+# check_passphrase: accepts a passphrase that is valid for SRT, or none.
 check_passphrase() {
   local length=${#SRT_PASSPHRASE}
   [ "$length" -eq 0 ] || { [ "$length" -ge 10 ] && [ "$length" -le 79 ]; } ||
-    fail "SRT_PASSPHRASE has $length characters, and SRT takes 10 to 79: set the same at both ends"
+    fail "SRT_PASSPHRASE has $length characters; SRT takes 10 to 79: set the same at both ends"
 }
 SRT_PASSPHRASE=${SRT_PASSPHRASE:-}
 
-# lines_branch: behind a tee named t, one JSON object per frame into the file LINES_TO, when that is set.
+# lines_branch: a branch of the tee named t that writes one JSON object per frame to LINES_TO, if that is set.
 lines_branch() {
   [ -z "${LINES_TO:-}" ] || printf '%s' "t. ! queue ! terrainextract ! application/x-ndjson ! filesink location=$(quoted "$LINES_TO") \
     buffer-mode=unbuffered sync=false async=false"
 }
 
-# show_warnings: gst-launch-1.0 -q hides warnings with all else. They are in the log, in two lines each: the first one is
-# shown as gst-launch-1.0 shows it, the rest of the log is not. With GST_DEBUG set the log is yours.
+# show_warnings: gst-launch-1.0 -q hides warnings too. The log has two lines for each: the first one is shown in the form of
+# gst-launch-1.0, the rest of the log is hidden. If GST_DEBUG is set, the whole log is shown.
 show_warnings() {
   [ -z "${GST_DEBUG:-}" ] || return 0
   export GST_DEBUG='terrain*:2' GST_DEBUG_NO_COLOR=1
@@ -77,8 +77,8 @@ show_warnings() {
   )
 }
 
-# check_ends TEXT: the camera and the display that the pipeline wants are there. Without a display autovideosink may crash, and
-# without a word: Debian 12's DirectFB sink does.
+# check_ends TEXT: checks that the pipeline's camera and display exist. Without a display autovideosink may crash without a
+# message: Debian 12's DirectFB sink does.
 check_ends() {
   local camera=/dev/video0
   if [[ " $1 " =~ [[:space:]]v4l2src[[:space:]]+(device=([^[:space:]]+)[[:space:]])? ]]; then
@@ -93,8 +93,8 @@ VIEW='videoconvert ! video/x-raw,format=I420 ! x264enc ! mp4mux ! filesink locat
   fi
 }
 
-# pipeline TEXT: runs it; Ctrl-C ends it properly. No shell reads the text: gst-launch-1.0 puts the words together again as
-# they were and reads the quotes in them itself.
+# pipeline TEXT: runs it; Ctrl-C ends it properly. No shell parses the text: gst-launch-1.0 joins the words again and parses
+# the quotes itself.
 pipeline() {
   local words
   mapfile -d ' ' -t words <<<"${1//$'\n'/ }"
@@ -105,7 +105,7 @@ pipeline() {
 }
 
 # rover SINK: the rover's end of a link: H.264 and one KLV unit per frame in an MPEG transport stream, into SINK.
-# A leaky queue belongs before terrainseg only: behind it video and metadata must stay together.
+# The leaky queue must be before terrainseg: behind it, video and metadata must stay together.
 rover() {
   pipeline "$SOURCE ! videoconvert ! video/x-raw,format=I420 ! queue leaky=downstream max-size-buffers=2 ! terrainseg $SETTINGS ! tee name=t \
     t. ! queue ! x264enc tune=zerolatency speed-preset=veryfast bitrate=4000 key-int-max=30 ! h264parse config-interval=-1 ! terrainstamp ! mux. \
@@ -114,12 +114,12 @@ rover() {
     mpegtsmux name=mux alignment=7 latency=100000000 ! $1"
 }
 
-# A rendered rover, as slow as a real one, in place of the camera.
+# A rendered scene in real time instead of the camera.
 test_frames=90
 test_source="terrainscenesrc is-live=true num-buffers=$test_frames ! video/x-raw,format=I420,width=320,height=180,framerate=30/1"
 
-# stop PID: what Ctrl-C does, to a pipeline that has no end of its own. Where nothing ever came in there is no end to wait
-# for: then what a second Ctrl-C does.
+# stop PID: does what Ctrl-C does, for a pipeline without an end of its own. If nothing was ever received, the pipeline does not
+# end; then does what a second Ctrl-C does.
 stop() {
   kill -INT "$1" 2>/dev/null || true
   for _ in $(seq 50); do
@@ -130,10 +130,10 @@ stop() {
   wait "$1" || true
 }
 
-# Closing an SRT connection throws away what is younger than its latency: a stream may lose that much at its end.
+# Closing an SRT connection drops the data that is younger than its latency: a stream may lose that much at its end.
 may_lose_at_end=0
 
-# free_port: a UDP port that nobody has, so that tests may run side by side.
+# free_port: prints an unused UDP port, so that tests can run side by side.
 free_port() {
   /usr/bin/python3 -c 'import socket; s = socket.socket(type=socket.SOCK_DGRAM); s.bind(("", 0)); print(s.getsockname()[1])'
 }

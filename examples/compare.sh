@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# terrainseg on the left, the unmodified algorithm (terrainreference) on the right, on the same pictures.
+# Shows terrainseg (left) and the unmodified algorithm, terrainreference (right), on the same pictures.
+# Needs a build with the lab (OpenCV, Eigen): docs/tasks/installing.md.
 # usage: examples/compare.sh | --self-test
-# SOURCE is where the pictures come from (default: the rendered scene), VIEW where they are shown (default: a window),
-# SETTINGS properties of terrainseg, REFERENCE_SETTINGS properties of terrainreference, WIDTH and HEIGHT the size at which
-# both look (default: 640 and 360).
+# Environment: SOURCE  the source of the pictures (default: the rendered scene)     VIEW  where to show them (default: a window)
+#              SETTINGS  properties of terrainseg       REFERENCE_SETTINGS  properties of terrainreference
+#              WIDTH, HEIGHT  the size that both process (default: 640 and 360)
 SOURCE=${SOURCE:-terrainscenesrc is-live=true scene=road light=drift}
 WIDTH=${WIDTH:-640}
 HEIGHT=${HEIGHT:-360}

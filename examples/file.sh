@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# A video with the traversable ground tinted, as H.264 in MP4. (Many files, masks, resuming: terrainseg-process.)
+# Writes a video with the traversable ground tinted, as H.264 in MP4. For many files, masks and resuming: terrainseg-process.
 # usage: examples/file.sh VIDEO OUTPUT.mp4 | --self-test
 . "$(dirname "$0")/common.sh"
 uri_of() { /usr/bin/python3 -c 'import pathlib, sys; print(pathlib.Path(sys.argv[1]).resolve().as_uri())' "$1"; }

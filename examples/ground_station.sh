@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# The ground's end of a link: video and KLV become video with metadata again, drawn in a window.
+# Receives video and KLV, attaches the metadata to the frames again and draws it in a window.
 # usage: examples/ground_station.sh srt://ROVER:PORT | udp://:PORT | rtp://:PORT | --self-test
 #   LINES_TO=FILE writes one JSON object per frame
 . "$(dirname "$0")/common.sh"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Commands that take long without a word; install-dependencies.sh and quickstart.sh source this.
+# Progress of commands that run for long without output. install-dependencies.sh and quickstart.sh source this file.
 
 # running PID: the files that the children of a process make, such as ninja's compilers.
 running() {

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Makes the pictures and clips of README.md and docs/ from the project's own scenes, with the filter as it is now.
+# Makes the pictures and clips of README.md and docs/ from the project's own scenes with the current filter.
 # usage: examples/make_pictures.sh [FOLDER]
-# leaves in FOLDER (default: docs/images) the scenes as they are, one frame in every overlay style and what metres look like as
-# JPEG, and what the commands of docs/gallery.md make: JPEG pictures and WebP clips. MAX_FRAMES=n drives each scene for n frames
-# at most: a trial.
+# Writes into FOLDER (default: docs/images): the scenes, one frame in every overlay style and a frame with metres as JPEG,
+# and the results of the commands of docs/gallery.md as JPEG pictures and WebP clips.
+# MAX_FRAMES=n limits each scene to n frames, for a trial.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 case ${1:-} in

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Installs what is missing, builds the filter and runs it once, on VIDEO or on a scene that it renders itself.
-# usage: examples/quickstart.sh [VIDEO] [PROPERTY=VALUE...]      such as window-bottom=80: a property of terrainseg
-# leaves quickstart/annotated.mp4 (H.264), quickstart/masks.mkv (FFV1, GRAY8), quickstart/terrain.jsonl and
-# quickstart/preview.png, a contact sheet: annotated frames above, their masks below. What an earlier run left moves to
+# Installs missing packages, builds the filter and runs it once, on VIDEO or on a rendered scene.
+# usage: examples/quickstart.sh [VIDEO] [PROPERTY=VALUE...]      a property of terrainseg, such as window-bottom=80
+# Writes quickstart/annotated.mp4 (H.264), quickstart/masks.mkv (FFV1, GRAY8), quickstart/terrain.jsonl and
+# quickstart/preview.png, a contact sheet: annotated frames above, their masks below. Earlier results move to
 # quickstart/earlier-N.
-# Of a damaged VIDEO what could be decoded is kept as quickstart/partial.*, and the exit status is 1.
-# (QUICKSTART_BUILD: a build that is there already, used as it is; QUICKSTART_RESULTS: another folder for the results.)
+# If VIDEO is damaged, the frames that could be decoded are kept as quickstart/partial.*, and the exit status is 1.
+# (QUICKSTART_BUILD: use this existing build unchanged; QUICKSTART_RESULTS: another folder for the results.)
 set -euo pipefail
 top=$(cd "$(dirname "$0")/.." && pwd)
 . "$top/examples/heartbeat.sh"
@@ -26,7 +26,7 @@ for argument in "$@"; do
   elif [[ $argument =~ ^[a-z][a-z0-9-]*=. ]]; then
     settings+=(--set "$argument")
   else
-    fail "$argument: there is no such file, and it is no PROPERTY=VALUE"
+    fail "$argument: there is no such file, and it is not PROPERTY=VALUE"
   fi
 done
 
@@ -87,7 +87,7 @@ print(f'{frames} {"frame" if frames == 1 else "frames"} of {summary["width"]}x{s
 print(f'the filter itself: {own:.2f} ms a frame' + (f', {1000 / own:.0f} frames per second' if own > 0 else ''))
 print(f'traversable: {100 * summary["traversable"]:.0f} % of the view')
 if summary['still_rows']:
-    print(f'the lowest {summary["still_rows"]} rows never change: try window-bottom={summary["still_rows"]} behind this command')
+    print(f'the lowest {summary["still_rows"]} rows never change: try window-bottom={summary["still_rows"]} at the end of this command')
 PYTHON
 
 # Six frames from all over the clip, and their masks.
@@ -106,7 +106,7 @@ for name in "${names[@]}"; do
   mkdir -p "$results/earlier-$earlier"
   mv "$results/$prefix$name" "$results/earlier-$earlier/"
 done
-[ ! -e "$results/earlier-$earlier" ] || echo "what the last run left is in $results/earlier-$earlier"
+[ ! -e "$results/earlier-$earlier" ] || echo "the results of the last run are in $results/earlier-$earlier"
 for name in "${names[@]}"; do
   mv "$out/$prefix$name" "$results/$prefix$name"
   echo "$results/$prefix$name"
@@ -114,9 +114,9 @@ done
 
 quoted=$(printf '%q' "$source")
 cat <<NEXT
-README, pages and examples: run their commands in the shell that this opens: meson devenv -w $top -C $build
-(the window of examples/tune.sh also takes: ./install-dependencies.sh tune)
-What next, from $top:
+To run the commands of README, pages and examples, open a shell: meson devenv -w $top -C $build
+(examples/tune.sh also needs: ./install-dependencies.sh tune)
+What next, in $top:
   examples/quickstart.sh $quoted caution=8    # another setting
   ${process#"$top"/} -o out $quoted    # many files, CSV, resuming: docs/tasks/files.md
   meson devenv -C ${build#"$top"/} gst-inspect-1.0 terrainseg    # every setting, and the filter in your own pipelines

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# The rover's end of an RTP link: H.264 and KLV in an MPEG transport stream in RTP (RFC 2250), so that lost and reordered
-# packets are noticed, and both streams keep one clock. VLC and ffplay show it without an SDP file.
-# usage: examples/stream_rtp.sh HOST [PORT] | --self-test           the other end: ground_station.sh rtp://:PORT
+# Sends H.264 and KLV over RTP from the rover, as an MPEG transport stream (RFC 2250). The receiver detects lost and reordered
+# packets, and both streams share one clock. VLC and ffplay show it without an SDP file.
+# usage: examples/stream_rtp.sh HOST [PORT] | --self-test           the receiver: ground_station.sh rtp://:PORT
 . "$(dirname "$0")/common.sh"
 case "${1:-}" in
   --help) usage ;;

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# The rover's end of an SRT link, which repeats what the radio lost: H.264 and KLV in an MPEG transport stream. Waits for
-# a ground station to call. Encrypted when SRT_PASSPHRASE (10 to 79 characters) is set at both ends.
-# usage: examples/stream_srt.sh [PORT] | --self-test                the other end: ground_station.sh srt://ROVER:PORT
+# Sends H.264 and KLV over SRT from the rover, as an MPEG transport stream. SRT repeats lost packets. Waits until a ground
+# station connects. Encrypted if SRT_PASSPHRASE (10 to 79 characters) is set at both ends.
+# usage: examples/stream_srt.sh [PORT] | --self-test                the receiver: ground_station.sh srt://ROVER:PORT
 . "$(dirname "$0")/common.sh"
 case "${1:-}" in
   --help) usage ;;

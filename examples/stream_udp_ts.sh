@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# The rover's end of a UDP link: H.264 and one KLV unit per frame in an MPEG transport stream.
-# usage: examples/stream_udp_ts.sh HOST [PORT] | --self-test        the other end: ground_station.sh udp://:PORT
+# Sends H.264 and one KLV unit per frame over UDP from the rover, as an MPEG transport stream.
+# usage: examples/stream_udp_ts.sh HOST [PORT] | --self-test        the receiver: ground_station.sh udp://:PORT
 . "$(dirname "$0")/common.sh"
 case "${1:-}" in
   --help) usage ;;

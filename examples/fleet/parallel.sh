@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # A list of recordings in shards on this machine, by GNU parallel: examples/fleet/parallel.sh LIST OUT SHARDS [OPTION...]
-# A shard that may succeed when tried again (exit code 75, or killed) is, three times in all.
+# A shard that may succeed when tried again (exit code 75, or killed) runs up to three times.
 set -uo pipefail
 [ $# -ge 3 ] || { sed -n '3s/^# //p' "$0"; exit 2; }
 list=$1 out=$2 shards=$3

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # One Slurm array job over a list of recordings: sbatch --array=1-8 examples/fleet/slurm.sh LIST OUT [OPTION...]
-#   LIST       one input a line, on a file system that all nodes see; OUT: the folder for what is made, too
+#   LIST       one input per line, on a file system that all nodes see; OUT: the folder for the results, there too
 #   OPTION...  further options of terrainseg-process, such as --outputs masks,json
-# The task and count of the array are the shard (--shard auto). A task that is killed, or finds a full disk, is put
-# back into the queue; what was whole before is not made again.
+# The task number and the size of the array select the shard (--shard auto). A task that is killed or finds a full disk is
+# requeued; complete inputs are not processed again.
 #SBATCH --job-name=terrainseg
 #SBATCH --cpus-per-task=1
 #SBATCH --requeue

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Runs a pipeline and tells its terrainseg the vehicle's attitude: MAVLink ATTITUDE by UDP in, `terrainseg-pose` events out.
+"""Runs a pipeline and sends the vehicle's attitude to its terrainseg: MAVLink ATTITUDE by UDP in, `terrainseg-pose` events out.
 
 usage: attitude_to_pose.py [--listen 127.0.0.1:14551] [--mount height=0.5,pitch=10deg] [--delay-ms 0] PIPELINE
 
 MAVLink's attitude is the vehicle's, front-right-down: positive pitch = nose up. The pose is the camera's, front-left-up:
-positive pitch = it looks down. So the signs of pitch and yaw turn, and the mount's angles come on top. Only what a
-vehicle's autopilot (component 1) sends is taken. Signed frames are read; their signature is not checked.
+positive pitch = it looks down. The signs of pitch and yaw are therefore reversed, and the angles of the mount are added.
+Only messages of a vehicle's autopilot (component 1) are used. Signed frames are read; their signature is not checked.
 """
 import argparse
 import math
@@ -107,7 +107,7 @@ def listen(sock, pipeline, filters, mount, delay, heard):
 
 def tell_silence(heard, address):
     if not heard.is_set():
-        print(f'attitude_to_pose.py: no ATTITUDE of an autopilot (component 1) came to {address} so far: metres are those of the mount alone. '
+        print(f'attitude_to_pose.py: no ATTITUDE of an autopilot (component 1) came to {address} so far: ranges use the mount alone. '
               'Does the router send to this address, and does the autopilot send ATTITUDE (SR2_EXTRA1)?', file=sys.stderr)
     return GLib.SOURCE_REMOVE
 
@@ -124,8 +124,8 @@ def all_elements(pipeline):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--listen', default='127.0.0.1:14551', metavar='HOST:PORT')
-    parser.add_argument('--mount', default='', help="as terrainseg's property mount in its text form: roll, pitch, yaw are used")
-    parser.add_argument('--delay-ms', type=float, default=0, help='how long ATTITUDE is under way')
+    parser.add_argument('--mount', default='', help="as terrainseg's property mount in its text form; roll, pitch and yaw are used")
+    parser.add_argument('--delay-ms', type=float, default=0, help='delay of ATTITUDE on its way, milliseconds')
     parser.add_argument('pipeline', nargs='+')
     options = parser.parse_args()
     try:
@@ -141,7 +141,7 @@ def main():
     pipeline = Gst.parse_launch(' '.join(options.pipeline))
     filters = [element for element in all_elements(pipeline) if element.get_factory() and element.get_factory().get_name() == 'terrainseg']
     if not filters:
-        sys.exit('attitude_to_pose.py: the pipeline holds no terrainseg')
+        sys.exit('attitude_to_pose.py: there is no terrainseg in the pipeline')
     loop = GLib.MainLoop()
     status = []
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Where the plugin is, for the programs in this folder: with it installed (or GST_PLUGIN_PATH set) Gst.init() is all it takes."""
+"""Finds the plugin for the programs in this folder. If it is installed, or GST_PLUGIN_PATH is set, Gst.init() is enough."""
 import pathlib
 import sys
 
@@ -12,7 +12,7 @@ BUILDS = ('build', 'build-release', 'build-quickstart')
 
 
 def init():
-    """Gst.init(), and when GStreamer knows no terrainseg the newest build in the source tree, which is named on stderr."""
+    """Gst.init(). If GStreamer does not find terrainseg, loads the newest build in the source tree and names it on stderr."""
     Gst.init(None)
     if Gst.ElementFactory.find('terrainseg'):
         return
@@ -25,5 +25,5 @@ def init():
     newest = max(plugins, key=lambda path: path.stat().st_mtime)
     Gst.Registry.get().scan_path(str(newest.parent))
     if not Gst.ElementFactory.find('terrainseg'):
-        sys.exit(f'{name}: {newest} cannot be loaded: GST_DEBUG=2 {name} says why')
+        sys.exit(f'{name}: {newest} cannot be loaded: run GST_DEBUG=2 {name} for the reason')
     print(f'{name}: uses the plugin in {newest.parent.relative_to(top)}', file=sys.stderr)

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Masks as numpy arrays, with the stock bindings of Debian: python3-gi, gir1.2-gst-plugins-base-1.0, python3-numpy.
+"""Masks as numpy arrays, with Debian's own bindings: python3-gi, gir1.2-gst-plugins-base-1.0, python3-numpy.
 
 usage: mask_to_numpy.py [VIDEO]        without a video: a rendered scene of 60 frames
 
-Copy frames() into your program. It reads the metadata of every frame; the picture itself comes with it when asked for.
+Copy frames() into your program. It reads the metadata of every frame, and on request the picture.
 """
 import argparse
 import os
@@ -113,7 +113,7 @@ def source_of(video):
 
 
 def main():
-    parser = argparse.ArgumentParser(description='Masks as numpy arrays: a line a frame.')
+    parser = argparse.ArgumentParser(description='Masks as numpy arrays: prints one line per frame.')
     parser.add_argument('video', metavar='VIDEO', nargs='?', help='without one: a rendered scene of 60 frames')
     for each in frames(source_of(parser.parse_args().video)):
         share = np.mean(each['mask'] == 255)

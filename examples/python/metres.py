@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""How far the way is free, in metres: of every frame the range straight ahead and the nearest obstacle. No numpy.
+"""How far the way is free, in metres: for every frame the range straight ahead and the nearest obstacle. No numpy.
 
 usage: metres.py [--camera-info FILE --mount FILE|height=..,pitch=..] [--start-time TIME] [VIDEO]
        without a video: a rendered scene of 60 frames with the calibration of its camera
 
 Prints   frame 12 20:00:00.400 ahead 3.412 m (3.105 .. 3.784) nearest 2.107 m at +12.3 degrees
          (degrees: positive = to the left; in brackets one standard deviation to either side),
-         frame 13 ... ahead free to 12.5 m       where the way is free as far as metres are told,
-and      frame 14 ... unknown                    where there are none: no calibration, no pose, nothing learned.
+         frame 13 ... ahead free to 12.5 m       if the way is free up to range-max,
+or       frame 14 ... unknown                    if there are no metres: no calibration, no pose, nothing learned.
 """
 import argparse
 import array

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Publishes JSON lines to an MQTT broker, and loses none while the broker is away. Takes python3-paho-mqtt (1.6 or 2).
+"""Publishes JSON lines to an MQTT broker, and loses none while the broker is away. Needs python3-paho-mqtt (1.6 or 2).
 
 usage: ... ! terrainextract ! application/x-ndjson ! fdsink | mqtt_publish.py --topic rover/terrain
        mqtt_publish.py --host BROKER --spool terrain.spool < lines.jsonl
 
-Every line goes to the spool file first and from there to the broker with QoS 1; it counts as delivered when the broker
-has acknowledged it. While the broker is down the spool grows, up to --limit lines (then the oldest go, and are
-counted). A program that was killed goes on where it stopped. A line may arrive twice (that is QoS 1): tell by "frame".
-Ends when the input ended and everything is acknowledged.
+Every line goes to the spool file first, and from there to the broker with QoS 1. A line is delivered when the broker has
+acknowledged it. While the broker is down, the spool grows up to --limit lines; then the oldest are dropped and counted.
+A program that was killed continues where it stopped. A line may arrive twice (that is QoS 1): compare "frame".
+The program ends when the input has ended and everything is acknowledged.
 """
 import argparse
 import collections
@@ -24,7 +24,7 @@ IN_FLIGHT = 32   # published, not yet acknowledged
 
 
 def new_client(name):
-    """paho 2 wants to be told which callbacks it calls; those here take what either gives."""
+    """paho 2 needs the version of its callbacks; the callbacks here accept the arguments of either version."""
     if hasattr(mqtt, 'CallbackAPIVersion'):
         return mqtt.Client(mqtt.CallbackAPIVersion.VERSION2, client_id=name)
     return mqtt.Client(client_id=name)
@@ -207,10 +207,10 @@ def main():
     parser.add_argument('--topic', default='rover/terrain')
     parser.add_argument('--client', default=f'terrainseg-{os.getpid()}', help='name of this client at the broker')
     parser.add_argument('--user')
-    parser.add_argument('--password', default=os.environ.get('MQTT_PASSWORD'), help='better: in MQTT_PASSWORD')
+    parser.add_argument('--password', default=os.environ.get('MQTT_PASSWORD'), help='safer: set MQTT_PASSWORD')
     parser.add_argument('--retain', action='store_true', help='the broker keeps the newest line for new subscribers')
-    parser.add_argument('--spool', default='terrain.spool', help='file for lines that are not delivered yet')
-    parser.add_argument('--limit', type=int, default=1_000_000, help='lines that the spool holds at most')
+    parser.add_argument('--spool', default='terrain.spool', help='file for undelivered lines')
+    parser.add_argument('--limit', type=int, default=1_000_000, help='maximum number of lines in the spool')
     parser.add_argument('--retry', type=float, default=1.0, help='seconds between two attempts to connect')
     options = parser.parse_args()
     if not 1 <= options.port <= 65535:

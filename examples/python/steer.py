@@ -5,12 +5,12 @@
 usage: steer.py [--depth 0.25] [VIDEO]        without a video: a rendered scene of 90 frames
        steer.py --link 'udpsrc ... ! tsdemux name=d ... terraincombine name=link'     over a link (docs/security.md)
 
-Prints   frame 12 steer +0.130 speed 0.72   (steer: -1 full left .. 1 full right; speed: 0 stop .. 1)
-and      frame 13 stop: blocked             when the way is blocked or nothing is known,
-         stop: no picture                  when none came for half a second: a camera that died sees nothing,
-and      frame - stop: stale ...           for half a second after the link lost or rejected metadata.
+Prints   frame 12 steer +0.130 speed 0.72   (steer: -1 full left .. 1 full right; speed: 0 stop .. 1),
+         frame 13 stop: blocked             if the way is blocked or nothing is known,
+         stop: no picture                   if no frame came for half a second, for example after the camera died,
+or       frame - stop: stale ...            for half a second after the link lost or rejected metadata.
 
-A mask is no proof that the ground carries: the near-range sensor stays in charge of stopping.
+A mask does not prove that the ground carries the vehicle. The near-range sensor stays responsible for stopping.
 """
 import argparse
 import array
@@ -84,8 +84,8 @@ class Driver:
 
 
 class Link:
-    """Whether what came over a link may be steered by: not for half a second of frames after metadata was lost or
-    rejected. A unit that is missing is harmless, but one that somebody else sent tells itself this way too."""
+    """Whether metadata from a link may be used for steering: not for half a second of frames after metadata was lost or
+    rejected. A missing unit is harmless, but a forged unit shows in the same way."""
 
     def __init__(self, combine):
         self.combine = combine
@@ -104,13 +104,13 @@ class Link:
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--depth', type=float, default=0.25, help='of the frame height that must be free (0.25)')
+    parser.add_argument('--depth', type=float, default=0.25, help='share of the frame height that must be free (0.25)')
     parser.add_argument('--settings', default='', help='properties of terrainseg, as in gst-launch-1.0')
-    parser.add_argument('--link', help='instead of terrainseg: what ends in a terraincombine named link')
+    parser.add_argument('--link', help='instead of terrainseg: a pipeline that ends in a terraincombine named link')
     parser.add_argument('video', nargs='?')
     options = parser.parse_args()
     if not 0 < options.depth <= 1:
-        parser.error(f'--depth {options.depth:g}: say more than 0 and at most 1, of the frame height')
+        parser.error(f'--depth {options.depth:g}: use more than 0 and at most 1, of the frame height')
 
     find_plugin.init()
     source = 'terrainscenesrc num-buffers=90 ! video/x-raw,width=320,height=180'

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""A window to tune the filter in: examples/tune.sh starts this and says how it is used."""
+"""The window of examples/tune.sh, which starts this program and describes its use."""
 import argparse
 import os
 import pathlib
@@ -23,7 +23,7 @@ HELP = '''1..9 0  choose    + -  change
 Backspace  as the preset has it
 left drag   training window
 right drag  region to ignore
-right click takes it away
+right click removes it
 Space pause   . step   r forget
 l learning on/off   q leave'''
 
@@ -38,7 +38,7 @@ def source_of(what):
     if what == 'camera':
         return os.environ.get('SOURCE', 'v4l2src ! decodebin') + ' ! videoconvert ! video/x-raw,format=NV12 ! queue leaky=downstream max-size-buffers=1'
     if not os.access(what, os.R_OK):
-        fail(f'{what} cannot be read; say a video, camera or scene')
+        fail(f'{what} cannot be read; use a video file, camera or scene')
     uri = pathlib.Path(what).resolve().as_uri()
     return f'uridecodebin uri={uri} ! videoconvert ! deinterlace fields=top ! videoflip video-direction=auto ! videoconvert'
 
@@ -264,7 +264,7 @@ class Tuner:
         try:
             write_settings(self.options.settings, settings)
         except OSError as error:
-            fail(f'{self.options.settings} cannot be written: {error.strerror}; the line above has the same')
+            fail(f'{self.options.settings} cannot be written: {error.strerror}; the line above has the same settings')
         print(f'tune.sh: {self.options.settings} has the same: terrainseg settings-location={shlex.quote(self.options.settings)}, '
               f'terrainseg-process --set settings-location={shlex.quote(self.options.settings)}', file=sys.stderr)
 
@@ -356,25 +356,25 @@ def png_file(text):
 
 
 def main():
-    parser = argparse.ArgumentParser(prog='tune.sh', description='A window to tune the filter in.')
+    parser = argparse.ArgumentParser(prog='tune.sh', description='A window to tune the filter.')
     parser.add_argument('what', metavar='VIDEO|camera|scene')
-    parser.add_argument('properties', metavar='PROPERTY=VALUE', nargs='*', type=pair, help='what to begin with')
-    parser.add_argument('--settings', default='terrainseg.settings', help='file that is read first and written last (%(default)s)')
-    parser.add_argument('--width', type=int, default=800, help='of the picture in the window, pixels (%(default)s)')
-    parser.add_argument('--sink', default='ximagesink', help='the window (%(default)s)')
-    parser.add_argument('--picture', metavar='FILE.png', type=png_file, help='no window: the last of some frames as a picture')
-    parser.add_argument('--try', dest='attempt', metavar='PROPERTY=A:B:C', type=attempt, help='with --picture: side by side')
-    parser.add_argument('--frames', type=int, default=60, help='with --picture: how many (%(default)s)')
+    parser.add_argument('properties', metavar='PROPERTY=VALUE', nargs='*', type=pair, help='initial settings')
+    parser.add_argument('--settings', default='terrainseg.settings', help='file that is read at the start and written on exit (%(default)s)')
+    parser.add_argument('--width', type=int, default=800, help='width of the picture in the window, pixels (%(default)s)')
+    parser.add_argument('--sink', default='ximagesink', help='the video sink (%(default)s)')
+    parser.add_argument('--picture', metavar='FILE.png', type=png_file, help='no window: write the last frame as a picture')
+    parser.add_argument('--try', dest='attempt', metavar='PROPERTY=A:B:C', type=attempt, help='with --picture: one picture per value, side by side')
+    parser.add_argument('--frames', type=int, default=60, help='with --picture: number of frames to process (%(default)s)')
     options = parser.parse_args()
     options.width -= options.width % 2
     if not 64 <= options.width <= 4096:
-        parser.error('--width is 64 to 4096')
+        parser.error('--width must be 64 to 4096')
     find_plugin.init()
     for name in 'textoverlay', 'videobox':
         if not Gst.ElementFactory.find(name):
-            fail(f'GStreamer has no {name}: ./install-dependencies.sh tune installs what this takes')
+            fail(f'GStreamer has no {name}: ./install-dependencies.sh tune installs what this needs')
     if not options.picture and not os.environ.get('DISPLAY') and options.sink == 'ximagesink':
-        fail('no display (DISPLAY is not set): --picture FILE.png draws into a file')
+        fail('no display (DISPLAY is not set): use --picture FILE.png to draw into a file')
     try:
         return picture_of(options) if options.picture else Tuner(options).run()
     except GLib.Error as error:
