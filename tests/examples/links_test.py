@@ -303,7 +303,7 @@ def rtsp_says_why_there_is_no_picture(folder):
     contains(run(server, '--source', 'v4l2src device=/dev/kamera-ä', code=4, env={**os.environ, 'LC_ALL': 'C.UTF-8'}).stderr, 'kamera-ä')
     # What shows only when a viewer comes.
     for source, cause in (('filesrc location=absent.mp4 ! decodebin', 'No such file "'),
-                          ('videotestsrc ! video/x-raw,interlace-mode=interleaved', 'put "deinterlace" in front of it')):
+                          ('videotestsrc ! video/x-raw,interlace-mode=interleaved', 'put "deinterlace" before it')):
         process = subprocess.Popen([server, '--port', str(port := free_port()), '--source', source], stdout=subprocess.PIPE,
                                    stderr=subprocess.PIPE, text=True)
         try:
@@ -410,8 +410,9 @@ def attitude_moves_the_metres(folder):
         finally:
             sender.kill()
         equal(sender.wait(), 0, 'exit')
-        # 1.35 m high, looking down by 2.75 degrees and 0.35; the lowest row is 90 below the middle, 262.4 to a radian.
-        expected = 135 / math.tan(math.radians(2.75) + 0.35 + math.atan(90 / 262.4))
+        # 1.35 m high, looking down by 2.75 degrees and 0.35; the lowest row is 90 below the middle, 262.4 to a radian. The least
+        # distance holds for the whole stream: it leaves 10 degrees for the vehicle's sway.
+        expected = 135 / math.tan(math.radians(2.75 + 10) + 0.35 + math.atan(90 / 262.4))
         near = [n for n in nearest if abs(n - expected) < 4]
         assert len(near) > 20, (expected, nearest)
 
@@ -501,8 +502,8 @@ def a_warning_is_shown_once_and_the_log_is_not(folder):
     equal([line[:58] for line in told], ['WARNING: from element terrainseg0: The training window (wi'], told)
     grey = 'terrainscenesrc num-buffers=200 ! video/x-raw,width=64,height=48 ! videobalance saturation=0'
     told = run(EXAMPLES / 'camera.sh', env={**plain, 'SOURCE': grey, 'VIEW': 'fakesink'}).stderr.splitlines()
-    equal([line[:52] for line in told], ['WARNING: from element terrainseg0: The video is NV12'], told)
-    contains(run(EXAMPLES / 'ardupilot.sh', env={**plain, 'SOURCE': source}).stderr, 'The autopilot is told that nothing is known')
+    equal([line[:52] for line in told], ['WARNING: from element terrainseg0: The video format '], told)
+    contains(run(EXAMPLES / 'ardupilot.sh', env={**plain, 'SOURCE': source}).stderr, 'The autopilot receives "unknown" for all directions')
     wrong = run(EXAMPLES / 'camera.sh', code=255, env={**plain, 'SOURCE': source, 'VIEW': 'fakesink', 'SETTINGS': 'camera-info=none.yaml mount=height=1'})
     equal(wrong.stderr.count('No such file'), 2, 'error and details of gst-launch-1.0')
 
