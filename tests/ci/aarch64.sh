@@ -46,7 +46,7 @@ if [ ! -f "$root/usr/lib/aarch64-linux-gnu/libhwy.so" ]; then
     fail "cannot fetch libhwy for arm64 (see $folder/apt.log)"
 fi
 
-mapfile -t core < <(find src -name '*.cpp' -not -path 'src/scene/*' -not -path 'src/tools/*' -not -path 'src/metric/*' -not -path 'src/recording/*')
+mapfile -t core < <(find src -name '*.cpp' -not -path 'src/scene/*' -not -path 'src/tools/*' -not -path 'src/metric/*' -not -path 'src/recording/*' -not -path 'src/ros2/*')
 gtest=/usr/src/googletest/googletest
 flags=(-std=c++20 -O2 -Iinclude -Isrc -I"$gtest" -I"$gtest/include" -pthread)
 

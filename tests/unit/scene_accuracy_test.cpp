@@ -193,7 +193,8 @@ TEST(Motion, FindsTheGroundBeyondAChangeOfLightAgain) {
   RecordProperty("error_percent_lost", std::to_string(lost.error_percent()));
   RecordProperty("error_percent_found", std::to_string(found.error_percent()));
   EXPECT_GT(lost.error_percent(), 30);
-  EXPECT_LT(found.error_percent(), 28); // 26.3, without `upright` 18.8; 36.7 where the prior follows the boundary alone
+  EXPECT_LT(found.error_percent(),
+            28); // 26.3, without `upright` 18.8; 36.7 where the prior follows the boundary alone
 }
 
 // A trail in a low sun: shadows of trees lie across the whole of it.
