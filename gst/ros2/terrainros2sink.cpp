@@ -606,7 +606,7 @@ static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_set_static_metadata(element_class, "ROS 2 sink", "Sink/Network/Metadata/Video",
                                         "Sends terrain metadata and video as ROS 2 topics over DDS",
-                                        "terrainseg maintainers");
+                                        "The terrainseg developers");
   GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
   sink_class->start = start;
   sink_class->stop = stop;
