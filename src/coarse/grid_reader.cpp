@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "coarse/grid_reader.hpp"
 
-#include "coarse/ignored.hpp"
+#include "coarse/grid.hpp"
 
 namespace terrainseg {
 
