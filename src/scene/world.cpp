@@ -15,7 +15,7 @@ Vec3 toward_sun(float elevation_turns, float azimuth_turns) {
           along * static_cast<float>(cosine(azimuth_turns))};
 }
 
-/// Visits the cells of `length` metres between two z; the key of a cell repeats with the world.
+/// Visits the cells of `length` metres between two z. Keys of cells repeat with the world's period.
 template <class Visit> void each_cell(float from, float to, float length, std::uint32_t key, Visit&& visit) {
   const int cells = static_cast<int>(world_length / length);
   for (int i = floor_of(from / length); i <= floor_of(to / length); ++i)
@@ -23,7 +23,7 @@ template <class Visit> void each_cell(float from, float to, float length, std::u
           Dice(hash(key, static_cast<std::uint32_t>((i % cells + cells) % cells))));
 }
 
-// Obstacles come in two sorts: of a colour of their own, and of a colour close to the ground's.
+// Obstacles have either their own colour or one close to the ground's.
 Color obstacle_color(Dice& dice, const Color& own, const Color& ground, float likeness) {
   if (!dice.chance(likeness))
     return own;
@@ -31,7 +31,7 @@ Color obstacle_color(Dice& dice, const Color& own, const Color& ground, float li
   return ground * brightness;
 }
 
-/// How far behind the rover something may stand whose shadow is in sight.
+/// How far behind the rover an object may cast a visible shadow, metres.
 float shadow_reach(const Settings& s) {
   return s.light == Light::sun ? 48 : 0;
 }
@@ -182,7 +182,7 @@ void road(const Settings& s, const Place& place, const Path& path, const Moment&
   });
   if (s.obstacles == 0)
     return;
-  // Oncoming traffic, laid out along a line that comes towards the rover.
+  // Oncoming traffic: placed on a line that moves towards the rover.
   const double oncoming = moment.seconds * 9;
   const auto shift = static_cast<float>(
       oncoming - 2048.0 * static_cast<double>(static_cast<std::int64_t>(oncoming / 2048.0)));
@@ -193,7 +193,7 @@ void road(const Settings& s, const Place& place, const Path& path, const Moment&
     const Heading h = heading_at(path, z);
     things.push_back(car_at(path.at(z) - 1.75F, z, -h.cos, -h.sin, dice, car_color(dice)));
   });
-  // Somebody ahead in the rover's own lane.
+  // A car ahead in the rover's lane.
   Dice lead(hash(s.seed, 5));
   if (lead.chance(0.3F + 0.7F * filled)) {
     const auto gap = static_cast<float>(18 + 8 * sine(moment.seconds * 0.05 + lead.roll()));
@@ -297,7 +297,7 @@ void plain(const Settings& s, const Place& place, const Path& path, const Moment
                     z = (static_cast<float>(j) + dice.roll()) * cell;
         const float r = dice.roll(), size = low + (high - low) * r * r * r;
         if (std::abs(x - path.at(z)) < 0.75F + size)
-          continue; // the rover's own way
+          continue; // keeps the rover's path free
         add_rock(things, x, z, size, dice,
                  obstacle_color(dice, mix(grey(0.13F), place.surface, 0.25F), place.surface, 0.5F));
       }
@@ -316,7 +316,7 @@ Lighting lighting_of(const Settings& settings, double seconds) {
   light.clouds = dice.roll(0.15F, 0.75F);
   const bool sun = settings.light == Light::sun;
   if (settings.kind == Kind::corridor) {
-    if (sun) { // from the side, or nothing of it came in
+    if (sun) { // from the side, so that it shines into the corridor
       const float across = dice.roll(0.17F, 0.33F);
       light.window_sun = toward_sun(dice.roll(0.09F, 0.13F), azimuth < 0.5F ? across : -across);
       light.window_light = {2.4F, 2.2F, 1.9F};
@@ -348,7 +348,7 @@ Lighting lighting_of(const Settings& settings, double seconds) {
     light.exposure = grey(1.6F / light.on({0, 1, 0}).g);
   } else {
     light.sun = toward_sun(dice.roll(0.09F, 0.17F), azimuth);
-    const float veil = smooth(0.55F, 0.75F, light.clouds); // overcast: weak shadows
+    const float veil = smooth(0.55F, 0.75F, light.clouds); // clouds: weak shadows
     light.sun_light = Color{1.25F, 1.15F, 0.98F} * (1 - 0.75F * veil);
     light.ambient = mix(Color{0.38F, 0.44F, 0.54F}, Color{0.62F, 0.65F, 0.7F}, veil);
     light.haze = mix(Color{0.66F, 0.74F, 0.86F}, Color{0.78F, 0.79F, 0.8F}, veil);
@@ -445,7 +445,7 @@ void parts_of_the_rover(const Settings& settings, const Moment& moment, std::vec
     parts.push_back(part);
   };
   parts.clear();
-  if (settings.kind == Kind::road) { // a car, its camera behind the windscreen
+  if (settings.kind == Kind::road) { // a car with the camera behind the windscreen
     add(0.9F, 0.88F, 2.1F, 0.2F, 0.65F * height);
     add(0.9F, 0.75F, 1.0F, 0.6F * height, height + 0.15F);
     return;

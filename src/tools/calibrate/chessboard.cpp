@@ -33,12 +33,11 @@ std::vector<fs::path> files_of(const std::string& folder) {
 
 bool find_board(const cv::Mat& gray, const Board& board, std::vector<cv::Point2f>& corners) {
   const cv::Size pattern(board.columns, board.rows);
-  // By sectors, not by quadrangles (findChessboardCorners): those are looked for again and again in whatever
-  // is textured, for seconds where there is no board, with CALIB_CB_FAST_CHECK too, which misses boards
-  // besides.
+  // findChessboardCornersSB, not findChessboardCorners: the latter searches quadrangles in textured pictures
+  // without a board for seconds, also with CALIB_CB_FAST_CHECK, which in addition misses boards.
   if (!cv::findChessboardCornersSB(gray, pattern, corners))
     return false;
-  // The window of the refinement must not reach the next corner.
+  // The refinement window must not reach the neighbouring corner.
   double least = 1e9;
   for (std::size_t i = 1; i < corners.size(); ++i)
     least = std::min(least, cv::norm(corners[i] - corners[i - 1]));
@@ -50,7 +49,7 @@ bool find_board(const cv::Mat& gray, const Board& board, std::vector<cv::Point2f
 
 using Corners = std::vector<cv::Point2f>;
 
-/// Views, their corners and the size that they share.
+/// Views, their corners and their common size.
 cv::Size look(const std::vector<fs::path>& files, const Board& board, Calibration& out,
               std::vector<Corners>& corners) {
   cv::Size size;
@@ -79,7 +78,7 @@ cv::Size look(const std::vector<fs::path>& files, const Board& board, Calibratio
   return size;
 }
 
-/// Fills camera and errors from what OpenCV found.
+/// Copies OpenCV's result to camera and errors.
 void take(Calibration& out, const cv::Size& size, const cv::Mat& k, const cv::Mat& d, bool fisheye) {
   out.camera.width = size.width;
   out.camera.height = size.height;

@@ -24,7 +24,7 @@ constexpr const char* overview =
 
 constexpr GOptionEntry end{nullptr, 0, 0, G_OPTION_ARG_NONE, nullptr, nullptr, nullptr};
 
-/// Parses into what the entries point to.
+/// Parses the arguments into the targets of the entries.
 void parse(const std::vector<GOptionEntry>& entries, const char* arguments, const char* summary,
            const std::vector<std::string>& words, const char* name) {
   const OptionContext context(g_option_context_new(arguments));
@@ -33,7 +33,7 @@ void parse(const std::vector<GOptionEntry>& entries, const char* arguments, cons
   tools::parse(context.get(), words, name);
 }
 
-/// The arguments that are no options.
+/// The arguments that are not options.
 std::string only_one(const Words& words, const char* what) {
   const auto all = words.all();
   if (all.size() > 1)
@@ -46,7 +46,7 @@ void need(const std::string& value, const char* option) {
     throw UsageError(std::string(option) + " is missing");
 }
 
-/// Numbers of the command line: what is wrong with them is a matter of usage.
+/// Parses numbers of the command line; errors are usage errors.
 template <class Read> auto used(Read read) -> decltype(read()) {
   try {
     return read();
@@ -61,7 +61,7 @@ std::optional<double> metres(const Word& word, const char* option) {
   return used([&] { return parse_number(word.value(), option); });
 }
 
-/// Degrees, or radians with the suffix `rad`.
+/// Degrees, or radians if the suffix is `rad`.
 std::optional<double> angle(const Word& word, const char* option) {
   if (!word.text)
     return std::nullopt;
