@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the sinks for recordings and for ROS 2 read of a buffer: metadata, metres, and an encoded picture.
+// Reads metadata, metres and an encoded picture from a buffer, for the sinks of recordings and ROS 2.
 #pragma once
 
 #include <gst/gst.h>
@@ -16,7 +16,7 @@ PictureKind kind_of(const GstCaps* caps);
   "video/x-h264, stream-format = (string) byte-stream, alignment = (string) au; image/jpeg; "                \
   "video/x-raw(ANY)"
 
-/// Reads a buffer and holds what it read until it is destroyed.
+/// Reads a buffer. The data is valid until the reader is destroyed.
 class FrameReader {
  public:
   FrameReader(GstBuffer* buffer, PictureKind kind, const char* source);
@@ -24,11 +24,11 @@ class FrameReader {
   FrameReader(const FrameReader&) = delete;
   FrameReader& operator=(const FrameReader&) = delete;
 
-  /// What was wrong with the metadata, or nullptr.
+  /// The error in the metadata, or nullptr.
   const char* flaw() const { return estimate_.error() ? estimate_.error() : metric_.error(); }
   bool has_estimate() const { return static_cast<bool>(estimate_); }
   bool has_metric() const { return static_cast<bool>(metric_); }
-  /// An H.264 picture that waits for a later one, which players of messages do not show.
+  /// Whether an H.264 picture refers to a later one (B-frame), which players of messages do not show.
   bool has_b_frame() const { return recording::inspect_h264(frame(0).video).b_slice; }
   recording::MessageFrame frame(std::uint64_t time) const;
 

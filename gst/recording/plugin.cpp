@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A plugin of its own: the main one needs no zstd.
+// A separate plugin, so that the main one does not depend on zstd.
 #include <gst/gst.h>
 
 #include "recording/terrainmcapsink.hpp"

@@ -23,7 +23,7 @@ int create(const fs::path& path) {
   return ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0666);
 }
 
-/// 0, or the errno. A pipe or a device has nothing to wait for.
+/// Returns 0 or the errno. Pipes and devices need no fsync.
 int sync_file(int fd) {
   return fsync(fd) == 0 || errno == EINVAL || errno == EROFS ? 0 : errno;
 }
@@ -40,7 +40,7 @@ std::optional<FileProblem> RecordingFile::open(const std::string& location) {
   path_ = location;
   metadata_.clear();
   if (path_.extension() != ".mcap") {
-    if (!path_.has_filename()) // a name that ends with a slash
+    if (!path_.has_filename()) // the name ends with a slash
       path_ = path_.parent_path();
     std::error_code error;
     fs::create_directories(path_, error);
@@ -73,7 +73,7 @@ std::optional<FileProblem> RecordingFile::open(const std::string& location) {
 void RecordingFile::open(int fd) {
   abandon();
   error_ = 0;
-  for (fs::path* path : {&path_, &part_, &metadata_}) // those of the recording before
+  for (fs::path* path : {&path_, &part_, &metadata_}) // of the previous recording
     path->clear();
   fd_ = fd;
 }

@@ -63,22 +63,22 @@ const Property<SinkSettings> table[] = {
      NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, grid_resolution), 0.01, 10}},
 };
 
-/// One clock for a whole recording: that of its first frame.
+/// The clock of a recording, which the first frame determines.
 class RecordingClock {
  public:
-  /// Nanoseconds; `utc` of the frame where it has one, `stream` its stream time.
+  /// Returns nanoseconds. `utc`: time of day of the frame if it has one. `stream`: its stream time.
   std::uint64_t time_of(std::optional<GstClockTime> utc, GstClockTime stream) {
     if (!wall_)
       wall_ = utc.has_value();
     if (!*wall_)
       return stream;
-    if (!utc) // between frames that have it
+    if (!utc) // frame without a time of day: computed from the previous one
       return last_utc_ + (stream > last_stream_ ? stream - last_stream_ : 0);
     last_utc_ = *utc;
     last_stream_ = stream;
     return *utc;
   }
-  /// Whether a time of day came too late.
+  /// Whether the first time of day came after the first frame.
   bool misses(std::optional<GstClockTime> utc) const { return wall_ && !*wall_ && utc; }
 
  private:
@@ -88,21 +88,20 @@ class RecordingClock {
 
 } // namespace
 
-/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
-/// none.
+/// The state of an element. "streaming": used only by the streaming thread, or while it does not run.
 struct SinkState {
   NameProperty source;
   SinkSettings settings; // under the object lock
-  std::string metadata;  // under the object lock; of the last recording that was finished
+  std::string metadata;  // under the object lock; of the last finished recording
 
   RecordingFile file;                                   // streaming
-  std::optional<recording::TerrainRecording> recording; // streaming; nothing when it is over
+  std::optional<recording::TerrainRecording> recording; // streaming; nothing after the end
   RecordingClock clock;                                 // streaming
   PictureKind kind = PictureKind::raw;                  // streaming
   std::uint64_t frames = 0, labelled = 0;               // streaming
   bool warned_metadata = false, warned_clock = false;   // streaming
 
-  SinkState() noexcept {} // the names of frames are short enough to need no memory of their own
+  SinkState() noexcept {} // the frame names are short strings and need no allocation
 };
 
 } // namespace terrainseg
@@ -200,7 +199,7 @@ bool open_recording(GstTerrainMcapSink* self) {
   return true;
 }
 
-/// Gives up after something could not be written.
+/// Stops recording after a write error.
 void abandon(GstTerrainMcapSink* self) {
   SinkState& s = *self->state;
   report(self, s.file.problem(), false);
@@ -208,7 +207,7 @@ void abandon(GstTerrainMcapSink* self) {
   s.file.abandon();
 }
 
-/// Ends the recording, if there is one. False after an error was posted.
+/// Ends the recording, if any. Returns false after posting an error.
 bool finish(GstTerrainMcapSink* self) {
   SinkState& s = *self->state;
   if (!s.recording)
@@ -247,7 +246,7 @@ void warn_metadata(GstTerrainMcapSink* self, const char* reason) {
                       ("Terrain metadata that makes no sense is not recorded: %s.", reason), (nullptr));
 }
 
-/// Nothing after an error was posted.
+/// Returns nothing after posting an error.
 std::optional<std::uint64_t> time_of(GstTerrainMcapSink* self, GstBuffer* buffer) {
   SinkState& s = *self->state;
   const GstSegment& segment = GST_BASE_SINK(self)->segment;
@@ -311,7 +310,7 @@ gboolean start(GstBaseSink* sink) {
   return guarded<gboolean>(sink, FALSE, [&] { return open_recording(self_of(sink)); });
 }
 
-/// Also the end of a pipeline that is stopped without an end of its stream.
+/// Also called when the pipeline is stopped without EOS.
 gboolean stop(GstBaseSink* sink) {
   return guarded<gboolean>(sink, FALSE, [&] { return finish(self_of(sink)); });
 }
@@ -319,7 +318,7 @@ gboolean stop(GstBaseSink* sink) {
 gboolean take_event(GstBaseSink* sink, GstEvent* event) {
   const bool whole =
       GST_EVENT_TYPE(event) != GST_EVENT_EOS || guarded(sink, false, [&] { return finish(self_of(sink)); });
-  if (!whole) { // no word of an end: the error is the last
+  if (!whole) { // only the error is reported
     gst_event_unref(event);
     return FALSE;
   }
@@ -327,7 +326,7 @@ gboolean take_event(GstBaseSink* sink, GstEvent* event) {
 }
 
 gboolean propose_allocation(GstBaseSink*, GstQuery* query) {
-  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr); // no pixel is read
+  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr); // pixels are not read
   return TRUE;
 }
 
@@ -390,6 +389,7 @@ static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
 
 static void gst_terrain_mcap_sink_init(GstTerrainMcapSink* self) {
   self->state.make();
-  gst_base_sink_set_sync(GST_BASE_SINK(self), FALSE); // a file takes frames as they come
+  gst_base_sink_set_sync(GST_BASE_SINK(self),
+                         FALSE); // files are written without synchronisation to the clock
   gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
 }

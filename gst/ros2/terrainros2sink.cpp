@@ -128,7 +128,7 @@ const Property<SinkSettings> table[] = {
      NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, near_distance), 0, 1000}},
 };
 
-/// A topic that leaves: the property that names it, and its name.
+/// A published topic: its property and its name.
 struct TopicProperty {
   Topic topic;
   const char *stem, *nick, *what, *default_name;
@@ -149,14 +149,13 @@ static_assert(std::size(topics) == topic_count);
 
 } // namespace
 
-/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
-/// none.
+/// The state of an element. "streaming": used only by the streaming thread, or while it does not run.
 struct Ros2State {
   NameProperty source;
   SinkSettings settings;                      // under the object lock
   std::array<const char*, topic_count> names; // under the object lock; interned
 
-  std::mutex mutex;                                   // of what stats reads while it is made or goes
+  std::mutex mutex; // guards what `stats` reads during construction and destruction
   std::unique_ptr<ros2::Participant> participant;     // streaming
   std::unique_ptr<ros2::Outlet> outlet;               // streaming
   std::unique_ptr<ros2::Writer> node;                 // streaming
@@ -165,13 +164,13 @@ struct Ros2State {
   PictureKind kind = PictureKind::raw;                // streaming
   bool warned_metadata = false;                       // streaming
 
-  metric::Mount mount; // before the readers are made
+  metric::Mount mount; // set before the readers are created
   std::atomic<std::uint64_t> frames = 0, taken = 0, refused = 0;
   enum Near : std::uint8_t { near_unknown, near_clear, near_blocked };
   std::atomic<Near> near_state = near_unknown;
   std::atomic<bool> warned_input = false;
 
-  Ros2State() noexcept { // names are short enough to need no memory of their own
+  Ros2State() noexcept { // the names are short strings and need no allocation
     for (std::size_t i = 0; i < topic_count; ++i)
       names[i] = topics[i].default_name;
   }
@@ -221,12 +220,12 @@ GstTerrainRos2Sink* self_of(gpointer object) {
 
 // ---- what comes in ---------------------------------------------------------------------------------------
 
-/// Sends an event to the terrainseg upstream.
+/// Sends an event upstream to terrainseg.
 void push_upstream(GstTerrainRos2Sink* self, GstStructure* fields) {
   gst_pad_push_event(GST_BASE_SINK_PAD(self), gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, fields));
 }
 
-/// Counts a message that cannot be used, and warns of the first.
+/// Counts an invalid message, and warns about the first one.
 void refuse(GstTerrainRos2Sink* self, const char* what) {
   Ros2State& s = *self->state;
   ++s.refused;
@@ -237,8 +236,8 @@ void refuse(GstTerrainRos2Sink* self, const char* what) {
         (nullptr));
 }
 
-/// Running time of a moment that a clock of the day told; of now where that clock is not this machine's.
-/// Nothing while the pipeline does not play.
+/// Converts a time of day to running time; uses the current time if the sender's clock is not this machine's.
+/// Returns nothing while the pipeline is not playing.
 std::optional<GstClockTime> running_time_at(GstTerrainRos2Sink* self, std::uint64_t utc) {
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock)
@@ -280,8 +279,8 @@ void take_near(GstTerrainRos2Sink* self, std::optional<bool> clear) {
     push_upstream(self, gst_structure_new("terrainseg-near", "clear", G_TYPE_BOOLEAN, *clear, nullptr));
 }
 
-/// Makes a reader of a topic that was named; `take` runs on a thread of DDS. False after an error, which
-/// `error` tells.
+/// Creates a reader for a topic that is set. `take` runs in a thread of DDS. On an error it returns false and
+/// sets `error`.
 template <class Take>
 bool read(GstTerrainRos2Sink* self, std::unique_ptr<ros2::Reader>& reader, const std::string& name,
           const recording::MessageType& type, std::string& error, Take take) {
@@ -348,7 +347,7 @@ bool open_topic(GstTerrainRos2Sink* self, Topic topic, std::string& error) {
   return s.outlet->open(topic, name, error);
 }
 
-/// Lists the topics as those of a node.
+/// Announces the topics as those of a node.
 bool announce(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& error) {
   Ros2State& s = *self->state;
   if (set.distribution == Distribution::none)
@@ -376,7 +375,7 @@ SinkSettings settings_of(GstTerrainRos2Sink* self) {
 
 void close_topics(GstTerrainRos2Sink* self) {
   Ros2State& s = *self->state;
-  s.poses.reset(); // waits for a message that is being taken
+  s.poses.reset(); // waits for a message in progress
   s.near.reset();
   const std::lock_guard lock(s.mutex);
   s.node.reset();
@@ -385,7 +384,7 @@ void close_topics(GstTerrainRos2Sink* self) {
   s.messages.reset();
 }
 
-/// Makes all that goes with the settings; the caller holds the mutex. False after an error.
+/// Creates everything that depends on the settings; the caller holds the mutex. Returns false after an error.
 bool make_topics(GstTerrainRos2Sink* self, const SinkSettings& set, const ros2::Discovery& discovery,
                  recording::MessageOptions options, std::string& error) {
   Ros2State& s = *self->state;
@@ -427,13 +426,13 @@ bool open_topics(GstTerrainRos2Sink* self) {
   s.warned_metadata = s.warned_input = false;
   std::unique_lock lock(s.mutex);
   const bool made = make_topics(self, set, *discovery, std::move(options), error);
-  lock.unlock(); // whoever handles the message may read stats
+  lock.unlock(); // a handler of the message may read `stats`
   return made || report(self, error);
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
 
-/// The time of day of a frame: its own where it has one, else when it was due to be rendered.
+/// The time of day of a frame: its own, or else the time at which it is due.
 std::uint64_t time_of(GstTerrainRos2Sink* self, GstBuffer* buffer) {
   if (const auto utc = utc_of(buffer))
     return *utc;
@@ -514,7 +513,7 @@ gboolean stop(GstBaseSink* sink) {
 }
 
 gboolean propose_allocation(GstBaseSink*, GstQuery* query) {
-  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr); // no pixel is read
+  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr); // pixels are not read
   return TRUE;
 }
 

@@ -54,7 +54,7 @@ constexpr const char* description_text =
     "  terrainseg-process --output-dir out --fps 15 'frames/%04d.png'\n"
     "  terrainseg-process --set window-bottom=40 --set caution=8 --outputs json,csv drive.mp4";
 
-/// What GLib reads, before it is checked.
+/// The values that GLib parses, before validation.
 struct Given {
   Word output_dir, outputs, name, names, inputs_from, shard, manifest, check, preset, camera_info, mount, fps;
   Words settings, inputs;
@@ -133,7 +133,7 @@ void read_outputs(const std::string& list, Options& options) {
   options.wanted[static_cast<int>(Output::bag)] = options.wanted[static_cast<int>(Output::mcap)];
 }
 
-/// A text without its byte order mark; UTF-16 with one, as Windows writes it, becomes UTF-8.
+/// Removes the byte order mark of a text; converts UTF-16 with a mark (Windows) to UTF-8.
 std::string plain_text(std::string text) {
   if (text.starts_with("\xEF\xBB\xBF"))
     return text.substr(3);
@@ -148,7 +148,7 @@ std::string plain_text(std::string text) {
   return {converted.get(), length};
 }
 
-/// Appends the inputs that a file or standard input lists. An empty list is one: a shard may have no share.
+/// Appends the inputs of a list file or standard input. An empty list is valid: a shard may have no input.
 void read_list(const std::string& name, std::vector<std::string>& inputs) {
   std::ifstream file;
   if (name != "-")
@@ -160,15 +160,15 @@ void read_list(const std::string& name, std::vector<std::string>& inputs) {
   const char separator = text.find('\0') != std::string::npos ? '\0' : '\n';
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line, separator);) {
-    if (separator == '\n' && line.ends_with('\r')) // a list from Windows
+    if (separator == '\n' && line.ends_with('\r')) // line end of Windows
       line.pop_back();
     if (!line.empty())
       inputs.push_back(std::move(line));
   }
 }
 
-/// The processors that this process may use, shared out among the jobs; Slurm's word counts where it binds
-/// none.
+/// The processors available to this process, divided by the jobs. Slurm's number counts if Slurm sets no
+/// affinity.
 int threads_per_job(int jobs) {
   guint processors = g_get_num_processors();
   if (const char* text = g_getenv("SLURM_CPUS_PER_TASK"))
@@ -208,7 +208,7 @@ void read_shard_of(const std::string& text, Options& options) {
   options.shard = std::get<Shard>(result);
 }
 
-/// A calibration is made of settings of terrainseg like any other, which the recording takes too.
+/// Calibration is set by properties of terrainseg; the recording uses the same.
 void read_settings(const Given& given, Options& options) {
   for (const std::string& setting : given.settings.all()) {
     const std::size_t equals = setting.find('=');
@@ -227,7 +227,7 @@ void read_inputs(const Given& given, Options& options) {
   options.inputs = given.inputs.all();
   if (given.worker_socket >= 0)
     options.worker_socket = given.worker_socket;
-  else if (given.inputs_from.text) // may be standard input, which can be read but once
+  else if (given.inputs_from.text) // standard input can be read only once
     read_list(given.inputs_from.text, options.inputs);
   if (given.inputs_from.text)
     options.names = Names::path;
@@ -252,7 +252,7 @@ void check_ranges(gint64 frames, const Options& options) {
                        std::to_string(range.most) + range.unit);
 }
 
-/// Checks what was given, and puts it where the program looks for it.
+/// Validates the options and stores them.
 void take(const Given& given, Options& options) {
   const auto read = [&options](const Word& word, auto reader) {
     if (word.text)

@@ -42,7 +42,7 @@ std::variant<Shard, std::string> from_environment() {
   return "--shard auto: neither SLURM_ARRAY_TASK_ID nor JOB_COMPLETION_INDEX is set; is this an array task?";
 }
 
-/// 0..count-1, spread evenly: the first 8 bytes of the SHA-256 of the path as it was written.
+/// Evenly distributed in 0..count-1: the first 8 bytes of the SHA-256 of the path as given.
 int shard_of(const Input& input, int count) {
   const std::string written = input.kind == Input::Kind::uri
                                   ? input.label
