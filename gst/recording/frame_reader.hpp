@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Reads metadata, metres and an encoded picture from a buffer, for the sinks of recordings and ROS 2.
+// What the sinks of recordings and of ROS 2 share: the class, and reading a buffer with its metadata, metres
+// and encoded picture.
 #pragma once
 
-#include <gst/gst.h>
+#include <gst/base/gstbasesink.h>
 
 #include "recording/terrain_messages.hpp"
 #include "support/estimate_meta.hpp"
@@ -12,9 +13,21 @@ namespace terrainseg {
 
 enum class PictureKind : std::uint8_t { raw, h264, jpeg };
 PictureKind kind_of(const GstCaps* caps);
-#define TERRAINSEG_MESSAGE_CAPS                                                                              \
-  "video/x-h264, stream-format = (string) byte-stream, alignment = (string) au; image/jpeg; "                \
-  "video/x-raw(ANY)"
+
+/// Virtual functions of such a sink.
+struct MessageSinkFunctions {
+  void (*set_property)(GObject*, guint, const GValue*, GParamSpec*);
+  void (*get_property)(GObject*, guint, GValue*, GParamSpec*);
+  void (*finalize)(GObject*);
+  gboolean (*start)(GstBaseSink*);
+  gboolean (*stop)(GstBaseSink*);
+  gboolean (*set_caps)(GstBaseSink*, GstCaps*);
+  GstFlowReturn (*render)(GstBaseSink*, GstBuffer*);
+};
+/// Sets the functions, the pad for raw, H.264 and JPEG video, the metadata of the element (static strings),
+/// and the property `source` with the id `source_id`. Upstream need not map or copy pixels: none are read.
+void init_message_sink_class(gpointer klass, const MessageSinkFunctions& functions, const char* name,
+                             const char* classification, const char* description, guint source_id);
 
 /// Reads a buffer. The data is valid until the reader is destroyed.
 class FrameReader {

@@ -140,9 +140,6 @@ namespace {
 
 enum { property_source = 1, property_metadata, property_table };
 
-GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_MESSAGE_CAPS));
-
 GstTerrainMcapSink* self_of(gpointer object) {
   return reinterpret_cast<GstTerrainMcapSink*>(object);
 }
@@ -325,11 +322,6 @@ gboolean take_event(GstBaseSink* sink, GstEvent* event) {
   return GST_BASE_SINK_CLASS(gst_terrain_mcap_sink_parent_class)->event(sink, event);
 }
 
-gboolean propose_allocation(GstBaseSink*, GstQuery* query) {
-  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr); // pixels are not read
-  return TRUE;
-}
-
 // ---- the object ------------------------------------------------------------------------------------------
 
 void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
@@ -361,10 +353,12 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
 static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainmcapsink_debug, "terrainmcapsink", 0, "recordings of terrain metadata");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = set_property;
-  object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainMcapSink, gst_terrain_mcap_sink_parent_class>;
-  NameProperty::install_source(object_class, property_source);
+  init_message_sink_class(
+      klass,
+      {set_property, get_property, finalize_state<GstTerrainMcapSink, gst_terrain_mcap_sink_parent_class>,
+       start, stop, set_caps, render},
+      "Terrain recorder", "Sink/File/Metadata/Video",
+      "Records video and terrain metadata as MCAP, for Foxglove and ROS 2", property_source);
   g_object_class_install_property(
       object_class, property_metadata,
       g_param_spec_string(
@@ -373,23 +367,11 @@ static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
           "terrain.mcap where it went to an fd",
           nullptr, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   install_properties<SinkSettings>(object_class, property_table, table);
-  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  gst_element_class_add_static_pad_template(element_class, &sink_template);
-  gst_element_class_set_static_metadata(element_class, "Terrain recorder", "Sink/File/Metadata/Video",
-                                        "Records video and terrain metadata as MCAP, for Foxglove and ROS 2",
-                                        "The terrainseg developers");
-  GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
-  sink_class->start = start;
-  sink_class->stop = stop;
-  sink_class->set_caps = set_caps;
-  sink_class->render = render;
-  sink_class->event = take_event;
-  sink_class->propose_allocation = propose_allocation;
+  GST_BASE_SINK_CLASS(klass)->event = take_event;
 }
 
 static void gst_terrain_mcap_sink_init(GstTerrainMcapSink* self) {
   self->state.make();
-  gst_base_sink_set_sync(GST_BASE_SINK(self),
-                         FALSE); // files are written without synchronisation to the clock
+  gst_base_sink_set_sync(GST_BASE_SINK(self), FALSE); // a file is written as fast as frames come
   gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
 }

@@ -211,9 +211,6 @@ namespace {
 
 enum { property_source = 1, property_stats, property_topic, property_table = property_topic + topic_count };
 
-GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_MESSAGE_CAPS));
-
 GstTerrainRos2Sink* self_of(gpointer object) {
   return reinterpret_cast<GstTerrainRos2Sink*>(object);
 }
@@ -512,11 +509,6 @@ gboolean stop(GstBaseSink* sink) {
   return TRUE;
 }
 
-gboolean propose_allocation(GstBaseSink*, GstQuery* query) {
-  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr); // pixels are not read
-  return TRUE;
-}
-
 // ---- the object ------------------------------------------------------------------------------------------
 
 GstStructure* statistics_of(GstTerrainRos2Sink* self) {
@@ -588,10 +580,12 @@ void install_topics(GObjectClass* object_class) {
 static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainros2sink_debug, "terrainros2sink", 0, "terrain metadata as ROS 2 topics");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = set_property;
-  object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainRos2Sink, gst_terrain_ros2_sink_parent_class>;
-  NameProperty::install_source(object_class, property_source);
+  init_message_sink_class(klass,
+                          {set_property, get_property,
+                           finalize_state<GstTerrainRos2Sink, gst_terrain_ros2_sink_parent_class>, start,
+                           stop, set_caps, render},
+                          "ROS 2 sink", "Sink/Network/Metadata/Video",
+                          "Sends terrain metadata and video as ROS 2 topics over DDS", property_source);
   g_object_class_install_property(
       object_class, property_stats,
       g_param_spec_boxed(
@@ -601,17 +595,6 @@ static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   install_topics(object_class);
   install_properties<SinkSettings>(object_class, property_table, table);
-  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  gst_element_class_add_static_pad_template(element_class, &sink_template);
-  gst_element_class_set_static_metadata(element_class, "ROS 2 sink", "Sink/Network/Metadata/Video",
-                                        "Sends terrain metadata and video as ROS 2 topics over DDS",
-                                        "The terrainseg developers");
-  GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
-  sink_class->start = start;
-  sink_class->stop = stop;
-  sink_class->set_caps = set_caps;
-  sink_class->render = render;
-  sink_class->propose_allocation = propose_allocation;
 }
 
 static void gst_terrain_ros2_sink_init(GstTerrainRos2Sink* self) {
