@@ -106,12 +106,13 @@ Calibration calibrate_from_folder(const std::string& folder, const Board& board,
   std::vector<Corners> corners;
   const cv::Size size = look(files_of(folder), board, out, corners);
   if (out.views.size() < fewest_views)
-    throw std::runtime_error(
-        folder + ": a whole board of " + std::to_string(board.columns) + "x" + std::to_string(board.rows) +
-        " inner corners was found in " + std::to_string(out.views.size()) + " of " +
-        std::to_string(out.views.size() + out.without_board.size()) +
-        " pictures, 5 are needed and 20 are good; does --board count inner corners, is the board whole, flat "
-        "and with a white rim?");
+    throw std::runtime_error(folder + ": a complete board of " + std::to_string(board.columns) + "x" +
+                             std::to_string(board.rows) + " inner corners was found in " +
+                             std::to_string(out.views.size()) + " of " +
+                             std::to_string(out.views.size() + out.without_board.size()) +
+                             " pictures, 5 are needed and 20 are good; does --board count inner corners, is "
+                             "the board complete, flat "
+                             "and with a white rim?");
   std::vector<cv::Point3f> model;
   for (int row = 0; row < board.rows; ++row)
     for (int column = 0; column < board.columns; ++column)
@@ -127,7 +128,7 @@ Calibration calibrate_from_folder(const std::string& folder, const Board& board,
                 : cv::calibrateCamera(models, corners, size, k, d, rotations, shifts);
   } catch (const cv::Exception&) {
     throw std::runtime_error(folder +
-                             ": the views do not tell the lens; take some with the board tilted by 30 "
+                             ": the views do not determine the lens; take some with the board tilted by 30 "
                              "degrees and more, near the corners of the picture too");
   }
   for (std::size_t i = 0; i < out.views.size(); ++i) {

@@ -50,7 +50,7 @@ int run_camera(const Words& words) {
   for (const View& view : c.views)
     std::printf("%s: %.3f px\n", view.name.c_str(), view.error);
   for (const std::string& name : c.without_board)
-    std::printf("%s: no whole board found\n", name.c_str());
+    std::printf("%s: no complete board found\n", name.c_str());
   std::printf("%s, residual %.3f px, corners cover %.0f %% of the picture\n",
               counted(c.views.size(), "view").c_str(), c.error, 100 * c.coverage);
   std::printf("fx %.2f, fy %.2f, cx %.2f, cy %.2f for pictures of %dx%d\n", c.camera.fx, c.camera.fy,

@@ -116,8 +116,8 @@ class Search {
                                  ": read pixels in a picture of that size, or name the picture with --frame");
       const auto ray = metric::undistort(camera, p.u, p.v);
       if (!ray)
-        throw std::runtime_error(name_of(i, p) +
-                                 " lies where the lens model has no ray: take one nearer to the middle");
+        throw std::runtime_error(
+            name_of(i, p) + " is outside the valid range of the lens model: take one nearer to the middle");
       rays_.push_back(*ray);
     }
   }
@@ -326,10 +326,10 @@ void check_fit(const MountFit& fit, double spread, std::span<const MeasuredPoint
                              "; check columns, rows and metres, and that the calibration is this camera's");
   if (vague)
     throw std::runtime_error(
-        "the points do not tell height and pitch apart: take one near the lower edge and one at "
+        "the points do not determine height and pitch: take one near the lower edge and one at "
         "least twice as far, or measure the height of the lens and state --height");
   if (std::string flaw = metric::flaw_of(fit.mount); !flaw.empty())
-    throw std::runtime_error("the points give a mount that cannot be: " + flaw);
+    throw std::runtime_error("the points give an impossible mount: " + flaw);
 }
 
 /// Fits the given free parameters; nothing if they include roll and the points do not determine it.

@@ -67,7 +67,8 @@ std::optional<std::string> manifest_clash(const fs::path& manifest, const Files&
       return "the manifest " + path.string() + " would be written as an output of " + found->second->label;
   }
   if (is_there(manifest) && !is_manifest(manifest))
-    return "the manifest " + manifest.string() + " would replace a file that is none; choose another name";
+    return "the manifest " + manifest.string() +
+           " would replace a file that is not a manifest; choose another name";
   return std::nullopt;
 }
 
@@ -111,7 +112,7 @@ std::optional<std::string> clash_of(const Input& input, const Naming& naming, co
              "; choose another --output-dir";
     if (const auto [other, fresh] = claimed.emplace(key, &input); !fresh && other->second != &input)
       return input.label + " and " + other->second->label + " would both be written as " + path.string() +
-             "; tell them apart with --names hash or --names path";
+             "; distinguish them with --names hash or --names path";
   }
   return std::nullopt;
 }
@@ -181,7 +182,7 @@ std::optional<std::string> foreign_files(const Naming& naming, const Input& inpu
     const auto origin = read_origin(record);
     const std::string remedy = "; move it away or choose another --output-dir";
     if (!origin)
-      return there->string() + " is there already, and no record says that it was made from " + input.label +
+      return there->string() + " already exists, and no record says that it was made from " + input.label +
              remedy;
     if (origin->place == input.place())
       continue;

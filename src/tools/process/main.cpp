@@ -101,9 +101,9 @@ class Tally {
     return partial_ + failed_ > 0 ? Exit::damaged : Exit::ok;
   }
   std::string line(std::size_t inputs, double seconds) const {
-    std::string text = counted(inputs, "input") + ": " + std::to_string(whole_) + " whole";
+    std::string text = counted(inputs, "input") + ": " + std::to_string(whole_) + " complete";
     const std::pair<std::size_t, const char*> others[] = {
-        {skipped_, "complete already"},
+        {skipped_, "skipped"},
         {partial_, "partial"},
         {failed_, "failed"},
         {inputs - (skipped_ + whole_ + partial_ + failed_), "not done"}};
@@ -167,7 +167,7 @@ void Batch::report_skip(const Input& input) {
   if (options_.quiet)
     return;
   display_.clear();
-  std::printf("%s: complete already, skipped\n", input.label.c_str());
+  std::printf("%s: already complete, skipped\n", input.label.c_str());
   std::fflush(stdout);
 }
 
@@ -328,8 +328,8 @@ Exit check(const Options& options, const std::vector<Input>& inputs) {
     for (const std::string& line : *list)
       complain(line);
   if (!options.quiet)
-    std::printf("%zu whole, %zu damaged for good, %zu to try again\n", found.whole, found.damaged.size(),
-                found.again.size());
+    std::printf("%zu complete, %zu permanently damaged, %zu to try again\n", found.whole,
+                found.damaged.size(), found.again.size());
   return !found.again.empty() ? Exit::try_again : !found.damaged.empty() ? Exit::damaged : Exit::ok;
 }
 

@@ -149,7 +149,7 @@ std::string giving_up(GstMessage* message) {
   int flow = GST_FLOW_OK;
   if (details && gst_structure_get_int(details, "flow-return", &flow) && flow == GST_FLOW_NOT_NEGOTIATED)
     if (const std::string format = format_of(message->src); !format.empty())
-      return text + ": nothing behind it takes " + format;
+      return text + ": no element after it accepts " + format;
   if (const std::string complaint = complaints.first_of(G_OBJECT(message->src)); !complaint.empty())
     return text + ": " + complaint;
   const auto [said, detail_of_it] = said_in(message);
@@ -177,8 +177,7 @@ std::string no_decoder(GstMessage* message) {
   const GstCaps* caps = detail && GST_VALUE_HOLDS_CAPS(detail) ? gst_value_get_caps(detail) : nullptr;
   if (caps && gst_caps_get_size(caps) > 0)
     if (const std::string codec = unknown_codec(gst_caps_get_structure(caps, 0)); !codec.empty())
-      return "GStreamer knows no codec '" + codec + "', and nothing that can be installed does; " +
-             make_it_anew;
+      return "GStreamer does not know the codec '" + codec + "', and no package adds it; " + make_it_anew;
   std::string text =
       "no decoder for it: " + take(gst_missing_plugin_message_get_description(message)) + " is missing; ";
   std::string packages;

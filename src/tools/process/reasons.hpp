@@ -11,7 +11,7 @@ namespace terrainseg::process {
 
 /// Remedy for files that GStreamer cannot read: convert them with another program.
 inline constexpr const char* make_it_anew =
-    "make it anew with another program: ffmpeg -i INPUT -c:v ffv1 OUTPUT.mkv";
+    "convert it with another program: ffmpeg -i INPUT -c:v ffv1 OUTPUT.mkv";
 
 /// The text of an error or warning: the message and the debug detail, without source locations.
 std::string text_of(GstMessage* message);

@@ -79,7 +79,7 @@ std::variant<Shard, std::string> read_shard(const std::string& text) {
   if (const Shard* shard = std::get_if<Shard>(&result))
     if (shard->index < 1 || shard->index > shard->count || shard->count > most_shards)
       return "--shard: " + std::to_string(shard->index) + "/" + std::to_string(shard->count) +
-             " is none of 1/N to N/N with N up to 1000000";
+             " is not one of 1/N to N/N with N up to 1000000";
   return result;
 }
 

@@ -278,13 +278,12 @@ Loss loss_of(int status, bool file) {
              : "exit code " + std::to_string(WIFEXITED(status) ? WEXITSTATUS(status) : status);
   for (const int ended : {SIGKILL, SIGTERM, SIGINT, SIGHUP, SIGQUIT, SIGXCPU})
     if (number == ended)
-      return {Cause::resources,
-              "the process that decoded it was ended from outside (" + named +
-                  "): by somebody, or for want of memory; a smaller --jobs takes less of it"};
+      return {Cause::resources, "the process that decoded it was killed from outside (" + named +
+                                    "): by a user, or because memory ran out; a smaller --jobs needs less"};
   return {Cause::crashed,
-          "the decoder crashed (" + named + "); nothing of it is kept; " +
+          "the decoder crashed (" + named + "); no output is kept; " +
               (file ? make_it_anew
-                    : "look whether another program reads it (ffmpeg), and process what that makes of it")};
+                    : "if another program (ffmpeg) can read it, process the output of that program")};
 }
 
 void serve(int socket, const Options& options) {
