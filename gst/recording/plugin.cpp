@@ -15,5 +15,5 @@ gboolean plugin_init(GstPlugin* plugin) {
 } // namespace
 
 GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, terrainmcap,
-                  "Records what terrainseg knows, for Foxglove and ROS 2", plugin_init, TERRAINSEG_VERSION,
-                  "LGPL", "terrainseg", TERRAINSEG_ORIGIN)
+                  "Records terrain metadata for Foxglove and ROS 2", plugin_init, TERRAINSEG_VERSION, "LGPL",
+                  "terrainseg", TERRAINSEG_ORIGIN)

@@ -55,16 +55,16 @@ std::optional<FileProblem> RecordingFile::open(const std::string& location) {
     std::error_code ignored;
     if (!path.empty() && fs::exists(fs::symlink_status(path, ignored)))
       return FileProblem{quoted(path) +
-                             " is there already, and a recording replaces nothing. Choose another location "
+                             " already exists, and recordings never replace files. Choose another location "
                              "or move it away",
                          EEXIST};
   }
   fd_ = create(part_);
   if (fd_ < 0 && errno == EEXIST)
-    return FileProblem{
-        quoted(part_) + " is there already: another recording writes it, or one that was killed left it "
-                        "behind. Choose another location, or move it away: it can be read to where it ends",
-        EEXIST};
+    return FileProblem{quoted(part_) +
+                           " already exists: another recording is writing it, or was killed. Choose another "
+                           "location, or move the file away: it can be read up to its end",
+                       EEXIST};
   if (fd_ < 0)
     return failed("Cannot write", part_, errno);
   return std::nullopt;

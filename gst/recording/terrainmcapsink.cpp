@@ -38,20 +38,18 @@ struct SinkSettings {
 
 const Property<SinkSettings> table[] = {
     {"location", "Location",
-     "File NAME.mcap, or a folder that becomes a bag of ROS 2 (NAME_0.mcap, metadata.yaml), *.part until it "
-     "is whole",
+     "File NAME.mcap, or a folder for a ROS 2 bag (NAME_0.mcap, metadata.yaml); named *.part until complete",
      property_before_start, PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, location)}},
     {"fd", "File descriptor", "Open descriptor to write to instead of a location, -1 = none",
      property_before_start, NumberField<SinkSettings, int>{TERRAINSEG_FIELD(SinkSettings, fd), -1, G_MAXINT}},
     {"camera-info", "Camera info",
-     "Calibration of the camera (ROS, Kalibr or OpenCV YAML) for the topic /camera/camera_info, none = no "
-     "such topic",
+     "Calibration file of the camera (ROS, Kalibr or OpenCV YAML) for the topic /camera/camera_info, none = "
+     "without this topic",
      property_before_start,
      PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, camera_info)}},
     {"mount", "Mount",
-     "How the camera stands over the ground (a file, or height=..,pitch=..) for the topic /tf, none = no "
-     "such "
-     "topic",
+     "Pose of the camera over the ground (a file, or height=..,pitch=..) for the topic /tf, none = without "
+     "this topic",
      property_before_start, PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, mount)}},
     {"frame-id", "Frame id", "Name of the vehicle's coordinate frame in the messages", property_before_start,
      PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, frame_id)}},
@@ -59,7 +57,8 @@ const Property<SinkSettings> table[] = {
      property_before_start,
      PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, camera_frame_id)}},
     {"grid-resolution", "Grid resolution",
-     "Metres a cell of /terrain/grid, doubled until a side has at most 512 cells", property_before_start,
+     "Size of a cell of /terrain/grid in metres, doubled until a side has at most 512 cells",
+     property_before_start,
      NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, grid_resolution), 0.01, 10}},
 };
 
@@ -227,7 +226,8 @@ bool finish(GstTerrainMcapSink* self) {
                          "front of terrainmcapsink, and no element between them that drops metadata "
                          "(videocrop, videobox, videoflip, compositor)."),
                         ("no GstTerrainSegMeta on %" G_GUINT64_FORMAT " frames", s.frames));
-  GST_DEBUG_OBJECT(self, "\"%s\" is whole: %" G_GUINT64_FORMAT " frames, %" G_GUINT64_FORMAT " with terrain",
+  GST_DEBUG_OBJECT(self,
+                   "\"%s\" is complete: %" G_GUINT64_FORMAT " frames, %" G_GUINT64_FORMAT " with terrain",
                    name.c_str(), static_cast<guint64>(s.frames), static_cast<guint64>(s.labelled));
   ObjectLock lock(self);
   s.metadata = std::move(metadata);
@@ -239,8 +239,8 @@ bool finish(GstTerrainMcapSink* self) {
 void warn_metadata(GstTerrainMcapSink* self, const char* reason) {
   if (!reason || std::exchange(self->state->warned_metadata, true))
     return;
-  GST_ELEMENT_WARNING(self, STREAM, FORMAT,
-                      ("Terrain metadata that makes no sense is not recorded: %s.", reason), (nullptr));
+  GST_ELEMENT_WARNING(self, STREAM, FORMAT, ("Invalid terrain metadata is not recorded: %s.", reason),
+                      (nullptr));
 }
 
 /// Returns nothing after posting an error.
@@ -363,8 +363,8 @@ static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
       object_class, property_metadata,
       g_param_spec_string(
           "bag-metadata", "Bag metadata",
-          "Text of the metadata.yaml that belongs to the last whole recording, under the name "
-          "terrain.mcap where it went to an fd",
+          "Content of metadata.yaml for the last complete recording; if it was written to fd, its file is "
+          "named terrain.mcap",
           nullptr, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   install_properties<SinkSettings>(object_class, property_table, table);
   GST_BASE_SINK_CLASS(klass)->event = take_event;

@@ -89,41 +89,42 @@ struct SinkSettings {
 using TextField = PlainField<SinkSettings, std::string>;
 
 const Property<SinkSettings> table[] = {
-    {"namespace", "Namespace",
-     "Goes before the names of topics that do not begin with a slash, and of the node", property_before_start,
-     TextField{TERRAINSEG_FIELD(SinkSettings, name_space)}},
-    {"node-name", "Node name", "Name of the node in the lists of ROS 2, where distribution is set",
+    {"namespace", "Namespace", "Prefix of the node name and of topic names that do not begin with a slash",
+     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, name_space)}},
+    {"node-name", "Node name", "Name of the node that ROS 2 lists if distribution is set",
      property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, node_name)}},
     {"distribution", "Distribution",
      "ROS 2 distribution for which the topics are announced as those of a node (ros_discovery_info)",
      property_before_start, TERRAINSEG_CHOICE(SinkSettings, distribution, distribution_type)},
     {"camera-info", "Camera info",
-     "Calibration of the camera (ROS, Kalibr or OpenCV YAML) for the topic of camera-info-topic, none = no "
-     "such topic",
+     "Calibration file of the camera (ROS, Kalibr or OpenCV YAML) for the topic of camera-info-topic, none = "
+     "without this topic",
      property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, camera_info)}},
     {"mount", "Mount",
-     "Mounting of the camera (a file, or height=..,pitch=..) for the transform, and added to the poses of "
-     "pose-topic; none = no transform, and poses are those of the camera",
+     "Pose of the camera over the ground (a file, or height=..,pitch=..) for the transform, and added to the "
+     "poses of pose-topic; none = without a transform, and poses are those of the camera",
      property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, mount)}},
     {"frame-id", "Frame id", "Name of the vehicle's coordinate frame in the messages", property_before_start,
      TextField{TERRAINSEG_FIELD(SinkSettings, frame_id)}},
     {"camera-frame-id", "Camera frame id", "Name of the camera's optical coordinate frame in the messages",
      property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, camera_frame_id)}},
     {"grid-resolution", "Grid resolution",
-     "Metres a cell of the grid, doubled until a side has at most 512 cells", property_before_start,
+     "Size of a cell of the grid in metres, doubled until a side has at most 512 cells",
+     property_before_start,
      NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, grid_resolution), 0.01, 10}},
     {"pose-topic", "Pose topic",
-     "Topic whose messages become terrainseg-pose events, none = no poses are read", property_before_start,
-     TextField{TERRAINSEG_FIELD(SinkSettings, pose_topic)}},
+     "Topic whose messages are sent upstream as terrainseg-pose events, none = poses are not read",
+     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, pose_topic)}},
     {"pose-type", "Pose type", "Type of the messages on pose-topic", property_before_start,
      TERRAINSEG_CHOICE(SinkSettings, pose, pose_type)},
     {"near-clear-topic", "Near-clear topic",
-     "Topic whose messages become terrainseg-near events, none = the near-range sensor is not read",
+     "Topic whose messages are sent upstream as terrainseg-near events, none = the near-range sensor is not "
+     "read",
      property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, near_topic)}},
     {"near-clear-type", "Near-clear type", "Type of the messages on near-clear-topic", property_before_start,
      TERRAINSEG_CHOICE(SinkSettings, near, near_type)},
     {"near-clear-distance", "Near-clear distance",
-     "Metres beyond which the window in front of the vehicle is clear, for near-clear-type=range",
+     "Range in metres from which the training window is clear, for near-clear-type=range",
      property_before_start,
      NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, near_distance), 0, 1000}},
 };
@@ -141,7 +142,7 @@ constexpr TopicProperty topics[] = {
     {Topic::camera_info, "camera-info", "Camera info topic", "CameraInfo", "camera/camera_info"},
     {Topic::video, "video", "Video topic", "CompressedVideo (H.264)", "camera/video"},
     {Topic::picture, "picture", "Picture topic", "CompressedImage (JPEG)", "camera/image/compressed"},
-    {Topic::tf, "tf", "Transform topic", "TFMessage with the attitude of the moment", "/tf"},
+    {Topic::tf, "tf", "Transform topic", "TFMessage with the attitude at the frame", "/tf"},
     {Topic::tf_static, "tf-static", "Static transform topic", "TFMessage of the mount", "/tf_static"},
     {Topic::diagnostics, "diagnostics", "Diagnostics topic", "DiagnosticArray", "/diagnostics"},
 };
@@ -229,7 +230,7 @@ void refuse(GstTerrainRos2Sink* self, const char* what) {
   if (!s.warned_input.exchange(true))
     GST_ELEMENT_WARNING(
         self, STREAM, FORMAT,
-        ("A message on %s cannot be used: it is cut, too long, big endian, or holds no such value.", what),
+        ("A message on %s cannot be used: it is truncated, too long, big-endian or invalid.", what),
         (nullptr));
 }
 
@@ -566,8 +567,7 @@ void install_topics(GObjectClass* object_class) {
   for (guint i = 0; i < topic_count; ++i) {
     const TopicProperty& topic = topics[i];
     const std::string name = std::string(topic.stem) + "-topic";
-    const std::string blurb =
-        std::string("Name of the topic of the ") + topic.what + ", none = it is not sent";
+    const std::string blurb = std::string("Name of the topic of the ") + topic.what + ", none = not sent";
     g_object_class_install_property(
         object_class, property_topic + i,
         g_param_spec_string(name.c_str(), topic.nick, blurb.c_str(), topic.default_name,
@@ -590,8 +590,8 @@ static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
       object_class, property_stats,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "frames, messages-taken and messages-refused since the start; of each open topic readers "
-          "(matched now), written and dropped (not taken by DDS within 5 ms)",
+          "Counts since the start: frames, messages-taken and messages-refused; for each open topic readers "
+          "(connected now), written and dropped (not accepted by DDS within 5 ms)",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   install_topics(object_class);
   install_properties<SinkSettings>(object_class, property_table, table);

@@ -274,7 +274,7 @@ const char* EstimateReader::read(const GstStructure* fields) {
     confidence_map_map_.emplace(confidence_map_);
     e.confidence_map = confidence_map_map_->view();
     if (confidence_map_map_->error())
-      return "the confidence map is not GRAY8 in one piece, as long as its GstVideoMeta says";
+      return "the confidence map is not one GRAY8 memory of the size in its GstVideoMeta";
   }
   return flaw_of(e);
 }

@@ -249,7 +249,7 @@ MappedMask::MappedMask(GstBuffer* buffer) {
     error_ = "the mask's rows overlap or run backwards";
   else if (!gst_video_info_set_format(&info, GST_VIDEO_FORMAT_GRAY8, layout->width, layout->height) ||
            !frame_.emplace(info, buffer, GST_MAP_READ))
-    error_ = "the mask's buffer is shorter than its GstVideoMeta says, or not in one piece";
+    error_ = "the mask's buffer is shorter than its GstVideoMeta says, or has several memories";
   if (error_)
     frame_.reset();
 }

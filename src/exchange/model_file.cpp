@@ -68,7 +68,7 @@ std::string take_histogram(Reader& in, const char* name, std::uint32_t bins,
   const auto count = in.take<std::uint32_t>();
   if (count != 0 && count != bins)
     return std::string("the histogram of ") + name + " has " + std::to_string(count) +
-           " bins, this version of terrainseg knows 0 or " + std::to_string(bins);
+           " bins, this version of terrainseg supports 0 or " + std::to_string(bins);
   out.resize(count);
   for (std::uint32_t& bin : out)
     bin = in.take<std::uint32_t>();
@@ -236,7 +236,7 @@ TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
   if (in.ran_out() || in.left() != 0)
     return refuse("the file is damaged: its content does not have the size that its counts add up to");
   if (const std::string flaw = flaw_of(terrain); !flaw.empty())
-    return refuse("the file holds what no learning makes: " + flaw + "; learn the terrain anew");
+    return refuse("the file has an invalid value: " + flaw + "; learn the terrain again");
   return {std::move(terrain), {}};
 }
 

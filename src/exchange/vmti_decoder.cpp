@@ -120,7 +120,7 @@ KlvVerdict KlvUnit::decode(std::span<const std::uint8_t> bytes) {
     const View label = in.take(16);
     const std::size_t length = in.length();
     if (!in.ok() || label[0] != 0x06 || label[1] != 0x0e || label[2] != 0x2b || label[3] != 0x34)
-      return refuse(KlvVerdict::damaged, "not KLV: no universal label where one must stand");
+      return refuse(KlvVerdict::damaged, "not KLV: a universal label is missing");
     const View set = in.take(length);
     if (!in.ok())
       return refuse(KlvVerdict::damaged, "a KLV set is cut short");
@@ -244,7 +244,7 @@ KlvVerdict KlvUnit::read_terrain_set(View set) {
   if (!versioned)
     return refuse(KlvVerdict::damaged, "terrainseg's Local Set has no version");
   if (!read_boundary(boundary, boundary_))
-    return refuse(KlvVerdict::damaged, "the boundary is cut short or holds rows that cannot be");
+    return refuse(KlvVerdict::damaged, "the boundary is cut short or has invalid rows");
   if (!read_models(models, estimate_))
     return refuse(KlvVerdict::damaged, "the models have a size they cannot have");
   return KlvVerdict::ok;
@@ -276,7 +276,7 @@ KlvVerdict KlvUnit::read_targets() {
   if (width < 1 || height < 1 || width > longest_picture_side || height > longest_picture_side ||
       static_cast<std::int64_t>(width * height) > klv_mask_limit)
     return refuse(KlvVerdict::damaged,
-                  "a mask of " + std::to_string(width) + "x" + std::to_string(height) + " pixels cannot be");
+                  "a mask of " + std::to_string(width) + "x" + std::to_string(height) + " pixels is invalid");
   estimate_.mask = {{}, static_cast<int>(width), static_cast<int>(height)};
   if (estimate_.mask.width > estimate_.frame_width || estimate_.mask.height > estimate_.frame_height)
     return refuse(KlvVerdict::damaged, "a mask of " + std::to_string(width) + "x" + std::to_string(height) +
