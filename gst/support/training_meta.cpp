@@ -21,7 +21,7 @@ Supervision TrainingReader::read(GstBuffer* buffer, int width, int height) {
     const auto right = std::min<std::uint64_t>(std::uint64_t{roi->x} + roi->w, width);
     const auto bottom = std::min<std::uint64_t>(std::uint64_t{roi->y} + roi->h, height);
     if (roi->x >= right || roi->y >= bottom) {
-      error_ = "a region of interest of type " GST_TERRAIN_TRAINING_ROI " lies outside the frame";
+      error_ = "a region of interest of type " GST_TERRAIN_TRAINING_ROI " is outside the frame";
       continue;
     }
     rectangles_.push_back({static_cast<int>(roi->x), static_cast<int>(roi->y),

@@ -84,21 +84,28 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
   }
   clock.lap(Stage::update);
 
-  // E: scores of the cells, for the confidence.
-  if (blank || heaviest(terrain.models) < 0) {
-    out.label_unknown();
-    return;
-  }
+  if (blank || heaviest(terrain.models) < 0)
+    return out.label_unknown();
   if (table_is_old_)
     table_.build(terrain.models, settings.threshold_q8, settings.bit_shift);
   table_is_old_ = false;
+  label(task, grid, window_cells, horizon, out, clock);
+}
+
+// E: back-projection of the learned models.
+void PaperPipeline::label(const FrameTask& task, const Grid& grid, const Rectangle& window_cells,
+                          const Horizon& horizon, EstimateWriter& out, StageClock& clock) {
+  const Settings& settings = task.settings;
+  Estimate& estimate = out.estimate();
+
+  // Scores of the cells, for the confidence.
   table_.score(grid, scores_);
   estimate.confidence = mean_closeness(scores_, grid.width, window_cells);
   estimate.horizon_row = horizon.row < 0 ? -1 : horizon.row << grid.level;
   estimate.horizon_confidence = horizon.confidence;
   clock.lap(Stage::scoring);
 
-  // E, continued: back-projection. Each pixel is labelled by its own colour.
+  // Each pixel is labelled by its own colour.
   const GrayView& mask = estimate.mask;
   const int first_row = subsampled(std::max(estimate.horizon_row, 0), settings.mask_level);
   std::uint64_t traversable =

@@ -13,7 +13,7 @@ constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
 constexpr float free_way = std::numeric_limits<float>::infinity();
 constexpr std::int8_t cell_free = 0, cell_occupied = 100, cell_unknown = -1;
 
-/// The nearer of two, where free is the farthest and unknown is nearer than free.
+/// The nearer of two ranges. Unknown counts as nearer than free.
 float nearer(float a, float b) {
   if (std::isfinite(a) && std::isfinite(b))
     return std::min(a, b);
@@ -66,8 +66,8 @@ void boundary_points(std::vector<BoundaryPoint>& points, const MetricEstimate& m
                         m.low[i], m.high[i]});
 }
 
-/// Around the fan and the body's origin, to whole metres. It depends on nothing that changes from frame to
-/// frame.
+/// The bounding box of the fan and the body's origin, rounded outwards to metres. It is the same for all
+/// frames of a stream.
 FreeSpaceGrid::Box FreeSpaceGrid::box_of(const ScanFan& fan, double range_max, double cell) {
   double low[2] = {0, 0}, high[2] = {0, 0};
   for (std::uint32_t i = 0; i < fan.beams; ++i) {
@@ -100,11 +100,11 @@ void FreeSpaceGrid::lay_out(const Box& box) {
 void FreeSpaceGrid::draw(const MetricEstimate& m, const Beams& beams, double cell) {
   if (const Box box = box_of(beams.fan(), m.range_max, cell); !(box == box_))
     lay_out(box);
-  const double thickness = 1.5 * box_.resolution; // no gap on a diagonal
+  const double thickness = 1.5 * box_.resolution; // so that a diagonal has no gaps
   cells_.clear();
   for (const Polar& place : places_) {
     const float* beam = beams.at(place.angle);
-    // The nearest row that is seen is a line across the way, not a circle.
+    // The edge of the nearest visible ground is a straight line across the view, not a circle.
     const double across = std::cos(place.angle - m.yaw);
     const bool in_view =
         beam && across > 0.05 && place.range * across >= m.range_min && place.range <= m.range_max;
@@ -120,8 +120,8 @@ void FreeSpaceGrid::draw(const MetricEstimate& m, const Beams& beams, double cel
   stamp_boundary(m);
 }
 
-/// What is narrower than a cell may lie beside all centres: where a column's free space ends its cell is
-/// occupied.
+/// Marks the cells in which the free space of a column ends as occupied: an obstacle narrower than a cell may
+/// lie between all centres.
 void FreeSpaceGrid::stamp_boundary(const MetricEstimate& m) {
   for (std::size_t i = 0; i < m.ranges.size(); ++i) {
     if (!std::isfinite(m.ranges[i]) || !std::isfinite(m.bearings[i]))

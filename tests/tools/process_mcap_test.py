@@ -127,11 +127,11 @@ def wrong_calibrations_touch_nothing(folder):
     pathlib.Path('other.yaml').write_text('a: 1\n')
     video('clip.mp4', frames=3)
     for arguments, said in (
-            (METRES[:2], 'metres take both'), (METRES[2:], 'metres take both'),
+            (METRES[:2], '--camera-info and --mount'), (METRES[2:], '--camera-info and --mount'),
             (('--camera-info', 'absent.yaml', *METRES[2:]), '"absent.yaml" of property camera-info'),
             (('--camera-info', 'other.yaml', *METRES[2:]), '"other.yaml" of property camera-info'),
             ((*METRES[:2], '--mount', 'height=0'), '"height=0" of property mount'),
-            (('--outputs', 'mcap-metadata'), "'mcap-metadata' is none of annotated, masks, json, csv, mcap")):
+            (('--outputs', 'mcap-metadata'), "'mcap-metadata' is not one of annotated, masks, json, csv, mcap")):
         contains(ok('-q', '-o', 'out', *arguments, 'clip.mp4', code=2).stderr, said)
     assert not os.path.exists('out')
 
@@ -147,7 +147,7 @@ def a_damaged_input_gives_a_partial_bag(folder):
     check_bag('out/cut.partial.bag', frames, {'/terrain/mask', '/camera/video'})
     video('cut.mkv', frames=20, size='160x120')
     os.remove('out/cut.partial.summary.json')
-    contains(ok('-q', '-o', 'out', '--outputs', 'mcap', 'cut.mkv', code=2).stderr, 'cut.partial.bag/terrain.mcap is there already')
+    contains(ok('-q', '-o', 'out', '--outputs', 'mcap', 'cut.mkv', code=2).stderr, 'cut.partial.bag/terrain.mcap already exists')
 
 
 @case

@@ -238,7 +238,7 @@ def an_output_of_one_input_is_never_another_input(folder):
     result = ok('drive.mp4', 'drive.annotated.mp4', code=2)
     contains(result.stderr, 'drive.annotated.mp4 of drive.mp4 would replace the input drive.annotated.mp4')
     # Named or not, what this tool did not make from this input stays.
-    contains(ok('drive.mp4', code=2).stderr, 'drive.annotated.mp4 is there already')
+    contains(ok('drive.mp4', code=2).stderr, 'drive.annotated.mp4 already exists')
     os.mkdir('out')
     os.link('drive.annotated.mp4', 'out/other.annotated.mp4')
     os.rename('drive.mp4', 'other.mp4')
@@ -426,7 +426,7 @@ def a_folder_of_videos(folder):
         check_outputs(f'rec/v{index}', 3 + index, (64, 48))
     # The outputs of the first run, in the same folder, are no inputs of the second.
     result = ok('-o', 'rec', '--resume', 'rec')
-    equal(result.stdout.count('skipped'), 3, 'skipped')
+    equal(result.stdout.count('already complete'), 3, 'skipped')
     equal(len(result.stdout.splitlines()), 4, 'lines with the tally')
 
 
@@ -582,7 +582,7 @@ def a_truncated_file_is_kept_in_part_and_the_rest_goes_on(folder):
     # Repaired, it is done again and the partial files go.
     pathlib.Path('cut.mp4').write_bytes(whole)
     result = ok('-o', 'out', '--resume', 'cut.mp4', 'good.mp4')
-    contains(result.stdout, 'good.mp4: complete already')
+    contains(result.stdout, 'good.mp4: already complete')
     equal(left('out'), outputs_of('cut', 'good'), 'after the repair')
 
 
@@ -692,7 +692,7 @@ def a_codec_that_nobody_decodes_is_named_and_nothing_is_to_be_installed(folder):
     pathlib.Path('odd.mp4').write_bytes(pathlib.Path('clip.mp4').read_bytes().replace(b'avc1', b'QQ8Z'))
     for name in 'odd.avi', 'odd.mp4':
         error = ok('-q', '-o', 'out', name, code=1).stderr
-        contains(error, f"{name}: GStreamer knows no codec 'QQ8Z'")
+        contains(error, f"{name}: GStreamer does not know the codec 'QQ8Z'")
         contains(error, 'ffmpeg -i INPUT')
         assert 'install gst' not in error, error
     # Where a package that has it is missing, that one is to be installed, and no other.
@@ -706,7 +706,7 @@ def an_element_that_gave_up_says_why(folder):
     """Its error message alone is 'Internal data stream error.'"""
     video('screen.flv', frames=3, extra=('-c:v', 'flashsv2', '-pix_fmt', 'bgr24'))
     result = ok('-q', '-o', 'out', 'screen.flv', code=1)
-    contains(result.stderr, 'screen.flv: flvdemux gave up: unsupported video codec tag 6; make it anew')
+    contains(result.stderr, 'screen.flv: flvdemux gave up: unsupported video codec tag 6; convert it')
     contains(result.stderr, 'ffmpeg -i INPUT')
     equal(len(result.stderr.splitlines()), 1, f'the log is not for the screen: {result.stderr}')
     for wish in ({'GST_DEBUG': 'flvdemux:2'}, ()), ({}, ('--gst-debug=flvdemux:2',)):  # unless somebody asks for it
@@ -742,7 +742,7 @@ def a_run_has_a_tally(folder):
     ok('-q', '-o', 'out', 'rec/v0.mp4')
     result = ok('-o', 'out', '--resume', 'rec', 'absent.mp4', code=75)
     line = result.stdout.splitlines()[-1]
-    contains(line, '5 inputs: 2 whole, 1 complete already, 2 failed (1 may succeed when tried again); 8 frames in 0:')
+    contains(line, '5 inputs: 2 complete, 1 skipped, 2 failed (1 may succeed when tried again); 8 frames in 0:')
     contains(result.stderr, 'rec: left out 1 member')
     contains(result.stderr, 'notes.txt')
 
@@ -792,7 +792,7 @@ def shards_together_make_what_one_run_makes(folder):
     # The list on standard input, ended by NUL, and with what a run from a folder is called.
     listed = subprocess.run([PROCESS, '-o', 'all', '--resume', '--inputs-from', '-'], input='\0'.join(names), text=True,
                             capture_output=True, timeout=100)
-    equal((listed.returncode, listed.stdout.count('complete already, skipped')), (0, len(names)), listed.stderr)
+    equal((listed.returncode, listed.stdout.count('already complete, skipped')), (0, len(names)), listed.stderr)
     contains(ok('--inputs-from', os.devnull, code=2).stderr, 'the list is empty')
     contains(ok('--inputs-from', 'absent', code=2).stderr, 'cannot read absent')
     contains(ok('--inputs-from', 'list', '--shard', '7/3', code=2).stderr, '7/3')
@@ -811,7 +811,7 @@ def a_check_names_what_is_missing_or_damaged(folder):
         shards.append(pathlib.Path(f'm{index}').read_text())
     pathlib.Path('all').write_text(''.join(shards))
     result = ok('--check', 'all', '--inputs-from', 'list', code=1)
-    contains(result.stdout, '3 whole, 1 damaged for good, 0 to try again')
+    contains(result.stdout, '3 complete, 1 permanently damaged, 0 to try again')
     contains(result.stderr, f'{names[3]}: partial: the file is cut off')
     pathlib.Path('half').write_text(shards[0])
     contains(ok('--check', 'half', code=75).stderr, 'shard 2/2 has no manifest')
@@ -822,7 +822,7 @@ def a_check_names_what_is_missing_or_damaged(folder):
     result = ok('--check', 'all', code=75)
     for text in ('v0.csv has 10 bytes', 'v1.jsonl is missing', 'v2.masks.mkv is not the file that was written'):
         contains(result.stderr, text)
-    contains(result.stdout, '0 whole, 1 damaged for good, 3 to try again')
+    contains(result.stdout, '0 complete, 1 permanently damaged, 3 to try again')
     with open('list', 'a') as file:
         file.write('rec/new.mp4\n')
     contains(ok('--check', 'all', '--inputs-from', 'list', code=75).stderr, 'rec/new.mp4: has no line')
@@ -844,7 +844,7 @@ def a_manifest_replaces_no_other_file(folder):
     for name in 'clip.mp4', './clip.mp4', 'out/clip.csv':
         contains(ok('-q', '-o', 'out', '--manifest', name, 'clip.mp4', code=2).stderr, 'the manifest')
     pathlib.Path('notes').write_text('mine\n')
-    contains(ok('-q', '-o', 'out', '--manifest', 'notes', 'clip.mp4', code=2).stderr, 'would replace a file that is none')
+    contains(ok('-q', '-o', 'out', '--manifest', 'notes', 'clip.mp4', code=2).stderr, 'would replace a file')
     assert not os.path.exists('out')
     for _ in range(2):
         ok('-q', '-o', 'out', '--manifest', 'm', '--resume', 'clip.mp4')
@@ -1002,9 +1002,9 @@ def a_crashing_decoder_takes_one_input_with_it(folder):
     good = outputs_of('first', 'last')
     for jobs, again in (1, ()), (2, ()), (1, ('--resume',)):  # the crash comes again, and takes nothing with it
         result = crashing('crash:/bad.', *again, '--jobs', jobs, *names, code=1)
-        contains(result.stderr, 'bad.mp4: the decoder crashed (signal 11, Segmentation fault); nothing of it is kept')
+        contains(result.stderr, 'bad.mp4: the decoder crashed (signal 11, Segmentation fault)')
         contains(result.stderr, 'ffmpeg -i')
-        contains(result.stdout, '3 inputs: 0 whole, 2 complete already, 1 failed' if again else '3 inputs: 2 whole, 1 failed')
+        contains(result.stdout, '3 inputs: 0 complete, 2 skipped, 1 failed' if again else '3 inputs: 2 complete, 1 failed')
         equal([name for name in left('out') if not name.endswith('.bag')], good, 'outputs')
         lines = manifest('m')[1]
         equal({name: lines[name]['status'] for name in names},
@@ -1019,7 +1019,7 @@ def a_crashing_decoder_takes_one_input_with_it(folder):
     # Ended from outside: for want of memory, which may pass.
     shutil.rmtree('out')
     result = crashing('kill:/bad.', *names, code=75)
-    contains(result.stderr, 'bad.mp4: the process that decoded it was ended from outside (signal 9, Killed)')
+    contains(result.stderr, '(signal 9, Killed)')
     equal(manifest('m')[1]['bad.mp4']['cause'], 'resources', 'cause')
     equal([name for name in left('out') if not name.endswith('.bag')], good, 'outputs')
 
@@ -1144,7 +1144,7 @@ def resume_skips_only_what_is_whole_and_the_same(folder):
     ok('-q', '-o', 'out', 'a.mp4', 'b.mp4')
 
     def skipped(*arguments):
-        return ok('-o', 'out', '--resume', *arguments, 'a.mp4', 'b.mp4').stdout.count('skipped')
+        return ok('-o', 'out', '--resume', *arguments, 'a.mp4', 'b.mp4').stdout.count('already complete')
 
     equal(skipped(), 2, 'unchanged')
     equal(skipped('--set', 'caution=4'), 0, 'other settings')
@@ -1175,7 +1175,7 @@ def an_output_folder_that_cannot_be_written(folder):
         result = ok('-o', place, 'clip.mp4', code=4)
         contains(result.stderr, place)
     os.makedirs('out/clip.masks.mkv')
-    contains(ok('-o', 'out', 'clip.mp4', code=2).stderr, 'clip.masks.mkv is there already')
+    contains(ok('-o', 'out', 'clip.mp4', code=2).stderr, 'clip.masks.mkv already exists')
     equal(left('out'), ['clip.masks.mkv'], 'nothing else')
 
 

@@ -71,8 +71,8 @@ void point_to_own_plugin() {
   const fs::path program = fs::read_symlink("/proc/self/exe", error);
   if (error)
     return;
-  // In a build tree: BUILD/src/tools/terrainseg-process and BUILD/gst; installed: the folder of the
-  // installation as it was configured, and the same relative to a prefix that was moved.
+  // In a build tree: BUILD/gst for BUILD/src/tools/terrainseg-process. Installed: the configured plugin
+  // folder, also relative to the program in case the prefix was moved.
   const fs::path here = program.parent_path();
   const fs::path candidates[] = {
       here / "../../gst", here / fs::path(TERRAINSEG_PLUGINS_DIR).lexically_relative(TERRAINSEG_BINDIR),
@@ -153,7 +153,7 @@ std::optional<std::string> set_property(GstElement* element, const std::string& 
   GValue converted = G_VALUE_INIT;
   g_value_init(&converted, spec->value_type);
   const bool read = gst_value_deserialize_with_pspec(&converted, value.c_str(), spec);
-  // Validation clamps; a clamped value is not what the user asked for.
+  // Validation would clamp the value to the range; that is an error here.
   const bool fits = read && !g_param_value_validate(spec, &converted);
   if (fits)
     g_object_set_property(G_OBJECT(element), name.c_str(), &converted);
@@ -169,7 +169,7 @@ std::optional<std::string> apply_settings(const Options& options, GstElement* te
     if (auto problem = set_property(terrainseg, "preset", options.preset))
       return problem;
   for (const auto& [name, value] : options.settings) {
-    // Drawing is the overlay's business here, so that the masks and lines come from untouched frames.
+    // terrainseg must not draw: masks and lines are made from unchanged frames.
     const bool drawing = name == "overlay" || name.starts_with("overlay-");
     if (name == "overlay")
       return "overlay = '" + value + "': the annotated video is always drawn on; choose with --outputs";

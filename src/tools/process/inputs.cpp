@@ -41,7 +41,7 @@ bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
-/// An output of this tool in the folder it reads from is no input of the next run.
+/// Outputs of an earlier run in the same folder are not inputs.
 bool is_own_output(const fs::path& path) {
   const std::string name = path.filename().string();
   for (const OutputKind& kind : output_kinds)
@@ -72,7 +72,7 @@ Input sequence(const std::string& label, const std::string& stem, std::vector<fs
   return input;
 }
 
-/// A recording, or a picture, which is a sequence of one.
+/// A video, or a picture, which is a sequence of one frame.
 Input file(const fs::path& path, const std::string& stem) {
   if (has_extension(path, image_extensions))
     return sequence(path.string(), stem, {path});
@@ -90,7 +90,7 @@ std::string folder_name(const fs::path& folder) {
   return name.empty() ? "root" : name;
 }
 
-/// The members of a folder that are no inputs, for one line to the user.
+/// Files of a folder that are not inputs, summarised in one line.
 class LeftOut {
  public:
   void add(const fs::path& path) {
@@ -98,7 +98,7 @@ class LeftOut {
     if (count_ <= shown)
       names_ += (names_.empty() ? "" : ", ") + path.string();
   }
-  /// Nothing when nothing was left out.
+  /// Returns nothing if there are none.
   void note(const fs::path& folder, std::vector<std::string>& notes) const {
     if (count_ > 0)
       notes.push_back(
@@ -114,10 +114,10 @@ class LeftOut {
   std::string names_;
 };
 
-/// What a folder and those below it hold, by folder, in natural order.
+/// The content of a folder and its subfolders, by folder, in natural order.
 struct Members {
   std::vector<fs::path> videos;
-  std::map<fs::path, std::vector<fs::path>> images; ///< by their folder
+  std::map<fs::path, std::vector<fs::path>> images; ///< by folder
   LeftOut left_out;
 };
 
@@ -173,7 +173,7 @@ void add_folder(const fs::path& given, Found& found) {
   }
 }
 
-/// A file name with one number in it: PREFIX %0WIDTHd SUFFIX.
+/// A file name with one number: PREFIX %0WIDTHd SUFFIX.
 struct Pattern {
   std::string prefix, suffix;
   int width = 1;
@@ -233,7 +233,7 @@ void add_pattern(const fs::path& argument, const Pattern& pattern, Found& found)
   found.inputs.push_back(sequence(argument.string(), folder_name(folder), std::move(images)));
 }
 
-/// "x:y" alone is more likely a file that is not there.
+/// "x:y" alone is treated as a missing file.
 bool is_uri(const std::string& argument) {
   return gst_uri_is_valid(argument.c_str()) && argument.find("://") != std::string::npos;
 }
@@ -254,7 +254,7 @@ Input from_uri(const std::string& uri) {
   return input;
 }
 
-/// The path that a file:// URI of this machine means; nothing for others.
+/// The path of a file:// URI of this machine; nothing for other URIs.
 std::optional<fs::path> local_path(const std::string& uri) {
   char* host = nullptr;
   const std::string path = take(g_filename_from_uri(uri.c_str(), &host, nullptr));
@@ -295,7 +295,7 @@ void add(const std::string& argument, Found& found) {
                                 absent ? Cause::missing : cause_of_reading(error.value())));
 }
 
-/// The path as it was written, without its extension and what leads out of the folder of the outputs.
+/// The path as given, without extension and without components that leave the output folder.
 std::string written_path(const Input& input) {
   if (input.kind == Input::Kind::uri)
     return input.stem;
@@ -321,7 +321,7 @@ std::string short_hash(const std::string& text) {
 
 void name_outputs(Names names, std::vector<Input>& inputs) {
   for (Input& input : inputs) {
-    if (!input.problem.empty()) // nothing will be written
+    if (!input.problem.empty()) // no outputs
       continue;
     if (names == Names::path)
       input.stem = written_path(input);
