@@ -1399,21 +1399,61 @@ def one_of_two_video_tracks_is_taken_and_named(folder):
     equal(ok('-o', 'out', 'only.avi').stderr.count('track'), 0, 'one track of pictures is a video')
 
 
+FULL = ('-c:v', 'libx264', '-crf', '10', '-pix_fmt', 'yuvj420p', '-color_range', 'pc')
+
+
+def colours(space, scale):
+    """Tags of ffmpeg for one colour space, behind samples that have them."""
+    return ('-colorspace', space, '-color_primaries', space, '-color_trc', space, '-vf', f'{scale}:out_color_matrix={space}')
+
+
 @case
 def full_range_is_converted(folder):
+    """Whoever tells it: the codec alone (AVI, MOV, TS, and MP4 without a colr box), or the container (MKV, MP4)."""
     drive('full.avi', '-c:v', 'mjpeg', '-q:v', '2')
-    for space, name in ('bt709', 'full709.mkv'), ('smpte170m', 'full601.mkv'):
-        drive(name, '-c:v', 'libx264', '-crf', '10', '-pix_fmt', 'yuvj420p', '-colorspace', space, '-color_primaries', space,
-              '-color_trc', space, filters=('-vf', f'scale=out_range=full:out_color_matrix={space.replace("smpte170m", "bt601")}'))
+    for name in 'full709.mkv', 'full709.mov', 'full709.mp4':
+        drive(name, *FULL, *colours('bt709', 'scale=out_range=full'))
+    drive('nocolr.mp4', *FULL, *colours('bt709', 'scale=out_range=full'), '-movflags', '-write_colr')
+    drive('full601.mkv', *FULL, *colours('smpte170m', 'scale=out_range=full'))
+    drive('container.mp4', '-c:v', 'mpeg4', '-q:v', '2', '-color_range', 'pc', *colours('smpte170m', 'scale=out_range=full'))
+    drive('rangeonly.ts', *FULL, '-vf', 'scale=out_range=full', '-bsf:v',
+          'h264_metadata=colour_primaries=2:transfer_characteristics=2:matrix_coefficients=2')
+    drive('hevc.mp4', '-c:v', 'libx265', '-crf', '10', '-pix_fmt', 'yuvj420p', '-x265-params', 'log-level=error:range=full')
+    drive('grey.mp4', '-c:v', 'libx264', '-crf', '10', '-color_range', 'pc', '-vf', 'scale=out_range=full,format=gray')
     os.mkdir('frames')
     drive('frames/%03d.jpg', '-q:v', '2', frames=10)
-    for name in 'full.avi', 'full709.mkv', 'full601.mkv', 'frames/%03d.jpg':
+    os.mkdir('greys')
+    drive('greys/%03d.png', '-vf', 'format=gray', frames=10)
+    for name in ('full.avi', 'full709.mkv', 'full709.mov', 'full709.mp4', 'nocolr.mp4', 'full601.mkv', 'container.mp4',
+                 'rangeonly.ts', 'hevc.mp4', 'grey.mp4', 'frames/%03d.jpg', 'greys/%03d.png'):
         stem = pathlib.Path(name).parent.name or pathlib.Path(name).stem
-        ok('-q', '-o', 'out', '--fps', '25', '--quality', '5', '--set', 'overlay-alpha=0', name)
+        shutil.rmtree('out', ignore_errors=True)
+        ok('-q', '-o', 'out', '--outputs', 'annotated', '--fps', '25', '--quality', '5', '--set', 'overlay-alpha=0', name)
         made = f'out/{stem}.annotated.mp4'
         equal(probe(made).get('color_range'), 'tv', f'range of {name}')
         worst = max(differences(name, made, '320x180'))
         assert worst < 5, (name, worst)
+
+
+@case
+def colours_keep_their_tags(folder):
+    """Also where a side is odd, and those of HDR, whose samples mean nothing without them."""
+    tags = ('color_space', 'color_transfer', 'color_primaries')
+    hdr = ('-c:v', 'libx265', '-pix_fmt', 'yuv420p10le', '-x265-params', 'log-level=error')
+    for name, size, wanted, encoder in (
+            ('bt709.mp4', '320x180', ('bt709',) * 3, ('-c:v', 'libx264')),
+            ('bt601.mkv', '319x179', ('smpte170m',) * 3, ('-c:v', 'libx264', '-pix_fmt', 'yuv444p')),
+            ('pq.mp4', '320x180', ('bt2020nc', 'smpte2084', 'bt2020'), hdr),
+            ('hlg.mkv', '320x180', ('bt2020nc', 'arib-std-b67', 'bt2020'), hdr)):
+        space, transfer, primaries = wanted
+        drive(name, *encoder, '-colorspace', space, '-color_trc', transfer, '-color_primaries', primaries,
+              '-vf', f'scale={size.replace("x", ":")}:out_color_matrix={space.replace("bt2020nc", "bt2020")}', frames=5)
+        ok('-q', '-o', 'out', '--outputs', 'annotated', '--quality', '5', '--set', 'overlay-alpha=0', name)
+        made = f'out/{pathlib.Path(name).stem}.annotated.mp4'
+        equal(tuple(probe(made).get(tag) for tag in tags), wanted, f'tags of {name}')
+        if size == '320x180':
+            worst = max(differences(name, made, size))
+            assert worst < 5, (name, worst)
 
 
 @case

@@ -60,6 +60,36 @@ std::string too_large(const GstCaps* caps) {
          " at most on each side; make them smaller: ffmpeg -i INPUT -vf scale=iw/4:ih/4 OUTPUT";
 }
 
+/// The number of a track in its container, by its stream's name; 0 when there is none.
+unsigned track_id_of(GstPad* pad) {
+  const CharPointer id(gst_pad_get_stream_id(pad));
+  const char* number = id ? std::strrchr(id.get(), '/') : nullptr;
+  return number ? static_cast<unsigned>(g_ascii_strtoull(number + 1, nullptr, 10)) : 0;
+}
+
+/// The colours of an event's caps; nothing when it has none.
+std::optional<GstVideoColorimetry> colorimetry_of(GstEvent* event) {
+  GstVideoColorimetry color;
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
+  const char* text = gst_structure_get_string(gst_caps_get_structure(caps, 0), "colorimetry");
+  if (!text || !gst_video_colorimetry_from_string(&color, text))
+    return std::nullopt;
+  return color;
+}
+
+/// Writes other colours into the caps of the event that a probe sees.
+void set_colorimetry(GstPadProbeInfo* info, const GstVideoColorimetry& color) {
+  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
+  const CapsPointer changed(gst_caps_copy(caps));
+  const CharPointer text(gst_video_colorimetry_to_string(&color));
+  gst_caps_set_simple(changed.get(), "colorimetry", G_TYPE_STRING, text.get(), nullptr);
+  GST_PAD_PROBE_INFO_DATA(info) = gst_event_new_caps(changed.get());
+  gst_event_unref(event);
+}
+
 bool is_video(const GstCaps* caps) {
   return !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
          g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), "video/");
@@ -236,9 +266,7 @@ Source::Track* Source::track_of(GstPad* pad) {
 
 void Source::take(GstPad* pad) {
   taken_ = track_of(pad);
-  const CharPointer id(gst_pad_get_stream_id(pad));
-  if (const char* number = id ? std::strrchr(id.get(), '/') : nullptr)
-    track_id_ = static_cast<unsigned>(g_ascii_strtoull(number + 1, nullptr, 10));
+  track_id_ = track_id_of(pad);
   taken_number_ = videos_;
   linked_ = link_video(pad);
 }
@@ -274,6 +302,7 @@ bool Source::link_video(GstPad* pad) {
   gst_element_sync_state_with_parent(convert);
   const PadPointer sink(gst_element_get_static_pad(convert, "sink"));
   gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_decoded, this, nullptr);
+  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_decoded_caps, nullptr, nullptr);
   const GstPadLinkReturn linked = gst_pad_link(pad, sink.get());
   if (ok && linked == GST_PAD_LINK_OK)
     return true;
@@ -365,6 +394,7 @@ void Source::on_need_data(GstElement*, guint, gpointer self) {
 void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self) {
   GstElementFactory* factory = gst_element_get_factory(element);
   if (factory && g_str_equal(gst_plugin_feature_get_name(GST_PLUGIN_FEATURE(factory)), "qtdemux")) {
+    static_cast<Source*>(self)->is_iso_media_ = true;
     const PadPointer sink(gst_element_get_static_pad(element, "sink"));
     gst_pad_add_probe(sink.get(),
                       static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BUFFER),
@@ -390,8 +420,10 @@ void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer se
   if (!sink)
     return;
   const std::lock_guard lock(source->mutex_);
-  source->tracks_.push_back(std::make_unique<Track>(Track{element, true, {}}));
-  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, source->tracks_.back().get(), nullptr);
+  source->tracks_.push_back(std::make_unique<Track>(Track{element, true, {}, source}));
+  Track* track = source->tracks_.back().get();
+  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, track, nullptr);
+  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_encoded_caps, track, nullptr);
 }
 
 /// libav's demuxers in GStreamer 1.22 take an end for nothing yet and ask on (a cut GIF), with libav's lock
@@ -425,9 +457,9 @@ GstPadProbeReturn Source::on_index(GstPad*, GstPadProbeInfo* info, gpointer self
   return GST_PAD_PROBE_OK;
 }
 
-const IsoTrack* Source::table() const {
+const IsoTrack* Source::table(unsigned track_id) const {
   for (const IsoTrack& track : tables_)
-    if (track.id == track_id_ || tables_.size() == 1)
+    if (track.id == track_id || tables_.size() == 1)
       return &track;
   return nullptr;
 }
@@ -460,6 +492,45 @@ GstPadProbeReturn Source::on_encoded(GstPad* pad, GstPadProbeInfo* info, gpointe
   track.countable = track.countable && GST_BUFFER_PTS_IS_VALID(buffer);
   if (track.countable && !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DECODE_ONLY))
     track.encoded.push_back(GST_BUFFER_PTS(buffer));
+  return GST_PAD_PROBE_OK;
+}
+
+/// qtdemux 1.22 calls the range of every colr box limited, and parsers and decoders believe it instead of the
+/// stream. The box may say full; else the range is left open, so that the decoder tells it.
+GstPadProbeReturn Source::on_encoded_caps(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+  const Source* source = static_cast<Track*>(data)->source;
+  if (!source->is_iso_media_ || GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) != GST_EVENT_CAPS)
+    return GST_PAD_PROBE_OK;
+  if (auto color = colorimetry_of(GST_PAD_PROBE_INFO_EVENT(info));
+      color && color->range != GST_VIDEO_COLOR_RANGE_0_255) {
+    const IsoTrack* track = source->table(track_id_of(pad));
+    color->range = track && track->full_range ? GST_VIDEO_COLOR_RANGE_0_255 : GST_VIDEO_COLOR_RANGE_UNKNOWN;
+    set_colorimetry(info, *color);
+  }
+  return GST_PAD_PROBE_OK;
+}
+
+/// Fills in what a decoder leaves open. GStreamer 1.22 takes the default for all of it where the matrix is
+/// unknown, and so forgets that the range is full.
+GstPadProbeReturn Source::on_decoded_caps(GstPad*, GstPadProbeInfo* info, gpointer) {
+  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+  if (GST_EVENT_TYPE(event) != GST_EVENT_CAPS)
+    return GST_PAD_PROBE_OK;
+  auto color = colorimetry_of(event);
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
+  const CapsPointer plain(gst_caps_copy(caps));
+  gst_structure_remove_field(gst_caps_get_structure(plain.get(), 0), "colorimetry");
+  GstVideoInfo usual;
+  if (!color || !gst_video_info_from_caps(&usual, plain.get()) || GST_VIDEO_INFO_IS_RGB(&usual))
+    return GST_PAD_PROBE_OK;
+  const GstVideoColorimetry before = *color;
+  if (color->range == GST_VIDEO_COLOR_RANGE_UNKNOWN)
+    color->range = usual.colorimetry.range;
+  if (color->matrix == GST_VIDEO_COLOR_MATRIX_UNKNOWN)
+    color->matrix = usual.colorimetry.matrix;
+  if (!gst_video_colorimetry_is_equal(&*color, &before))
+    set_colorimetry(info, *color);
   return GST_PAD_PROBE_OK;
 }
 

@@ -66,9 +66,11 @@ class Source {
     GstElement* decoder;
     bool countable = true;
     std::vector<GstClockTime> encoded; ///< times of its frames
+    const Source* source = nullptr;
   };
   /// What its file says of the taken track; null for other containers.
-  const IsoTrack* table() const;
+  const IsoTrack* table() const { return table(track_id_); }
+  const IsoTrack* table(unsigned track_id) const;
   Track* track_of(GstPad* pad);
   void take(GstPad* pad);
   void feed();
@@ -84,8 +86,10 @@ class Source {
   static GstPadProbeReturn on_pull(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_index(GstPad*, GstPadProbeInfo* info, gpointer self);
-  static GstPadProbeReturn on_encoded(GstPad*, GstPadProbeInfo* info, gpointer self);
+  static GstPadProbeReturn on_encoded(GstPad*, GstPadProbeInfo* info, gpointer track);
+  static GstPadProbeReturn on_encoded_caps(GstPad*, GstPadProbeInfo* info, gpointer track);
   static GstPadProbeReturn on_decoded(GstPad*, GstPadProbeInfo* info, gpointer self);
+  static GstPadProbeReturn on_decoded_caps(GstPad*, GstPadProbeInfo* info, gpointer);
 
   const Input& input_;
   const int threads_; ///< of the decoder
@@ -96,6 +100,7 @@ class Source {
   int fps_numerator_ = 30, fps_denominator_ = 1;
   std::string image_type_; ///< media type of the first image; feeder's thread only
   std::atomic<bool> linked_{false};
+  std::atomic<bool> is_iso_media_{false}; ///< qtdemux reads it
   std::atomic<std::uint64_t> corrupted_{0};
   bool countable_ = true;             ///< one frame out per frame in; streaming threads
   std::vector<GstClockTime> decoded_; ///< times of the frames that came out; a streaming thread
