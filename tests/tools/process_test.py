@@ -495,6 +495,102 @@ def every_camera_that_was_turned_is_turned_back(folder):
             assert difference < 12, (name, angle, difference)
 
 
+def with_exif(picture, orientation, to):
+    """A copy of a JPEG, PNG or WebP picture that says how the camera was turned."""
+    data = pathlib.Path(picture).read_bytes()
+    exif = b'MM\0*' + struct.pack('>IHHHIHHI', 8, 1, 0x112, 3, 1, orientation, 0, 0)
+    if data.startswith(b'\xff\xd8'):
+        data = data[:2] + b'\xff\xe1' + struct.pack('>H', len(exif) + 8) + b'Exif\0\0' + exif + data[2:]
+    elif data.startswith(b'RIFF'):
+        data += b'EXIF' + struct.pack('<I', len(exif)) + exif
+        data = b'RIFF' + struct.pack('<I', len(data) - 8) + data[8:]
+    else:
+        chunk = b'eXIf' + exif
+        data = data[:33] + struct.pack('>I', len(exif)) + chunk + struct.pack('>I', zlib.crc32(chunk)) + data[33:]
+    pathlib.Path(to).write_bytes(data)
+
+
+@case
+def pictures_are_turned_upright_on_every_way_in(folder):
+    turns = ('null', 'hflip', 'hflip,vflip', 'vflip', 'transpose=0', 'transpose=1', 'transpose=3', 'transpose=2')
+    drive('flat.png', '-c:v', 'png', frames=1)
+    for pixels in 'yuvj420p', 'yuvj422p':
+        drive(f'{pixels}.jpg', '-q:v', '1', '-pix_fmt', pixels, frames=1)
+        for number, turn in enumerate(turns, 1):
+            with_exif(f'{pixels}.jpg', number, 'turned.jpg')
+            ffmpeg('-i', f'{pixels}.jpg', '-vf', turn, 'upright.png')
+            shutil.rmtree('out', ignore_errors=True)
+            ok('-q', '-o', 'out', '--outputs', 'annotated', '--quality', '5', '--set', 'overlay-alpha=0', 'turned.jpg')
+            size = '320x180' if number < 5 else '180x320'
+            equal('{width}x{height}'.format(**probe('out/turned.annotated.mp4')), size, f'size of {number}')
+            difference, = differences('upright.png', 'out/turned.annotated.mp4', size)
+            assert difference < 8, (number, difference)
+    ffmpeg('-i', 'flat.png', 'flat.webp')
+    for suffix in 'png', 'webp':
+        with_exif(f'flat.{suffix}', 6, f'one.{suffix}')
+        ok('-q', '-o', suffix, '--outputs', 'masks', f'one.{suffix}')
+        equal(probe(f'{suffix}/one.masks.mkv')['height'], 320, suffix)
+    os.mkdir('frames')
+    for index, number in enumerate((6, 1, 8)):  # the first decides the size, and all are upright
+        with_exif('yuvj420p.jpg', number, f'frames/{index}.jpg')
+    os.symlink('frames', 'link')
+    os.symlink('frames/0.jpg', 'one.jpg')
+    pathlib.Path('list.txt').write_text(f'one.jpg\n{(folder / "frames").as_uri()}\n')
+    uri = (folder / 'frames').as_uri()
+    for way, arguments, base in (('folder', ['frames'], 'frames'), ('pattern', ['frames/%d.jpg'], 'frames'), ('link', ['link'], 'link'),
+                                 ('file', ['one.jpg'], 'one'), ('uri', [uri], 'frames'), ('short', [uri.replace('///', '/')], 'frames'),
+                                 ('list', ['--inputs-from', 'list.txt', '--names', 'base'], 'one'), ('list', [], 'frames')):
+        if arguments:
+            ok('-q', '-o', way, '--outputs', 'masks,json', *arguments)
+        stream = probe(f'{way}/{base}.masks.mkv')
+        equal((stream['width'], stream['height']), (180, 320), way)
+    equal([(line['width'], line['height']) for line in lines_of('folder/frames.jsonl')], [(180, 320), (320, 180), (180, 320)], 'frames')
+
+@case
+def a_link_to_nothing_is_not_left_out(folder):
+    os.mkdir('rec')
+    video('rec/there.mp4', frames=3)
+    os.symlink('/nowhere/absent.mp4', 'rec/absent.mp4')
+    contains(ok('-q', '-o', 'out', 'rec', code=75).stderr, 'absent.mp4')
+    check_outputs('out/there', 3, (64, 48))
+    os.remove('rec/absent.mp4')
+    images(folder / 'frames', 3)
+    os.remove('frames/0001.png')
+    os.symlink('/nowhere/absent.png', 'frames/0001.png')
+    contains(ok('-q', '-o', 'out', 'frames', code=75).stderr, '0001.png')
+
+
+@case
+def a_file_that_lists_frames_and_shows_none_says_so(folder):
+    drive('whole.mp4')
+    ffmpeg('-ss', '2.3', '-i', 'whole.mp4', '-t', '0.04', '-c', 'copy', 'cut.mp4')
+    data = bytearray(pathlib.Path('cut.mp4').read_bytes())
+    at = data.index(b'elst') + 12  # one edit of no length, which begins behind the last frame
+    data[at:at + 8] = struct.pack('>Ii', 40, 1 << 30)
+    pathlib.Path('cut.mp4').write_bytes(data)
+    contains(ok('-q', '-o', 'out', 'cut.mp4', code=1).stderr, ', of which its edit list shows none')
+
+
+@case
+def a_recorder_that_is_not_there_or_does_not_load_says_why(folder):
+    video('clip.mp4', frames=3)
+    os.makedirs('bin')
+    build = pathlib.Path(os.environ['TERRAINSEG_BUILD'])
+    shutil.copy(PROCESS, 'bin/terrainseg-process')
+    shutil.copy(build / 'gst/libgstterrainseg.so', 'bin')
+    environment = dict(os.environ, GST_PLUGIN_PATH=str(folder / 'bin'), GST_REGISTRY=str(folder / 'registry'))
+
+    def said():
+        return subprocess.run(['bin/terrainseg-process', '-o', 'out', '--outputs', 'mcap', 'clip.mp4'], env=environment,
+                              capture_output=True, text=True, check=False)
+
+    missing = said()
+    equal(missing.returncode, 3, missing.stderr)
+    contains(missing.stderr, 'bin/libgstterrainmcap.so is not there')
+    pathlib.Path('bin/libgstterrainmcap.so').write_text('no library')
+    contains(said().stderr, 'libgstterrainmcap.so is there and does not load (')
+
+
 @case
 def a_bonnet_is_noticed(folder):
     box = 'drawbox=y=ih*0.8:h=ih*0.2:color=gray:t=fill'

@@ -253,7 +253,7 @@ void check_ranges(gint64 frames, const Options& options) {
 }
 
 /// Checks what was given, and puts it where the program looks for it.
-void take(const Given& given, Options& options) {
+void apply(const Given& given, Options& options) {
   const auto read = [&options](const Word& word, auto reader) {
     if (word.text)
       reader(word.text, options);
@@ -300,7 +300,7 @@ std::variant<Options, EarlyExit> parse_options(const std::vector<std::string>& a
       g_printf("terrainseg-process %s\n", TERRAINSEG_VERSION);
       return EarlyExit{Exit::ok, {}};
     }
-    take(given, options);
+    apply(given, options);
   } catch (const UsageError& error) {
     return EarlyExit{Exit::usage, error.what() + std::string("\nTry 'terrainseg-process --help'.")};
   }

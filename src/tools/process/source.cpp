@@ -9,6 +9,8 @@
 #include <cstring>
 #include <iterator>
 
+#include "exchange/counted.hpp"
+#include "tools/process/exif.hpp"
 #include "tools/process/handles.hpp"
 
 namespace terrainseg::process {
@@ -118,6 +120,11 @@ bool is_turned(GstPad* pad) {
   }
 }
 
+/// By which a buffer of an image has its tag of orientation.
+GQuark turned_quark() {
+  return g_quark_from_static_string("terrainseg-process-orientation");
+}
+
 /// Every decoder has its own name for it: libav's, dav1d's, libvpx's.
 void bound_threads(GstElement* decoder, int threads) {
   for (const char* name : {"max-threads", "n-threads", "threads"})
@@ -169,6 +176,8 @@ void Source::build_image_feeder(const Options& options) {
   g_signal_connect(decoder, "deep-element-added", G_CALLBACK(on_element_added), this);
   gst_bin_add_many(GST_BIN(bin_), feeder_, decoder, nullptr);
   gst_element_link(feeder_, decoder);
+  const PadPointer pad(gst_element_get_static_pad(feeder_, "src"));
+  gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, on_image, this, nullptr);
 }
 
 /// The next image, whole, with its type; null with a problem set when it cannot be used.
@@ -194,8 +203,12 @@ GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& ty
     flaw = "the sequence began as " + image_type_ + " but this is " + type;
   else if (caps)
     flaw = too_large(caps.get());
-  if (flaw.empty())
+  if (flaw.empty()) {
+    const int orientation = exif_orientation({reinterpret_cast<const std::uint8_t*>(data), size});
+    gst_mini_object_set_qdata(GST_MINI_OBJECT(buffer), turned_quark(),
+                              const_cast<char*>(orientation_tag(orientation)), nullptr);
     return buffer;
+  }
   gst_buffer_unref(buffer);
   set_problem(path.string() + ": " + flaw, Cause::damaged);
   return nullptr;
@@ -226,6 +239,18 @@ void Source::feed() {
   GST_BUFFER_DURATION(buffer) = time_of(next_image_ + 1) - time_of(next_image_);
   ++next_image_;
   gst_app_src_push_buffer(feeder, buffer);
+}
+
+/// Tells videoflip, in front of an image that is turned otherwise than the one before.
+GstPadProbeReturn Source::on_image(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
+  Source* source = static_cast<Source*>(self);
+  const char* tag = static_cast<const char*>(
+      gst_mini_object_get_qdata(GST_MINI_OBJECT(GST_PAD_PROBE_INFO_BUFFER(info)), turned_quark()));
+  if (!tag || source->orientation_ == tag)
+    return GST_PAD_PROBE_OK;
+  source->orientation_ = tag;
+  gst_pad_push_event(pad, gst_event_new_tag(gst_tag_list_new(GST_TAG_IMAGE_ORIENTATION, tag, nullptr)));
+  return GST_PAD_PROBE_OK;
 }
 
 std::string Source::image_after(std::uint64_t frames) const {
@@ -271,6 +296,20 @@ void Source::take(GstPad* pad) {
   linked_ = link_video(pad);
 }
 
+std::string Source::listed() const {
+  std::size_t frames = 0;
+  std::uint64_t shown = 0;
+  for (const IsoTrack& track : tables_) {
+    frames += track.times.size() + track.fragment_frames;
+    shown += track.shown_frames();
+  }
+  if (frames == 0)
+    return {};
+  return "it holds " + counted(frames, "frame") +
+         (shown == 0 ? ", of which its edit list shows none" : ", and no picture came out of any") +
+         "; cut it from the recording again, and encode it (ffmpeg without -c copy)";
+}
+
 std::string Source::choice() const {
   if (videos_ < 2)
     return {};
@@ -289,7 +328,8 @@ bool Source::link_video(GstPad* pad) {
   bool ok = gst_element_link(convert, deinterlace);
   GstElement* last = deinterlace;
   const CapsPointer caps(gst_pad_query_caps(pad, nullptr));
-  if (can_be_turned(caps.get()) || is_turned(pad)) {
+  // A later image of a sequence may be turned.
+  if (input_.kind == Input::Kind::images || can_be_turned(caps.get()) || is_turned(pad)) {
     GstElement* flip = gst_element_factory_make("videoflip", nullptr);
     gst_util_set_object_arg(G_OBJECT(flip), "video-direction", "auto");
     gst_bin_add(GST_BIN(bin_), flip);

@@ -51,6 +51,8 @@ class Source {
   bool is_countable() const;
   /// Which of several video tracks was taken, for a message; empty when there is but one.
   std::string choice() const;
+  /// Why the video tracks that the tables of its file list gave no frame; empty when they list none.
+  std::string listed() const;
   /// Frames of the track that the tables of its file promise; 0 where they are unknown.
   std::uint64_t promised() const;
   /// The image that a decoder which has given out `frames` frames was busy with; empty for other inputs.
@@ -83,6 +85,7 @@ class Source {
   static gboolean on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer);
   static void on_need_data(GstElement*, guint, gpointer self);
   static void on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self);
+  static GstPadProbeReturn on_image(GstPad* pad, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_pull(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_index(GstPad*, GstPadProbeInfo* info, gpointer self);
@@ -98,7 +101,8 @@ class Source {
   GstElement* feeder_ = nullptr; ///< the appsrc of an image sequence
   std::size_t next_image_ = 0;   ///< feeder's thread only
   int fps_numerator_ = 30, fps_denominator_ = 1;
-  std::string image_type_; ///< media type of the first image; feeder's thread only
+  std::string image_type_;               ///< media type of the first image; feeder's thread only
+  std::string orientation_ = "rotate-0"; ///< of the last image; its streaming thread
   std::atomic<bool> linked_{false};
   std::atomic<bool> is_iso_media_{false}; ///< qtdemux reads it
   std::atomic<std::uint64_t> corrupted_{0};

@@ -67,8 +67,10 @@ Fault why_empty(const Ended& run) {
     cut.text += failed ? "; " + error.text : "";
     return cut;
   }
-  if (!failed)
-    return {Cause::unsupported, no_video};
+  if (!failed) {
+    const std::string listed = run.source.listed();
+    return listed.empty() ? Fault{Cause::unsupported, no_video} : Fault{Cause::damaged, listed};
+  }
   Fault fault = of_image(run.source.image_after(0), error);
   if (run.complaints.source_gave_up() && fault.cause == Cause::damaged)
     fault.text += std::string("; ") + make_it_anew;
