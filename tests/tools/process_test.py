@@ -720,6 +720,28 @@ def a_damaged_image_is_named(folder):
 
 
 @case
+def pictures_that_are_cut_off_or_lost_are_not_whole(folder):
+    """A decoder of JPEG fills what is missing with grey, and says nothing."""
+    images(folder / 'frames', 5, suffix='jpg')
+    for name in '0001.jpg', '0003.jpg':
+        data = pathlib.Path('frames', name).read_bytes()
+        pathlib.Path('frames', name).write_bytes(data[:len(data) // 2])
+    contains(ok('-q', '-o', 'out', 'frames', code=1).stderr, 'frames/0001.jpg: the picture is cut off')
+    check_outputs('out/frames', 5, (64, 48), partial=True)
+    video('drive.avi', frames=8, extra=('-c:v', 'mjpeg'))
+    whole = pathlib.Path('drive.avi').read_bytes()
+    for number in 0, 7:
+        data, at = bytearray(whole), 0
+        for _ in range(number + 1):
+            at = data.index(b'\xff\xd8\xff', at + 1)
+        data[at:at + 400] = b'\xa8\x0a' * 200
+        pathlib.Path('bad.avi').write_bytes(data)
+        shutil.rmtree('out')
+        ok('-q', '-o', 'out', '--outputs', 'json', 'bad.avi', code=1)
+        equal(len(lines_of('out/bad.partial.jsonl')), 7, f'without frame {number}')
+
+
+@case
 def an_image_of_another_type_is_named(folder):
     images(folder / 'frames', 6)
     pathlib.Path('frames/0004.png').write_text('not an image at all')

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstring>
 #include <iterator>
+#include <span>
 
 #include "exchange/counted.hpp"
 #include "tools/process/exif.hpp"
@@ -120,6 +121,14 @@ bool is_turned(GstPad* pad) {
   }
 }
 
+/// False for a JPEG file that is cut off: decoders fill the rest with grey, and say nothing.
+bool has_end_mark(std::span<const std::uint8_t> jpeg) {
+  constexpr std::uint8_t mark[] = {0xff, 0xd9};
+  constexpr std::size_t most_padding = 4096; // some cameras write whole blocks
+  const auto tail = jpeg.last(std::min(jpeg.size(), most_padding));
+  return std::search(tail.begin(), tail.end(), std::begin(mark), std::end(mark)) != tail.end();
+}
+
 /// By which a buffer of an image has its tag of orientation.
 GQuark turned_quark() {
   return g_quark_from_static_string("terrainseg-process-orientation");
@@ -204,7 +213,13 @@ GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& ty
   else if (caps)
     flaw = too_large(caps.get());
   if (flaw.empty()) {
-    const int orientation = exif_orientation({reinterpret_cast<const std::uint8_t*>(data), size});
+    const std::span<const std::uint8_t> content(reinterpret_cast<const std::uint8_t*>(data), size);
+    if (type == "image/jpeg" && !has_end_mark(content)) {
+      const std::lock_guard lock(mutex_);
+      if (cut_images_++ == 0)
+        cut_image_ = path.string();
+    }
+    const int orientation = exif_orientation(content);
     gst_mini_object_set_qdata(GST_MINI_OBJECT(buffer), turned_quark(),
                               const_cast<char*>(orientation_tag(orientation)), nullptr);
     return buffer;
@@ -390,6 +405,14 @@ bool Source::has_given_up() const {
   return result == GST_ITERATOR_DONE && !look.working; // changed while looking: still working
 }
 
+std::string Source::cut_images() const {
+  const std::lock_guard lock(mutex_);
+  if (cut_images_ == 0)
+    return {};
+  return cut_image_ + ": the picture is cut off, its end mark is missing" +
+         (cut_images_ > 1 ? "; so are " + std::to_string(cut_images_ - 1) + " more" : "");
+}
+
 std::string Source::problem() const {
   const std::lock_guard lock(mutex_);
   return problem_;
@@ -460,7 +483,7 @@ void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer se
   if (!sink)
     return;
   const std::lock_guard lock(source->mutex_);
-  source->tracks_.push_back(std::make_unique<Track>(Track{element, true, {}, source}));
+  source->tracks_.push_back(std::make_unique<Track>(Track{element, true, false, {}, source}));
   Track* track = source->tracks_.back().get();
   gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, track, nullptr);
   gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_encoded_caps, track, nullptr);
@@ -528,6 +551,7 @@ GstPadProbeReturn Source::on_encoded(GstPad* pad, GstPadProbeInfo* info, gpointe
     const char* name = caps ? gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)) : "";
     for (const char* hiding : {"video/x-vp8", "video/x-vp9", "video/x-av1"})
       track.countable = track.countable && !g_str_equal(name, hiding);
+    track.pictures = g_str_has_prefix(name, "image/");
   }
   track.countable = track.countable && GST_BUFFER_PTS_IS_VALID(buffer);
   if (track.countable && !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DECODE_ONLY))
@@ -584,9 +608,12 @@ std::uint64_t Source::lost() const {
   std::vector<GstClockTime> in = taken_->encoded, out = decoded_;
   std::sort(in.begin(), in.end());
   std::sort(out.begin(), out.end());
-  // Before the first and behind the last that came out lies what the file itself trims.
-  in.erase(in.begin(), std::lower_bound(in.begin(), in.end(), out.front()));
-  in.erase(std::upper_bound(in.begin(), in.end(), out.back()), in.end());
+  // Before the first and behind the last that came out lies what the file itself trims. A picture needs no
+  // other to be decoded.
+  if (!taken_->pictures) {
+    in.erase(in.begin(), std::lower_bound(in.begin(), in.end(), out.front()));
+    in.erase(std::upper_bound(in.begin(), in.end(), out.back()), in.end());
+  }
   std::vector<GstClockTime> lost;
   std::set_difference(in.begin(), in.end(), out.begin(), out.end(), std::back_inserter(lost));
   if (const IsoTrack* track = table();

@@ -51,6 +51,8 @@ class Source {
   bool is_countable() const;
   /// Which of several video tracks was taken, for a message; empty when there is but one.
   std::string choice() const;
+  /// Which images of a sequence end early, for a message; empty when none does.
+  std::string cut_images() const;
   /// Why the video tracks that the tables of its file list gave no frame; empty when they list none.
   std::string listed() const;
   /// Frames of the track that the tables of its file promise; 0 where they are unknown.
@@ -67,6 +69,7 @@ class Source {
   struct Track {
     GstElement* decoder;
     bool countable = true;
+    bool pictures = false;             ///< each can be decoded without the others
     std::vector<GstClockTime> encoded; ///< times of its frames
     const Source* source = nullptr;
   };
@@ -116,10 +119,12 @@ class Source {
   const std::vector<IsoTrack> tables_; ///< of an MP4 or MOV file
   std::uint64_t pulled_ = 0;           ///< end of what a libav demuxer has read; its thread only
   std::uint64_t pulls_at_end_ = 0;     ///< how often it asked for more behind that; its thread only
-  mutable std::mutex mutex_;           ///< guards the three below and tracks_
+  mutable std::mutex mutex_;           ///< guards those below and tracks_
   std::string problem_;
   Cause cause_ = Cause::none;
   std::string other_streams_;
+  std::string cut_image_; ///< the first
+  std::uint64_t cut_images_ = 0;
 };
 
 } // namespace terrainseg::process

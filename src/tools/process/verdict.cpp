@@ -97,6 +97,8 @@ Fault damage_of(const Ended& run) {
     return damaged(warning);
   if (const std::uint64_t lost = run.source.lost(); lost > 0)
     return damaged(counted(lost, "frame") + " in it could not be decoded");
+  if (const std::string cut = run.source.cut_images(); !cut.empty())
+    return damaged(cut);
   if (run.source.corrupted() > 0)
     return damaged("the decoder marked " + counted(run.source.corrupted(), "frame") + " as damaged");
   return broken_promise(run);
