@@ -62,27 +62,52 @@ const Property<SinkSettings> table[] = {
      NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, grid_resolution), 0.01, 10}},
 };
 
-/// The clock of a recording, which the first frame determines.
+/// One clock for a whole recording: that of its first frame. Its times never fall, and rise as the stream's
+/// do.
 class RecordingClock {
  public:
-  /// Returns nanoseconds. `utc`: time of day of the frame if it has one. `stream`: its stream time.
-  std::uint64_t time_of(std::optional<GstClockTime> utc, GstClockTime stream) {
-    if (!wall_)
-      wall_ = utc.has_value();
-    if (!*wall_)
-      return stream;
-    if (!utc) // frame without a time of day: computed from the previous one
-      return last_utc_ + (stream > last_stream_ ? stream - last_stream_ : 0);
-    last_utc_ = *utc;
-    last_stream_ = stream;
-    return *utc;
+  struct Times {
+    std::optional<GstClockTime> utc; ///< of the frame, where it has one
+    GstClockTime stream;
+    GstClockTime base; ///< of the pipeline: another one after a pause
+  };
+  /// Nanoseconds.
+  std::uint64_t time_of(const Times& frame) {
+    if (!last_) {
+      wall_ = frame.utc.has_value();
+      last_ = frame;
+      return time_ = wall_ ? *frame.utc : frame.stream;
+    }
+    const GstClockTime expected =
+        time_ + (frame.stream > last_->stream ? frame.stream - last_->stream : GST_MSECOND);
+    GstClockTime time = expected; // between frames that have a time of day
+    if (!wall_ || frame.utc) {
+      time = static_cast<GstClockTime>(correction_) + (wall_ ? *frame.utc : frame.stream);
+      const auto ahead = static_cast<GstClockTimeDiff>(time - expected);
+      const bool paused = frame.base != last_->base && ahead > 0;
+      if ((ahead > largest_slew && !paused) || ahead < -largest_slew || time < time_) {
+        correction_ -= ahead;
+        step_ = ahead;
+        time = expected;
+      }
+    }
+    last_ = frame;
+    return time_ = time;
   }
-  /// Whether the first time of day came after the first frame.
-  bool misses(std::optional<GstClockTime> utc) const { return wall_ && !*wall_ && utc; }
+  /// By how much the source's clock was set at the last frame; once.
+  GstClockTimeDiff take_step() { return std::exchange(step_, 0); }
+  bool is_wall() const { return wall_; }
+  /// Whether a time of day came too late.
+  bool misses(const std::optional<GstClockTime>& utc) const { return last_ && !wall_ && utc; }
 
  private:
-  std::optional<bool> wall_;
-  GstClockTime last_utc_ = 0, last_stream_ = 0;
+  /// Between two frames. A clock that is corrected by more is set, not slewed: chrony's and ntpd's bound is
+  /// 128 ms.
+  static constexpr GstClockTimeDiff largest_slew = 100 * GST_MSECOND;
+  bool wall_ = false;
+  std::optional<Times> last_;
+  std::uint64_t time_ = 0;
+  GstClockTimeDiff correction_ = 0, step_ = 0;
 };
 
 } // namespace
@@ -99,6 +124,7 @@ struct SinkState {
   PictureKind kind = PictureKind::raw;                  // streaming
   std::uint64_t frames = 0, labelled = 0;               // streaming
   bool warned_metadata = false, warned_clock = false;   // streaming
+  bool warned_step = false;                             // streaming
 
   SinkState() noexcept {} // the frame names are short strings and need no allocation
 };
@@ -189,7 +215,7 @@ bool open_recording(GstTerrainMcapSink* self) {
   }
   s.clock = {};
   s.frames = s.labelled = 0;
-  s.warned_metadata = s.warned_clock = false;
+  s.warned_metadata = s.warned_clock = s.warned_step = false;
   s.recording.emplace([self](recording::ByteView bytes) { return self->state->file.write(bytes); },
                       std::move(options));
   return true;
@@ -262,7 +288,15 @@ std::optional<std::uint64_t> time_of(GstTerrainMcapSink* self, GstBuffer* buffer
                         ("The time of day became known after the recording had begun: it stays in stream "
                          "time. Start the recording later, or set start-time on terrainseg."),
                         (nullptr));
-  return s.clock.time_of(utc, stream);
+  const std::uint64_t time = s.clock.time_of({utc, stream, gst_element_get_base_time(GST_ELEMENT(self))});
+  if (const GstClockTimeDiff step = s.clock.take_step(); step != 0 && !std::exchange(s.warned_step, true))
+    GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                        ("%s jumped by %.3f s, as when a clock is set. The recording continues with the time "
+                         "before, so its times keep rising; start a new one for the new time.",
+                         s.clock.is_wall() ? "The frames' time of day" : "The stream time",
+                         static_cast<double>(step) / GST_SECOND),
+                        (nullptr));
+  return time;
 }
 
 GstFlowReturn record(GstTerrainMcapSink* self, GstBuffer* buffer) {

@@ -87,35 +87,45 @@ FreeSpaceGrid::Box FreeSpaceGrid::box_of(const ScanFan& fan, double range_max, d
   return box;
 }
 
-void FreeSpaceGrid::lay_out(const Box& box) {
+void FreeSpaceGrid::lay_out(const Box& box, const Beams& beams) {
   box_ = box;
+  fan_ = beams.fan();
+  yaw_.reset();
   places_.clear();
   for (int row = 0; row < box.height; ++row)
     for (int column = 0; column < box.width; ++column) {
       const double x = box.x + (column + 0.5) * box.resolution, y = box.y + (row + 0.5) * box.resolution;
-      places_.push_back({static_cast<float>(std::hypot(x, y)), static_cast<float>(std::atan2(y, x))});
+      const auto range = static_cast<float>(std::hypot(x, y)), angle = static_cast<float>(std::atan2(y, x));
+      const std::size_t cell = static_cast<std::size_t>(row) * static_cast<std::size_t>(box.width) +
+                               static_cast<std::size_t>(column);
+      if (const auto beam = beams.beam_of(angle))
+        places_.push_back({cell, *beam, range, angle, 0});
     }
 }
 
+void FreeSpaceGrid::turn(double yaw) {
+  yaw_ = yaw;
+  for (Place& place : places_)
+    place.across = std::cos(place.angle - yaw);
+}
+
 void FreeSpaceGrid::draw(const MetricEstimate& m, const Beams& beams, double cell) {
-  if (const Box box = box_of(beams.fan(), m.range_max, cell); !(box == box_))
-    lay_out(box);
-  const double thickness = 1.5 * box_.resolution; // so that a diagonal has no gaps
-  cells_.clear();
-  for (const Polar& place : places_) {
-    const float* beam = beams.at(place.angle);
-    // The edge of the nearest visible ground is a straight line across the view, not a circle.
-    const double across = std::cos(place.angle - m.yaw);
-    const bool in_view =
-        beam && across > 0.05 && place.range * across >= m.range_min && place.range <= m.range_max;
-    std::int8_t value = cell_unknown;
-    if (beam && !std::isnan(*beam) && place.range <= m.range_max) {
-      if (place.range >= *beam)
-        value = place.range < *beam + thickness ? cell_occupied : cell_unknown;
-      else if (in_view)
-        value = cell_free;
-    }
-    cells_.push_back(value);
+  if (const Box box = box_of(beams.fan(), m.range_max, cell); !(box == box_ && beams.fan() == fan_))
+    lay_out(box, beams);
+  if (yaw_ != m.yaw)
+    turn(m.yaw);
+  const double thickness = 1.5 * box_.resolution; // no gap on a diagonal
+  cells_.assign(static_cast<std::size_t>(box_.width) * static_cast<std::size_t>(box_.height), cell_unknown);
+  for (const Place& place : places_) {
+    const float beam = beams.ranges()[place.beam];
+    if (std::isnan(beam) || place.range > m.range_max)
+      continue;
+    // The nearest row that is seen is a line across the way, not a circle.
+    const bool in_view = place.across > 0.05 && place.range * place.across >= m.range_min;
+    if (place.range >= beam)
+      cells_[place.cell] = place.range < beam + thickness ? cell_occupied : cell_unknown;
+    else if (in_view)
+      cells_[place.cell] = cell_free;
   }
   stamp_boundary(m);
 }

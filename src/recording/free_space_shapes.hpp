@@ -23,10 +23,10 @@ class Beams {
   } ///< from right to left; NaN = unknown, +infinity = free
   /// Returns the beam of a direction, or nullptr outside the fan.
   const float* at(double angle) const;
-
- private:
+  /// Its number; nothing outside the fan.
   std::optional<std::size_t> beam_of(double angle) const;
 
+ private:
   ScanFan fan_;
   std::vector<float> ranges_;
 };
@@ -51,15 +51,21 @@ class FreeSpaceGrid {
     int width = 0, height = 0;
     bool operator==(const Box&) const = default;
   };
-  struct Polar {
-    float range, angle;
+  /// A cell whose centre lies in the fan; the others are unknown.
+  struct Place {
+    std::size_t cell, beam;
+    float range, angle; ///< of the centre, from the body's origin
+    double across;      ///< cosine of its angle to the camera's axis
   };
   static Box box_of(const ScanFan& fan, double range_max, double cell);
-  void lay_out(const Box& box);
+  void lay_out(const Box& box, const Beams& beams);
+  void turn(double yaw);
   void stamp_boundary(const MetricEstimate& metric);
 
   Box box_;
-  std::vector<Polar> places_; ///< polar coordinates of the cells' centres from the body's origin
+  ScanFan fan_;
+  std::optional<double> yaw_; ///< of `across`
+  std::vector<Place> places_;
   std::vector<std::int8_t> cells_;
 };
 

@@ -495,6 +495,102 @@ def every_camera_that_was_turned_is_turned_back(folder):
             assert difference < 12, (name, angle, difference)
 
 
+def with_exif(picture, orientation, to):
+    """A copy of a JPEG, PNG or WebP picture that says how the camera was turned."""
+    data = pathlib.Path(picture).read_bytes()
+    exif = b'MM\0*' + struct.pack('>IHHHIHHI', 8, 1, 0x112, 3, 1, orientation, 0, 0)
+    if data.startswith(b'\xff\xd8'):
+        data = data[:2] + b'\xff\xe1' + struct.pack('>H', len(exif) + 8) + b'Exif\0\0' + exif + data[2:]
+    elif data.startswith(b'RIFF'):
+        data += b'EXIF' + struct.pack('<I', len(exif)) + exif
+        data = b'RIFF' + struct.pack('<I', len(data) - 8) + data[8:]
+    else:
+        chunk = b'eXIf' + exif
+        data = data[:33] + struct.pack('>I', len(exif)) + chunk + struct.pack('>I', zlib.crc32(chunk)) + data[33:]
+    pathlib.Path(to).write_bytes(data)
+
+
+@case
+def pictures_are_turned_upright_on_every_way_in(folder):
+    turns = ('null', 'hflip', 'hflip,vflip', 'vflip', 'transpose=0', 'transpose=1', 'transpose=3', 'transpose=2')
+    drive('flat.png', '-c:v', 'png', frames=1)
+    for pixels in 'yuvj420p', 'yuvj422p':
+        drive(f'{pixels}.jpg', '-q:v', '1', '-pix_fmt', pixels, frames=1)
+        for number, turn in enumerate(turns, 1):
+            with_exif(f'{pixels}.jpg', number, 'turned.jpg')
+            ffmpeg('-i', f'{pixels}.jpg', '-vf', turn, 'upright.png')
+            shutil.rmtree('out', ignore_errors=True)
+            ok('-q', '-o', 'out', '--outputs', 'annotated', '--quality', '5', '--set', 'overlay-alpha=0', 'turned.jpg')
+            size = '320x180' if number < 5 else '180x320'
+            equal('{width}x{height}'.format(**probe('out/turned.annotated.mp4')), size, f'size of {number}')
+            difference, = differences('upright.png', 'out/turned.annotated.mp4', size)
+            assert difference < 8, (number, difference)
+    ffmpeg('-i', 'flat.png', 'flat.webp')
+    for suffix in 'png', 'webp':
+        with_exif(f'flat.{suffix}', 6, f'one.{suffix}')
+        ok('-q', '-o', suffix, '--outputs', 'masks', f'one.{suffix}')
+        equal(probe(f'{suffix}/one.masks.mkv')['height'], 320, suffix)
+    os.mkdir('frames')
+    for index, number in enumerate((6, 1, 8)):  # the first decides the size, and all are upright
+        with_exif('yuvj420p.jpg', number, f'frames/{index}.jpg')
+    os.symlink('frames', 'link')
+    os.symlink('frames/0.jpg', 'one.jpg')
+    pathlib.Path('list.txt').write_text(f'one.jpg\n{(folder / "frames").as_uri()}\n')
+    uri = (folder / 'frames').as_uri()
+    for way, arguments, base in (('folder', ['frames'], 'frames'), ('pattern', ['frames/%d.jpg'], 'frames'), ('link', ['link'], 'link'),
+                                 ('file', ['one.jpg'], 'one'), ('uri', [uri], 'frames'), ('short', [uri.replace('///', '/')], 'frames'),
+                                 ('list', ['--inputs-from', 'list.txt', '--names', 'base'], 'one'), ('list', [], 'frames')):
+        if arguments:
+            ok('-q', '-o', way, '--outputs', 'masks,json', *arguments)
+        stream = probe(f'{way}/{base}.masks.mkv')
+        equal((stream['width'], stream['height']), (180, 320), way)
+    equal([(line['width'], line['height']) for line in lines_of('folder/frames.jsonl')], [(180, 320), (320, 180), (180, 320)], 'frames')
+
+@case
+def a_link_to_nothing_is_not_left_out(folder):
+    os.mkdir('rec')
+    video('rec/there.mp4', frames=3)
+    os.symlink('/nowhere/absent.mp4', 'rec/absent.mp4')
+    contains(ok('-q', '-o', 'out', 'rec', code=75).stderr, 'absent.mp4')
+    check_outputs('out/there', 3, (64, 48))
+    os.remove('rec/absent.mp4')
+    images(folder / 'frames', 3)
+    os.remove('frames/0001.png')
+    os.symlink('/nowhere/absent.png', 'frames/0001.png')
+    contains(ok('-q', '-o', 'out', 'frames', code=75).stderr, '0001.png')
+
+
+@case
+def a_file_that_lists_frames_and_shows_none_says_so(folder):
+    drive('whole.mp4')
+    ffmpeg('-ss', '2.3', '-i', 'whole.mp4', '-t', '0.04', '-c', 'copy', 'cut.mp4')
+    data = bytearray(pathlib.Path('cut.mp4').read_bytes())
+    at = data.index(b'elst') + 12  # one edit of no length, which begins behind the last frame
+    data[at:at + 8] = struct.pack('>Ii', 40, 1 << 30)
+    pathlib.Path('cut.mp4').write_bytes(data)
+    contains(ok('-q', '-o', 'out', 'cut.mp4', code=1).stderr, ', of which its edit list shows none')
+
+
+@case
+def a_recorder_that_is_not_there_or_does_not_load_says_why(folder):
+    video('clip.mp4', frames=3)
+    os.makedirs('bin')
+    build = pathlib.Path(os.environ['TERRAINSEG_BUILD'])
+    shutil.copy(PROCESS, 'bin/terrainseg-process')
+    shutil.copy(build / 'gst/libgstterrainseg.so', 'bin')
+    environment = dict(os.environ, GST_PLUGIN_PATH=str(folder / 'bin'), GST_REGISTRY=str(folder / 'registry'))
+
+    def said():
+        return subprocess.run(['bin/terrainseg-process', '-o', 'out', '--outputs', 'mcap', 'clip.mp4'], env=environment,
+                              capture_output=True, text=True, check=False)
+
+    missing = said()
+    equal(missing.returncode, 3, missing.stderr)
+    contains(missing.stderr, 'bin/libgstterrainmcap.so is not there')
+    pathlib.Path('bin/libgstterrainmcap.so').write_text('no library')
+    contains(said().stderr, 'libgstterrainmcap.so is there and does not load (')
+
+
 @case
 def a_bonnet_is_noticed(folder):
     box = 'drawbox=y=ih*0.8:h=ih*0.2:color=gray:t=fill'
@@ -621,6 +717,28 @@ def a_damaged_image_is_named(folder):
     result = ok('-o', 'out', 'frames', code=1)
     contains(result.stderr, '0005.png')
     check_outputs('out/frames', 5, (64, 48), partial=True)
+
+
+@case
+def pictures_that_are_cut_off_or_lost_are_not_whole(folder):
+    """A decoder of JPEG fills what is missing with grey, and says nothing."""
+    images(folder / 'frames', 5, suffix='jpg')
+    for name in '0001.jpg', '0003.jpg':
+        data = pathlib.Path('frames', name).read_bytes()
+        pathlib.Path('frames', name).write_bytes(data[:len(data) // 2])
+    contains(ok('-q', '-o', 'out', 'frames', code=1).stderr, 'frames/0001.jpg: the picture is cut off')
+    check_outputs('out/frames', 5, (64, 48), partial=True)
+    video('drive.avi', frames=8, extra=('-c:v', 'mjpeg'))
+    whole = pathlib.Path('drive.avi').read_bytes()
+    for number in 0, 7:
+        data, at = bytearray(whole), 0
+        for _ in range(number + 1):
+            at = data.index(b'\xff\xd8\xff', at + 1)
+        data[at:at + 400] = b'\xa8\x0a' * 200
+        pathlib.Path('bad.avi').write_bytes(data)
+        shutil.rmtree('out')
+        ok('-q', '-o', 'out', '--outputs', 'json', 'bad.avi', code=1)
+        equal(len(lines_of('out/bad.partial.jsonl')), 7, f'without frame {number}')
 
 
 @case
@@ -1399,21 +1517,61 @@ def one_of_two_video_tracks_is_taken_and_named(folder):
     equal(ok('-o', 'out', 'only.avi').stderr.count('track'), 0, 'one track of pictures is a video')
 
 
+FULL = ('-c:v', 'libx264', '-crf', '10', '-pix_fmt', 'yuvj420p', '-color_range', 'pc')
+
+
+def colours(space, scale):
+    """Tags of ffmpeg for one colour space, behind samples that have them."""
+    return ('-colorspace', space, '-color_primaries', space, '-color_trc', space, '-vf', f'{scale}:out_color_matrix={space}')
+
+
 @case
 def full_range_is_converted(folder):
+    """Whoever tells it: the codec alone (AVI, MOV, TS, and MP4 without a colr box), or the container (MKV, MP4)."""
     drive('full.avi', '-c:v', 'mjpeg', '-q:v', '2')
-    for space, name in ('bt709', 'full709.mkv'), ('smpte170m', 'full601.mkv'):
-        drive(name, '-c:v', 'libx264', '-crf', '10', '-pix_fmt', 'yuvj420p', '-colorspace', space, '-color_primaries', space,
-              '-color_trc', space, filters=('-vf', f'scale=out_range=full:out_color_matrix={space.replace("smpte170m", "bt601")}'))
+    for name in 'full709.mkv', 'full709.mov', 'full709.mp4':
+        drive(name, *FULL, *colours('bt709', 'scale=out_range=full'))
+    drive('nocolr.mp4', *FULL, *colours('bt709', 'scale=out_range=full'), '-movflags', '-write_colr')
+    drive('full601.mkv', *FULL, *colours('smpte170m', 'scale=out_range=full'))
+    drive('container.mp4', '-c:v', 'mpeg4', '-q:v', '2', '-color_range', 'pc', *colours('smpte170m', 'scale=out_range=full'))
+    drive('rangeonly.ts', *FULL, '-vf', 'scale=out_range=full', '-bsf:v',
+          'h264_metadata=colour_primaries=2:transfer_characteristics=2:matrix_coefficients=2')
+    drive('hevc.mp4', '-c:v', 'libx265', '-crf', '10', '-pix_fmt', 'yuvj420p', '-x265-params', 'log-level=error:range=full')
+    drive('grey.mp4', '-c:v', 'libx264', '-crf', '10', '-color_range', 'pc', '-vf', 'scale=out_range=full,format=gray')
     os.mkdir('frames')
     drive('frames/%03d.jpg', '-q:v', '2', frames=10)
-    for name in 'full.avi', 'full709.mkv', 'full601.mkv', 'frames/%03d.jpg':
+    os.mkdir('greys')
+    drive('greys/%03d.png', '-vf', 'format=gray', frames=10)
+    for name in ('full.avi', 'full709.mkv', 'full709.mov', 'full709.mp4', 'nocolr.mp4', 'full601.mkv', 'container.mp4',
+                 'rangeonly.ts', 'hevc.mp4', 'grey.mp4', 'frames/%03d.jpg', 'greys/%03d.png'):
         stem = pathlib.Path(name).parent.name or pathlib.Path(name).stem
-        ok('-q', '-o', 'out', '--fps', '25', '--quality', '5', '--set', 'overlay-alpha=0', name)
+        shutil.rmtree('out', ignore_errors=True)
+        ok('-q', '-o', 'out', '--outputs', 'annotated', '--fps', '25', '--quality', '5', '--set', 'overlay-alpha=0', name)
         made = f'out/{stem}.annotated.mp4'
         equal(probe(made).get('color_range'), 'tv', f'range of {name}')
         worst = max(differences(name, made, '320x180'))
         assert worst < 5, (name, worst)
+
+
+@case
+def colours_keep_their_tags(folder):
+    """Also where a side is odd, and those of HDR, whose samples mean nothing without them."""
+    tags = ('color_space', 'color_transfer', 'color_primaries')
+    hdr = ('-c:v', 'libx265', '-pix_fmt', 'yuv420p10le', '-x265-params', 'log-level=error')
+    for name, size, wanted, encoder in (
+            ('bt709.mp4', '320x180', ('bt709',) * 3, ('-c:v', 'libx264')),
+            ('bt601.mkv', '319x179', ('smpte170m',) * 3, ('-c:v', 'libx264', '-pix_fmt', 'yuv444p')),
+            ('pq.mp4', '320x180', ('bt2020nc', 'smpte2084', 'bt2020'), hdr),
+            ('hlg.mkv', '320x180', ('bt2020nc', 'arib-std-b67', 'bt2020'), hdr)):
+        space, transfer, primaries = wanted
+        drive(name, *encoder, '-colorspace', space, '-color_trc', transfer, '-color_primaries', primaries,
+              '-vf', f'scale={size.replace("x", ":")}:out_color_matrix={space.replace("bt2020nc", "bt2020")}', frames=5)
+        ok('-q', '-o', 'out', '--outputs', 'annotated', '--quality', '5', '--set', 'overlay-alpha=0', name)
+        made = f'out/{pathlib.Path(name).stem}.annotated.mp4'
+        equal(tuple(probe(made).get(tag) for tag in tags), wanted, f'tags of {name}')
+        if size == '320x180':
+            worst = max(differences(name, made, size))
+            assert worst < 5, (name, worst)
 
 
 @case

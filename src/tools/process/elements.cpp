@@ -16,17 +16,38 @@ constexpr const char* plugin_file = "libgstterrainseg.so";
 
 struct Needed {
   const char* element;
-  const char* package;
+  std::string package;
 };
 
 constexpr const char* own_package =
     "gstreamer1.0-terrainseg, or set GST_PLUGIN_PATH to the folder of libgstterrainseg.so";
 
-constexpr const char* recorder_package =
-    "gstreamer1.0-terrainseg; a build of your own needs libzstd-dev for it (meson setup says so)";
-
 bool exists(const char* element) {
   return FactoryPointer(gst_element_factory_find(element)) != nullptr;
+}
+
+/// What helps against a missing recorder: its plugin is a file of its own, beside that of terrainseg.
+std::string recorder_package() {
+  constexpr const char* package = "gstreamer1.0-terrainseg";
+  const FactoryPointer terrainseg(gst_element_factory_find("terrainseg"));
+  GstPlugin* plugin =
+      terrainseg ? gst_plugin_feature_get_plugin(GST_PLUGIN_FEATURE(terrainseg.get())) : nullptr;
+  const char* name = plugin ? gst_plugin_get_filename(plugin) : nullptr;
+  const fs::path file = name ? fs::path(name).replace_filename("libgstterrainmcap.so") : fs::path();
+  gst_clear_object(&plugin);
+  std::error_code ignored;
+  if (file.empty())
+    return package;
+  if (!fs::exists(file, ignored))
+    return std::string(package) + ", or build it: " + file.string() +
+           " is not there. In a build folder type ninja; where `meson setup` left it out, install "
+           "libzstd-dev first";
+  GError* error = nullptr;
+  if (GstPlugin* loaded = gst_plugin_load_file(file.c_str(), &error))
+    gst_object_unref(loaded);
+  const std::string reason = error ? error->message : "it holds another plugin";
+  g_clear_error(&error);
+  return std::string(package) + " again: " + file.string() + " is there and does not load (" + reason + ")";
 }
 
 std::string range_of(GParamSpec* spec) {
@@ -121,7 +142,7 @@ std::optional<std::string> missing_elements(const Options& options) {
   if (wants(Output::json))
     needed.push_back({"terrainextract", own_package});
   if (wants(Output::mcap))
-    needed.insert(needed.end(), {{"terrainmcapsink", recorder_package},
+    needed.insert(needed.end(), {{"terrainmcapsink", exists("terrainmcapsink") ? "" : recorder_package()},
                                  {"videoscale", "gstreamer1.0-plugins-base"},
                                  {"h264parse", "gstreamer1.0-plugins-bad"}});
   if ((wants(Output::annotated) || wants(Output::mcap)) && !exists("x264enc"))

@@ -10,6 +10,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "exchange/counted.hpp"
 #include "tools/process/faults.hpp"
@@ -83,8 +84,14 @@ Input file(const fs::path& path, const std::string& stem) {
   return input;
 }
 
+/// As it was written; what "." and ".." mean.
 std::string folder_name(const fs::path& folder) {
   std::error_code error;
+  fs::path written = folder.lexically_normal();
+  if (!written.has_filename())
+    written = written.parent_path();
+  if (const std::string name = written.filename().string(); !name.empty() && name != "." && name != "..")
+    return name;
   const fs::path whole = fs::weakly_canonical(folder, error);
   const std::string name = whole.filename().string();
   return name.empty() ? "root" : name;
@@ -121,6 +128,12 @@ struct Members {
   LeftOut left_out;
 };
 
+/// A link to what is not there (a disk that is not mounted): an input that fails, not one that is left out.
+bool is_dead_link(const fs::directory_entry& entry) {
+  std::error_code error;
+  return entry.is_symlink(error) && !entry.exists(error);
+}
+
 std::error_code read_folder(const fs::path& folder, Members& members) {
   std::error_code error;
   for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
@@ -135,7 +148,7 @@ std::error_code read_folder(const fs::path& folder, Members& members) {
       if (hidden || entry->is_symlink(ignored))
         members.left_out.add(name);
       // NOLINTNEXTLINE(bugprone-branch-clone)
-    } else if (hidden || !entry->is_regular_file(ignored) || is_own_output(path)) {
+    } else if (hidden || !(entry->is_regular_file(ignored) || is_dead_link(*entry)) || is_own_output(path)) {
       members.left_out.add(name);
     } else if (has_extension(path, video_extensions)) {
       members.videos.push_back(path);
@@ -235,7 +248,8 @@ void add_pattern(const fs::path& argument, const Pattern& pattern, Found& found)
 
 /// "x:y" alone is treated as a missing file.
 bool is_uri(const std::string& argument) {
-  return gst_uri_is_valid(argument.c_str()) && argument.find("://") != std::string::npos;
+  return gst_uri_is_valid(argument.c_str()) &&
+         (argument.find("://") != std::string::npos || argument.starts_with("file:/"));
 }
 
 Input from_uri(const std::string& uri) {
@@ -330,9 +344,11 @@ void name_outputs(Names names, std::vector<Input>& inputs) {
   }
 }
 
+/// A picture is not the folder that begins with it.
 void drop_repeated(std::vector<Input>& inputs) {
-  std::set<std::string> seen;
-  std::erase_if(inputs, [&](const Input& input) { return !seen.insert(input.place()).second; });
+  std::set<std::pair<std::string, std::size_t>> seen;
+  std::erase_if(inputs,
+                [&](const Input& input) { return !seen.emplace(input.place(), input.images.size()).second; });
 }
 
 } // namespace

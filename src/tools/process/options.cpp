@@ -252,7 +252,7 @@ void check_ranges(gint64 frames, const Options& options) {
 }
 
 /// Validates the options and stores them.
-void take(const Given& given, Options& options) {
+void apply(const Given& given, Options& options) {
   const auto read = [&options](const Word& word, auto reader) {
     if (word.text)
       reader(word.text, options);
@@ -299,7 +299,7 @@ std::variant<Options, EarlyExit> parse_options(const std::vector<std::string>& a
       g_printf("terrainseg-process %s\n", TERRAINSEG_VERSION);
       return EarlyExit{Exit::ok, {}};
     }
-    take(given, options);
+    apply(given, options);
   } catch (const UsageError& error) {
     return EarlyExit{Exit::usage, error.what() + std::string("\nTry 'terrainseg-process --help'.")};
   }

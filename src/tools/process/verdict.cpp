@@ -67,8 +67,10 @@ Fault why_empty(const Ended& run) {
     cut.text += failed ? "; " + error.text : "";
     return cut;
   }
-  if (!failed)
-    return {Cause::unsupported, no_video};
+  if (!failed) {
+    const std::string listed = run.source.listed();
+    return listed.empty() ? Fault{Cause::unsupported, no_video} : Fault{Cause::damaged, listed};
+  }
   Fault fault = of_image(run.source.image_after(0), error);
   if (run.complaints.source_gave_up() && fault.cause == Cause::damaged)
     fault.text += std::string("; ") + make_it_anew;
@@ -95,6 +97,8 @@ Fault damage_of(const Ended& run) {
     return damaged(warning);
   if (const std::uint64_t lost = run.source.lost(); lost > 0)
     return damaged(counted(lost, "frame") + " in it could not be decoded");
+  if (const std::string cut = run.source.cut_images(); !cut.empty())
+    return damaged(cut);
   if (run.source.corrupted() > 0)
     return damaged("the decoder marked " + counted(run.source.corrupted(), "frame") + " as damaged");
   return broken_promise(run);
