@@ -594,6 +594,71 @@ TEST(Kernels, AddDifferencesAndBoxes) {
   });
 }
 
+TEST(Kernels, SumRowsAndLargestSteps) {
+  on_every_row(14, [](int count, bool at_end, Fill how, std::mt19937& random) {
+    const auto size = static_cast<std::size_t>(count);
+    const int rows = between(1, 4, random);
+    const Guarded<std::uint8_t> a(size, at_end), b(size, at_end), c(size, at_end), d(size, at_end);
+    std::array<const std::uint8_t*, 4> row{a.data(), b.data(), c.data(), d.data()};
+    for (const Guarded<std::uint8_t>* one : {&a, &b, &c, &d})
+      fill(*one, how, random);
+    for (int r = rows; r < 4; ++r)
+      row[static_cast<std::size_t>(r)] = nullptr;
+    const Guarded<std::uint16_t> sums(size, at_end), steps(size - 1, at_end);
+    sum_rows(row, rows, count, sums.data(), steps.data());
+    for (std::size_t x = 0; x < size; ++x) {
+      int sum = 0, step = 0;
+      for (int r = 0; r < rows; ++r) {
+        sum += row[static_cast<std::size_t>(r)][x];
+        step += x + 1 < size
+                    ? std::abs(row[static_cast<std::size_t>(r)][x + 1] - row[static_cast<std::size_t>(r)][x])
+                    : 0;
+      }
+      ASSERT_EQ(sums[x], sum) << count << " at " << x;
+      if (x + 1 < size) {
+        ASSERT_EQ(steps[x], step) << count << " at " << x;
+      }
+    }
+
+    const int per_cell = 1 << random() % 3, cells = (count - 1) / per_cell;
+    const Guarded<std::uint16_t> most(static_cast<std::size_t>(cells), at_end);
+    for (std::size_t x = 0; x < size; ++x)
+      sums[x] = static_cast<std::uint16_t>(between(0, 65535, random));
+    const std::uint16_t* columns = sums.data() + (count - 1 - cells * per_cell);
+    largest_steps(columns, per_cell, cells, most.data());
+    for (int i = 0; i < cells; ++i) {
+      int largest = 0;
+      for (int k = i * per_cell; k < (i + 1) * per_cell; ++k)
+        largest = std::max(largest, std::abs(columns[k + 1] - columns[k]));
+      ASSERT_EQ(most[static_cast<std::size_t>(i)], largest) << count << " at " << i;
+    }
+  });
+}
+
+TEST(Kernels, WeighUpright) {
+  on_every_row(15, [](int count, bool at_end, Fill, std::mt19937& random) {
+    const auto size = static_cast<std::size_t>(count);
+    const Guarded<std::int16_t> coherence(size, at_end), score(size, at_end);
+    const Guarded<std::uint16_t> contrast(size, at_end);
+    const Guarded<std::uint8_t> ignored(size, at_end);
+    std::vector<int> before(size);
+    for (std::size_t i = 0; i < size; ++i) {
+      coherence[i] = static_cast<std::int16_t>(between(-4000, 4000, random));
+      contrast[i] = static_cast<std::uint16_t>(between(0, 32, random));
+      ignored[i] = random() % 4 == 0;
+      score[i] = static_cast<std::int16_t>(before[i] = between(-8000, 8000, random));
+    }
+    const UprightRule rule{-40, 336, -320, 160, random() % 2 ? 160 : -64};
+    weigh_upright(coherence.data(), contrast.data(), ignored.data(), rule, 25, count, score.data());
+    for (std::size_t i = 0; i < size; ++i) {
+      const std::int64_t full = std::clamp(floor_shift((-40 - coherence[i]) * 336, 8), -320, 160);
+      const std::int64_t added = std::min<std::int64_t>(full * contrast[i] / 32, rule.most);
+      ASSERT_EQ(score[i], ignored[i] ? before[i] : floor_shift(before[i] * 25, 5) + added)
+          << count << " at " << i;
+    }
+  });
+}
+
 TEST(Kernels, ColorSteps) {
   on_every_row(10, [](int count, bool at_end, Fill how, std::mt19937& random) {
     const GuardedCells a(count, at_end, how, random), b(count, at_end, all_fills[random() % 5], random);
