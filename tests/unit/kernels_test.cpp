@@ -134,6 +134,35 @@ TEST(Kernels, ReducePairAhead) {
   });
 }
 
+TEST(Kernels, ReduceHorizontally) {
+  on_every_target([] {
+    std::mt19937 random(5);
+    for (int step = 1; step <= 4; ++step)
+      for (int width = 1; width <= 300; ++width)
+        for (const bool at_end : {false, true}) {
+          const int written = step == 3 ? 4 : step, half = (width + 1) / 2;
+          const Guarded<std::uint8_t> row(static_cast<std::size_t>(width * step), at_end),
+              out(static_cast<std::size_t>(half * written), at_end);
+          fill(row, all_fills[width % 5], random);
+          reduce_horizontally(static_cast<Interleave>(step), row.data(), width, width % 2 ? 0 : 4096,
+                              out.data());
+          constexpr int weights[5] = {1, 4, 6, 4, 1};
+          for (int x = 0; x < half; ++x)
+            for (int c = 0; c < written; ++c) {
+              int sum = c < step ? 8 : 0;
+              for (int k = 0; k < 5 && c < step; ++k) {
+                int from = width == 1 ? 0 : std::abs(2 * x + k - 2);
+                if (from >= width)
+                  from = std::abs(2 * width - 2 - from);
+                sum += weights[k] * row[static_cast<std::size_t>(from * step + c)];
+              }
+              ASSERT_EQ(out[static_cast<std::size_t>(x * written + c)], sum / 16)
+                  << "step " << step << " width " << width << " at " << x;
+            }
+        }
+  });
+}
+
 TEST(Kernels, ReducePairVertically) {
   on_every_target([] {
     std::mt19937 random(2);
