@@ -163,7 +163,7 @@ class Tuner:
         if isinstance(value, bool):
             value = not value
         elif spec.value_type.is_a(GObject.TYPE_ENUM):
-            values = sorted(spec.enum_class.__enum_values__)
+            values = sorted(type(value).__enum_values__)
             value = values[(values.index(int(value)) + direction) % len(values)]
         else:
             value = min(spec.maximum, max(spec.minimum, value + direction * step))

@@ -9,6 +9,50 @@
 namespace terrainseg {
 namespace {
 
+/// Coefficients of V in R, U in G, V in G and U in B for full-range components (Q16).
+struct Weights {
+  std::int64_t red_v, green_u, green_v, blue_u;
+};
+
+// For ITU-R BT.601, BT.709 and BT.2020: 2 (1 - Kr); the others follow from Kr and Kb.
+constexpr Weights weights_of(ColorMatrix matrix) {
+  switch (matrix) {
+  case ColorMatrix::bt709:
+    return {103206, 12276, 30679, 121609};
+  case ColorMatrix::bt2020:
+    return {96639, 10784, 37444, 123299};
+  case ColorMatrix::bt601:
+    break;
+  }
+  return {91881, 22553, 46802, 116130};
+}
+
+/// Converts Q24 to 8 bits, rounded and clamped.
+std::uint8_t to_byte(std::int64_t value) {
+  return static_cast<std::uint8_t>(std::clamp<std::int64_t>((value + (1 << 23)) >> 24, 0, 255));
+}
+
+/// Gains from limited to full range: 255/219 and 255/224 in Q16.
+constexpr std::int64_t luma_gain = 76309, chroma_gain = 74606, unity = 65536;
+
+} // namespace
+
+std::array<std::uint8_t, 3> rgb_of(const std::array<std::uint16_t, 3>& mean, const ColorSpace& space) {
+  const bool limited = space.colorimetry.range == ColorRange::limited;
+  const std::int64_t black = limited ? 16 << 8 : 0, gain = limited ? luma_gain : unity;
+  const auto level = [&](int c) { return (std::int64_t{mean[c]} - black) * gain; }; // Q24
+  if (space.rgb)
+    return {to_byte(level(0)), to_byte(level(1)), to_byte(level(2))};
+  const Weights w = weights_of(space.colorimetry.matrix);
+  const auto chroma = [&](int c) {
+    return ((std::int64_t{mean[c]} - (128 << 8)) * (limited ? chroma_gain : unity)) >> 16; // Q8
+  };
+  const std::int64_t y = level(0), u = chroma(1), v = chroma(2);
+  return {to_byte(y + w.red_v * v), to_byte(y - w.green_u * u - w.green_v * v), to_byte(y + w.blue_u * u)};
+}
+
+namespace {
+
 constexpr int fraction = 16;
 constexpr std::int64_t one = std::int64_t{1} << 28; // working precision of the matrices
 using Matrix = std::array<std::array<std::int64_t, 3>, 3>;
@@ -17,7 +61,7 @@ struct LumaWeights {
   std::int64_t red, blue; // in 1/10000
 };
 
-LumaWeights weights_of(ColorMatrix matrix) {
+LumaWeights luma_weights_of(ColorMatrix matrix) {
   switch (matrix) {
   case ColorMatrix::bt709:
     return {2126, 722};
@@ -53,12 +97,12 @@ Matrix product(const Matrix& a, const Matrix& b) {
 } // namespace
 
 ColorTransform color_transform_of(bool rgb, const Colorimetry& colorimetry) {
-  const LumaWeights bt601 = weights_of(ColorMatrix::bt601);
+  const LumaWeights bt601 = luma_weights_of(ColorMatrix::bt601);
   Matrix m{{{one, 0, 0}, {0, one, 0}, {0, 0, one}}};
   if (rgb)
     m = from_rgb(bt601);
   else if (colorimetry.matrix != ColorMatrix::bt601)
-    m = product(from_rgb(bt601), to_rgb(weights_of(colorimetry.matrix)));
+    m = product(from_rgb(bt601), to_rgb(luma_weights_of(colorimetry.matrix)));
 
   const bool limited = colorimetry.range == ColorRange::limited;
   ColorTransform t;

@@ -7,8 +7,14 @@
 #include <cstdint>
 
 #include "terrainseg/frame.hpp"
+#include "terrainseg/terrain.hpp"
 
 namespace terrainseg {
+
+// Converts learned colours to RGB for drawing.
+
+/// Converts a mean (Q8) of a colour space to full-range RGB.
+std::array<std::uint8_t, 3> rgb_of(const std::array<std::uint16_t, 3>& mean, const ColorSpace& space);
 
 /// An affine transform of three 8-bit components, Q16.
 struct ColorTransform {

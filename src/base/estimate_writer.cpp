@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "base/color.hpp"
+#include "base/color_transform.hpp"
 #include "base/lattice.hpp"
 
 namespace terrainseg {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "coarse/ignored.hpp"
+#include "coarse/grid.hpp"
 
 namespace terrainseg {
 

@@ -3,9 +3,9 @@
 #pragma once
 
 #include "base/quantities.hpp"
-#include "freespace/answer/horizon_row.hpp"
+#include "freespace/answer/free_space.hpp"
 #include "freespace/holes/hole_finders.hpp"
-#include "freespace/learn/window_guard.hpp"
+#include "freespace/learn/window_teacher.hpp"
 #include "freespace/score/temporal.hpp"
 
 namespace terrainseg {

@@ -5,13 +5,13 @@
 #include "base/pipeline.hpp"
 #include "freespace/answer/answer_writer.hpp"
 #include "freespace/curve/ground_tracer.hpp"
-#include "freespace/curve/refined_curves.hpp"
+#include "freespace/curve/refinement.hpp"
 #include "freespace/holes/hole_finders.hpp"
 #include "freespace/learn/window_teacher.hpp"
-#include "freespace/look/frame_reader.hpp"
+#include "freespace/look/view.hpp"
 #include "freespace/memory.hpp"
 #include "freespace/score/cell_scorer.hpp"
-#include "freespace/score/terrain_tables.hpp"
+#include "freespace/score/likelihood.hpp"
 
 namespace terrainseg {
 

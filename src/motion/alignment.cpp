@@ -9,7 +9,7 @@
 #include "base/tuning.hpp"
 #include "kernels/ground_warp.hpp"
 #include "kernels/point_fit.hpp"
-#include "motion/normal_equations.hpp"
+#include "motion/plane_motion.hpp"
 
 namespace terrainseg {
 namespace {

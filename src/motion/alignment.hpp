@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "kernels/point_fit.hpp"
-#include "motion/normal_equations.hpp"
 #include "motion/plane_motion.hpp"
 
 namespace terrainseg {

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "base/lattice.hpp"
-#include "coarse/ignored.hpp"
+#include "coarse/grid.hpp"
 #include "learning/terrain_model.hpp"
 #include "paper/reachable.hpp"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "coarse/grid.hpp"
-#include "freespace/look/color_steps.hpp"
+#include "freespace/look/connected_ground.hpp"
 
 namespace terrainseg::test {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/look/color_steps.hpp"
+#include "freespace/look/connected_ground.hpp"
 
 #include <cmath>
 #include <random>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "base/color.hpp"
+#include "base/color_transform.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/answer/confidence.hpp"
+#include "freespace/answer/evidence.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/doubtful.hpp"
+#include "freespace/curve/refinement.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/look/exposure.hpp"
+#include "freespace/look/color_bins.hpp"
 
 #include <algorithm>
 

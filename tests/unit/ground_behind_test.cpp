@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/ground_behind.hpp"
+#include "freespace/curve/reestimation.hpp"
 
 #include <algorithm>
 

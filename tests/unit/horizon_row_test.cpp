@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/answer/horizon_row.hpp"
+#include "freespace/answer/free_space.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "coarse/ignored.hpp"
+#include "coarse/grid.hpp"
 
 #include <array>
 #include <vector>

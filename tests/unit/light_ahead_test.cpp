@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/score/light_ahead.hpp"
+#include "freespace/score/likelihood.hpp"
 
 #include <cmath>
 

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <random>
 
-#include "motion/normal_equations.hpp"
+#include "motion/plane_motion.hpp"
 
 namespace terrainseg {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/curve/row_prior.hpp"
+#include "freespace/curve/boundary.hpp"
 
 #include <gtest/gtest.h>
 

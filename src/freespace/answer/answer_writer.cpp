@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "freespace/answer/answer_writer.hpp"
 
-#include "freespace/answer/confidence.hpp"
+#include "freespace/answer/evidence.hpp"
 #include "freespace/curve/ground.hpp"
 #include "freespace/holes/hole_finders.hpp"
 #include "freespace/learn/window_teacher.hpp"

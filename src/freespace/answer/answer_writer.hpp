@@ -9,7 +9,6 @@
 #include "base/stage_clock.hpp"
 #include "freespace/answer/evidence.hpp"
 #include "freespace/answer/free_space.hpp"
-#include "freespace/answer/horizon_row.hpp"
 
 namespace terrainseg {
 

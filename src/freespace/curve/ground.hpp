@@ -2,7 +2,7 @@
 // The ground of one frame.
 #pragma once
 
-#include "freespace/curve/ground_behind.hpp"
+#include "freespace/curve/reestimation.hpp"
 
 namespace terrainseg {
 

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "freespace/curve/doubtful.hpp"
-#include "freespace/curve/row_prior.hpp"
+#include "freespace/curve/boundary.hpp"
+#include "freespace/curve/refinement.hpp"
 #include "freespace/look/connected_ground.hpp"
 #include "freespace/look/view.hpp"
 

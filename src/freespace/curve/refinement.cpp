@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 
+#include "freespace/curve/ground.hpp"
+#include "freespace/look/view.hpp"
 #include "terrainseg/settings.hpp"
 
 namespace terrainseg {
@@ -125,6 +127,57 @@ void Refinement::write_rows(int level, int height, int mask_level, int frame_wid
       kernels::write_line((a << level) + 1, is_open(b, height) ? 0 : (b - a) * (1 << mask_level),
                           frame_height, written, out);
   }
+}
+
+void walk_doubtful(const Grid& grid, const CellScores& score, int limit, const GridCurve& boundary,
+                   GridCurve& safe) {
+  safe.assign(boundary.begin(), boundary.end());
+  if (limit <= doubtful_off)
+    return;
+  const auto across = [&](int row, int j) { // 1-2-1 over the columns
+    const std::int16_t* s = &score[grid.at(std::clamp(row, 0, grid.height - 1), 0)];
+    return s[std::max(j - 1, 0)] + 2 * s[j] + s[std::min(j + 1, grid.width - 1)];
+  };
+  for (int j = 0; j < grid.width; ++j) {
+    int row = boundary[static_cast<std::size_t>(j)];
+    while (row < grid.height &&
+           across(row - 1, j) + 2 * across(row, j) + across(row + 1, j) < limit * 16 * 16)
+      ++row;
+    safe[static_cast<std::size_t>(j)] = static_cast<std::uint16_t>(row);
+  }
+}
+
+void RefinedCurves::refine(const View& view, const Ground& ground) {
+  refine(view, ground, view.task.settings.mask_level, of_mask_);
+}
+
+const FreeSpaceCurves& RefinedCurves::at(const View& view, const Ground& ground, int level) {
+  if (level == view.task.settings.mask_level)
+    return of_mask_;
+  refine(view, ground, level, finer_);
+  return finer_;
+}
+
+void RefinedCurves::refine(const View& view, const Ground& ground, int level, FreeSpaceCurves& curves) {
+  const auto bring = [&](const GridCurve& curve, FrameCurve& rows) {
+    refinement_.refine(view.pyramid, view.grid, view.transform, curve, view.task.settings.refine, level,
+                       view.task.frame.width, view.task.frame.height, rows);
+  };
+  bring(ground.boundary, curves.boundary);
+  bring(ground.safe, curves.safe);
+  for (std::size_t x = 0; x < curves.safe.size(); ++x)
+    curves.safe[x] = std::max(curves.safe[x], curves.boundary[x]);
+  curves.ground_behind = ground.behind.any;
+  for (FrameCurve* rows : {&curves.behind_first, &curves.behind_end})
+    rows->reserve(curves.safe.size()); // reserved early, so that the first frame with ground behind an
+                                       // obstacle does not allocate
+  if (!ground.behind.any)
+    return;
+  bring(ground.behind.first, curves.behind_first);
+  bring(ground.behind.end, curves.behind_end);
+  for (std::size_t x = 0; x < curves.safe.size(); ++x)
+    curves.behind_end[x] =
+        std::min(curves.behind_end[x], static_cast<std::uint16_t>(std::max(curves.boundary[x] - 1, 0)));
 }
 
 } // namespace terrainseg

@@ -10,6 +10,7 @@
 #include "base/quantities.hpp"
 #include "coarse/grid.hpp"
 #include "coarse/pyramid.hpp"
+#include "freespace/curve/frame_curves.hpp"
 #include "kernels/cells.hpp"
 
 namespace terrainseg {
@@ -35,6 +36,41 @@ class Refinement {
   std::vector<int> fine_, median_;
   std::vector<std::uint8_t> moves_; ///< whether a column may move
   kernels::Strip strip_{};
+};
+
+// Finds doubtful ground next to the boundary: cells that do not look like ground and are below the boundary
+// only because it is smooth.
+
+/// The limit that disables the stage.
+inline constexpr int doubtful_off = -96;
+
+/// Walks down from the boundary in each column while the mean of the score (Q4) over 3x3 cells, weighted
+/// 1-2-1 in both directions, is below `limit` (32 = 1 nat). `safe` (grid.width values, >= boundary) receives
+/// the first row that is not doubtful. In towns half of the unsafe pixels are within two cells of an
+/// obstacle's base. A walk from the boundary therefore works, a threshold over the whole area does not.
+void walk_doubtful(const Grid& grid, const CellScores& score, int limit, const GridCurve& boundary,
+                   GridCurve& safe);
+
+// The curves of one frame's ground, aligned with edges of the picture.
+
+struct Ground;
+struct View;
+
+class RefinedCurves {
+ public:
+  /// Refines the curves at the mask's columns.
+  void refine(const View& view, const Ground& ground);
+  /// One column per mask column.
+  const FreeSpaceCurves& of_mask() const { return of_mask_; }
+  /// One column per 2^level pixels of the frame, of the ground that was refined last.
+  const FreeSpaceCurves& at(const View& view, const Ground& ground, int level);
+
+ private:
+  void refine(const View& view, const Ground& ground, int level, FreeSpaceCurves& curves);
+
+  Refinement refinement_;
+  FreeSpaceCurves of_mask_;
+  FreeSpaceCurves finer_; ///< for small masks, whose columns are too coarse for detectors
 };
 
 } // namespace terrainseg

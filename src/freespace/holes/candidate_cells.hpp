@@ -8,7 +8,7 @@
 #include <cstring>
 #include <vector>
 
-#include "freespace/holes/ground_outline.hpp"
+#include "freespace/holes/hole.hpp"
 #include "kernels/sides.hpp"
 #include "terrainseg/frame.hpp"
 

@@ -8,6 +8,65 @@
 namespace terrainseg {
 namespace {
 
+constexpr std::uint16_t no_row = 65535;
+
+// Uses 16-bit values throughout, so that compilers vectorise it.
+void outline_row(const std::uint16_t* __restrict safe, std::uint16_t row, std::size_t count,
+                 std::uint8_t* __restrict in) {
+  for (std::size_t x = 0; x < count; ++x)
+    in[x] = static_cast<std::uint8_t>(safe[x] <= row);
+}
+
+void outline_behind(const std::uint16_t* __restrict first, const std::uint16_t* __restrict end,
+                    std::uint16_t row, std::size_t count, std::uint8_t* __restrict in) {
+  for (std::size_t x = 0; x < count; ++x)
+    in[x] |= static_cast<std::uint8_t>((first[x] <= row) & (end[x] > row));
+}
+
+} // namespace
+
+bool GroundOutline::draw(const FreeSpaceCurves& curves, const OutlineView& view) {
+  const int k = view.level, half = 1 << k >> 1;
+  const auto width = static_cast<std::size_t>(view.width);
+  stride_ = static_cast<std::size_t>(view.stride);
+  const auto cells_of = [&](const FrameCurve& rows, std::vector<std::uint16_t>& out) {
+    out.assign(stride_, no_row);
+    for (std::size_t j = 0; j < width; ++j) {
+      const std::size_t x = j << k >> view.column_spacing << view.column_spacing >> view.column_level;
+      out[j] = static_cast<std::uint16_t>((rows[x] + half) >> k);
+    }
+  };
+  cells_of(curves.safe, safe_);
+  first_ = *std::min_element(safe_.begin(), safe_.end());
+  behind_first_.reserve(stride_);
+  behind_end_.reserve(stride_);
+  if (curves.ground_behind) {
+    cells_of(curves.behind_first, behind_first_);
+    cells_of(curves.behind_end, behind_end_);
+    for (std::size_t j = 0; j < width; ++j)
+      if (behind_first_[j] < behind_end_[j])
+        first_ = std::min<int>(first_, behind_first_[j]);
+  }
+  if (first_ >= view.height)
+    return false;
+  cells_.resize(stride_ * static_cast<std::size_t>(view.height));
+  for (int i = first_; i < view.height; ++i) {
+    const auto row = static_cast<std::uint16_t>(i);
+    std::uint8_t* const in = &cells_[static_cast<std::size_t>(i) * stride_];
+    outline_row(safe_.data(), row, stride_, in);
+    if (curves.ground_behind)
+      outline_behind(behind_first_.data(), behind_end_.data(), row, stride_, in);
+  }
+  for (const Rectangle& region : view.ignored) {
+    const Rectangle cells = cells_in(region, k, view.width, view.height);
+    for (int i = std::max(cells.y, first_); i < cells.y + cells.height; ++i)
+      std::fill_n(&cells_[static_cast<std::size_t>(i) * stride_] + cells.x, cells.width, std::uint8_t{0});
+  }
+  return true;
+}
+
+namespace {
+
 // Labels traversable pixels. Returns their number. Auto-vectorised.
 unsigned label_row(std::uint8_t* pixels, int count, std::uint8_t label) {
   unsigned turned = 0;

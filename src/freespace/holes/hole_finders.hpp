@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "base/frame_line.hpp"
-#include "freespace/curve/refined_curves.hpp"
+#include "freespace/curve/refinement.hpp"
 #include "freespace/holes/hole.hpp"
 #include "freespace/holes/odd_spots.hpp"
 #include "freespace/holes/standing_things.hpp"

@@ -5,7 +5,6 @@
 
 #include "base/tuning.hpp"
 #include "coarse/grid.hpp"
-#include "coarse/ignored.hpp"
 
 namespace terrainseg {
 namespace {

@@ -16,7 +16,6 @@
 #include "coarse/pyramid.hpp"
 #include "freespace/curve/frame_curves.hpp"
 #include "freespace/holes/candidate_cells.hpp"
-#include "freespace/holes/ground_outline.hpp"
 #include "freespace/holes/hole.hpp"
 
 namespace terrainseg {

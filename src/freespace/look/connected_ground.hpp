@@ -13,6 +13,21 @@
 
 namespace terrainseg {
 
+// Colour differences between neighbouring cells, for the detection of edges.
+
+/// Upper limit of a colour step.
+inline constexpr int most_color_step = 1023;
+
+/// Per cell of the grid the difference from its neighbour: |dY| + 2 |dU| + 2 |dV|, normalised to the learned
+/// exposure, 0..most_color_step. Undefined where there is no neighbour.
+struct ColorSteps {
+  std::vector<std::uint16_t> right, down, down_left, down_right;
+};
+
+/// Measures the steps of a grid. `gain_q8` is the exposure's gain. Diagonal steps are measured only with
+/// `diagonal`.
+void measure_color_steps(const Grid& grid, int gain_q8, bool diagonal, ColorSteps& steps);
+
 /// The histograms contain only the window as ground, so ground farther away counts as "the rest of the
 /// frame". Where luma, chroma and roughness continue without a step it is the same ground: its cells are
 /// learned as terrain, and a boundary there is unlikely. Does not use the terrain, so the result cannot

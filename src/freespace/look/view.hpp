@@ -3,13 +3,17 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "base/color_transform.hpp"
 #include "base/lattice.hpp"
 #include "base/pipeline.hpp"
+#include "coarse/grid_reader.hpp"
 #include "freespace/look/color_bins.hpp"
+#include "freespace/look/connected_ground.hpp"
+#include "freespace/look/texture.hpp"
 
 namespace terrainseg {
 
@@ -33,6 +37,30 @@ struct View {
   /// Colours normalised by the exposure.
   Grid colors() const { return colors_of(cells, grid); }
   Rectangle window_of_grid() const { return cells_of_window(window, grid.level, grid.width, grid.height); }
+};
+
+// Reads one frame: computes all of its features that do not depend on the terrain.
+
+class FrameReader {
+ public:
+  /// Updates the exposure's mean unless learning is off.
+  View read(const FrameTask& task, std::uint32_t& exposure_mean, StageClock& clock);
+  const ExposureTables& exposure() const { return exposure_; } ///< of the last frame
+
+ private:
+  void read_cells(const FrameTask& task, std::uint32_t& exposure_mean);
+
+  Pyramid pyramid_;
+  std::vector<Cell> window_cells_;
+  GridReader grid_reader_;
+  ColorTransform transform_;
+  Grid grid_;
+  TextureReader texture_reader_;
+  std::vector<std::uint16_t> texture_;
+  ExposureTables exposure_;
+  std::optional<std::uint32_t> exposure_of_tables_; ///< mean luma for which exposure_ was computed
+  CellBins cells_;
+  ConnectedGround connected_;
 };
 
 } // namespace terrainseg

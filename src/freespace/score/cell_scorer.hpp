@@ -4,9 +4,8 @@
 
 #include "freespace/score/coherence.hpp"
 #include "freespace/score/geodesic.hpp"
-#include "freespace/score/local_reference.hpp"
+#include "freespace/score/likelihood.hpp"
 #include "freespace/score/scores.hpp"
-#include "freespace/score/terrain_tables.hpp"
 
 namespace terrainseg {
 

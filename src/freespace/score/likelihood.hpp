@@ -11,11 +11,31 @@
 #include "base/quantities.hpp"
 #include "coarse/grid.hpp"
 #include "freespace/look/color_bins.hpp"
-#include "freespace/score/light_ahead.hpp"
+#include "learning/clustering.hpp"
+#include "terrainseg/frame.hpp"
 #include "terrainseg/settings.hpp"
 #include "terrainseg/terrain.hpp"
 
 namespace terrainseg {
+
+// Ground straight ahead of the window in another light: sunlit ground beyond shade, or shaded ground beyond
+// sun.
+
+/// Columns of the grid, `end` exclusive; none when both are equal.
+struct Columns {
+  int first = 0, end = 0;
+  bool operator==(const Columns&) const = default;
+};
+
+/// The columns straight ahead of a window (in cells of the grid), centred on it and at most a third of the
+/// grid's width.
+Columns columns_ahead(const Rectangle& window, int grid_width);
+
+/// Converts a model of normalised colours to the other light (color_bins.hpp: chroma does not change with
+/// brightness). A model brighter than the middle is moved into the shade: half as bright, and bluer, because
+/// only the sky lights it. A darker one is moved into the sun: twice as bright and less blue. The variance of
+/// luma is doubled.
+TerrainModel in_other_light(const TerrainModel& model);
 
 /// What a cell is learned as.
 enum class Lesson : std::uint8_t {
@@ -85,6 +105,27 @@ class Likelihood {
 
   std::array<std::int32_t, color_bins> positive_{}, negative_{}; ///< log2 of a probability, Q8
   std::array<std::uint32_t, color_bins> blurred_{}, half_blurred_{};
+};
+
+// Caches the likelihood tables of the terrain and recomputes them when it has changed.
+
+class TerrainTables {
+ public:
+  /// Stores the training models of a learned window, and its share of the picture (Q8).
+  void learned(const TrainingModels& training, int taught_q8);
+  /// This frame's window is not learned: the tables use the terrain only.
+  void rely_on_memory();
+  /// The terrain was replaced.
+  void forget();
+
+  const LikelihoodTables& of(const Terrain& terrain, const Settings& settings);
+
+ private:
+  Likelihood likelihood_;
+  LikelihoodTables tables_;
+  TrainingModels training_; ///< of the last frame; empty when its window was not learned
+  int taught_q8_ = 0;
+  bool old_ = true;
 };
 
 } // namespace terrainseg

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "base/quantities.hpp"
-#include "freespace/look/color_steps.hpp"
+#include "freespace/look/connected_ground.hpp"
 
 namespace terrainseg {
 

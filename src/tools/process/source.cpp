@@ -485,6 +485,12 @@ std::uint64_t Source::lost() const {
   return lost.size() + 1 < in.size() ? lost.size() : 0;
 }
 
+std::uint64_t Source::corrupted() const {
+  const GstClockTime first = taken_ && !taken_->encoded.empty() ? taken_->encoded.front() : 0;
+  return static_cast<std::uint64_t>(std::count_if(corrupted_.begin(), corrupted_.end(),
+                                                  [first](GstClockTime time) { return time >= first; }));
+}
+
 GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
   Source* source = static_cast<Source*>(self);
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
@@ -502,7 +508,8 @@ GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info, gpointe
   const auto shown = follows ? track->shown_at(GST_BUFFER_PTS(buffer)) : std::nullopt;
   if (follows && !shown)
     return GST_PAD_PROBE_DROP;
-  source->corrupted_ += GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_CORRUPTED);
+  if (GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_CORRUPTED))
+    source->corrupted_.push_back(GST_BUFFER_PTS(buffer));
   if (!follows)
     return GST_PAD_PROBE_OK;
   buffer = gst_buffer_make_writable(buffer);

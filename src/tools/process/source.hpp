@@ -42,8 +42,10 @@ class Source {
   /// Why feeding or linking failed; empty when it did not.
   std::string problem() const;
   Cause cause() const; ///< of the problem
-  /// Frames that the decoder itself marked as damaged.
-  std::uint64_t corrupted() const { return corrupted_; }
+  /// Frames that the decoder marked as damaged, without those that a file trimmed inside an open group of
+  /// pictures shows before its first picture in coding order: they refer to pictures that were cut away. To
+  /// be called after the run.
+  std::uint64_t corrupted() const;
   /// Frames that went into the decoder behind the first that came out, and never came out themselves. 0 where
   /// that cannot be told: hidden frames (VP8, VP9, AV1), fields, files without times. When stopped only.
   std::uint64_t lost() const;
@@ -96,9 +98,9 @@ class Source {
   int fps_numerator_ = 30, fps_denominator_ = 1;
   std::string image_type_; ///< media type of the first image; feeder's thread only
   std::atomic<bool> linked_{false};
-  std::atomic<std::uint64_t> corrupted_{0};
-  bool countable_ = true;             ///< one frame out per frame in; streaming threads
-  std::vector<GstClockTime> decoded_; ///< times of the frames that came out; a streaming thread
+  std::vector<GstClockTime> corrupted_; ///< times of the frames that are marked as damaged
+  bool countable_ = true;               ///< one frame out per frame in; streaming threads
+  std::vector<GstClockTime> decoded_;   ///< times of the frames that came out; a streaming thread
   std::vector<std::unique_ptr<Track>> tracks_;
   Track* taken_ = nullptr;
   PadPointer picture_; ///< a track of pictures, taken when no other video is there

@@ -335,7 +335,7 @@ class Rover:
             spec = self.terrain.find_property(name)
             entry = {'name': name, 'blurb': spec.blurb}
             if spec.value_type.is_a(GObject.TYPE_ENUM):
-                entry['choices'] = [value.value_nick for _, value in sorted(spec.enum_class.__enum_values__.items())]
+                entry['choices'] = [value.value_nick for _, value in sorted(type(self.terrain.get_property(name)).__enum_values__.items())]
             elif spec.value_type == GObject.TYPE_BOOLEAN:
                 entry['choices'] = ['false', 'true']
             else:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/look/frame_reader.hpp"
+#include "freespace/look/view.hpp"
 
 #include "coarse/window.hpp"
 
