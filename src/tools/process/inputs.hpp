@@ -17,7 +17,7 @@ struct Input {
   Kind kind = Kind::file;
   std::string label;          ///< as the user knows it, for messages
   std::string stem;           ///< base name of the outputs: "drive", "monday/drive"; empty with a problem
-  std::filesystem::path path; ///< of a file
+  std::filesystem::path path; ///< of a file; of a URI all of it, with the password that the label omits
   std::vector<std::filesystem::path> images; ///< of a sequence, in order
   std::string problem;                       ///< why it cannot even be tried; empty = it can
   Cause cause = Cause::none;                 ///< of the problem
@@ -43,6 +43,9 @@ struct Found {
   std::vector<Input> inputs;
   std::vector<std::string> notes; ///< members of folders that were left out, a line for each folder
 };
+
+/// The text without user and password of the URIs in it: it goes into logs and records.
+std::string without_credentials(std::string text);
 
 /// Expands files, folders and numbered patterns. What does not exist stays in the list with its problem, so
 /// that it is reported in its turn. The same file named twice is one input. Folders are searched to their
