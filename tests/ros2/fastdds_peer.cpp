@@ -7,9 +7,9 @@
 //   60) without any; says how many
 // fastdds_peer pose DOMAIN TOPIC SECONDS
 //   geometry_msgs/msg/PoseStamped, 20 a second, pitch 0.1
-// fastdds_peer compare RECORDING.mcap TOPIC FILE LEAST
+// fastdds_peer compare RECORDING.mcap TOPIC FILE LEAST [late]
 //   each message of FILE is one of the recording, at most one again, and LEAST percent of those from the
-//   first to the last are there
+//   first to the last are there; with `late` from the second, as the first was kept for late readers
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
@@ -159,10 +159,10 @@ bool same(const Message& received, const Message& recorded) {
          std::equal(recorded.begin(), recorded.end(), received.begin());
 }
 
-int compare(const char* recording, const char* topic, const char* file, double least) {
+int compare(const char* recording, const char* topic, const char* file, double least, bool late) {
   const std::vector<Message> recorded = terrainseg::test::mcap_messages(contents(recording))[topic];
   const std::string bytes = contents(file);
-  std::size_t received = 0, at = 0, first = 0, other = 0, again = 0;
+  std::size_t received = 0, at = 0, first = 0, other = 0, again = 0, kept = 0;
   for (std::size_t i = 0; i + 4 <= bytes.size();) {
     std::uint32_t size = 0;
     std::memcpy(&size, bytes.data() + i, 4);
@@ -176,6 +176,11 @@ int compare(const char* recording, const char* topic, const char* file, double l
       const bool before = std::any_of(recorded.begin(), recorded.begin() + static_cast<std::ptrdiff_t>(at),
                                       [&](const Message& one) { return same(message, one); });
       ++(before ? again : other);
+      continue;
+    }
+    if (late && kept == 0) {
+      kept = 1;
+      at = found + 1;
       continue;
     }
     first = received == 0 ? found : first;
@@ -201,8 +206,8 @@ int main(int argc, char** argv) {
                 argc > 7 ? argv[7] : "");
   if (mode == "pose" && argc == 5)
     return write_poses(static_cast<unsigned>(number(2)), argv[3], number(4));
-  if (mode == "compare" && argc == 6)
-    return compare(argv[2], argv[3], argv[4], number(5));
+  if (mode == "compare" && argc >= 6)
+    return compare(argv[2], argv[3], argv[4], number(5), argc > 6);
   std::fprintf(stderr, "fastdds_peer: see the head of its source\n");
   return 2;
 }

@@ -13,10 +13,12 @@
 #include <fstream>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "tools/process/conflicts.hpp"
 #include "tools/process/container.hpp"
 #include "tools/process/display.hpp"
+#include "tools/process/exif.hpp"
 #include "tools/process/faults.hpp"
 #include "tools/process/inputs.hpp"
 #include "tools/process/iso_media.hpp"
@@ -791,4 +793,31 @@ TEST_F(Outputs, ARecordWhoseLengthIsNoneIsNone) {
 }
 
 } // namespace
+TEST(Exif, TellsTheOrientationAndSurvivesEveryCut) {
+  std::vector<std::uint8_t> jpeg = {0xff, 0xd8, 0xff, 0xe1, 0, 34, 'E', 'x', 'i', 'f',
+                                    0,    0,    'M',  'M',  0, 42, 0,   0,   0,   8};
+  jpeg.insert(jpeg.end(), {0, 1, 0x01, 0x12, 0, 3, 0, 0, 0, 1, 0, 6, 0, 0, 0, 0, 0, 0, 0xff, 0xda});
+  EXPECT_EQ(exif_orientation(jpeg), 6);
+  EXPECT_STREQ(orientation_tag(6), "rotate-90");
+  for (std::size_t size = 0; size < jpeg.size(); ++size) {
+    const std::vector<std::uint8_t> cut(jpeg.begin(), jpeg.begin() + static_cast<std::ptrdiff_t>(size));
+    const int orientation = exif_orientation(cut);
+    EXPECT_TRUE(orientation == 1 || orientation == 6) << size;
+  }
+  for (std::size_t at = 2; at < jpeg.size(); ++at)
+    for (const std::uint8_t value : {0x00, 0x7f, 0xff}) {
+      std::vector<std::uint8_t> wrong = jpeg;
+      wrong[at] = value;
+      const int orientation = exif_orientation(wrong);
+      EXPECT_TRUE(orientation >= 1 && orientation <= 8) << at;
+    }
+}
+
+TEST(WithoutCredentials, LeavesNoUserAndNoPasswordInAText) {
+  EXPECT_EQ(without_credentials("rtsp://me:pw@host:554/a@b"), "rtsp://host:554/a@b");
+  EXPECT_EQ(without_credentials("cannot read http://u:p@q@h/x (see rtsp://v@w)"),
+            "cannot read http://h/x (see rtsp://w)");
+  EXPECT_EQ(without_credentials("file:///a@b and x://"), "file:///a@b and x://");
+}
+
 } // namespace terrainseg::process

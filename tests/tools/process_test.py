@@ -1432,6 +1432,21 @@ def what_is_not_reached_may_be_tried_again_and_what_is_broken_not(folder):
             contains(ok('-q', '-o', name, address, code=code).stderr, address)
 
 
+@case
+def a_password_in_a_uri_is_in_no_message_and_no_file(folder):
+    video('clip.mp4', frames=3)
+    clip = folder / 'clip.mp4'
+    with Web(clip) as address:
+        uri = address.replace('://', '://me:se%40cret@')
+        told = ok('-o', 'out', '--outputs', 'json', '--manifest', 'm', uri)
+    refused = ok('-o', 'out', '--manifest', 'n', 'rtsp://me:se@cret@127.0.0.1:9/x', uri, code=75)
+    contains(refused.stderr, 'rtsp://127.0.0.1:9/x')
+    contains(ok('-o', 'out', 'rtsp://me:secret@127.0.0.1:9', code=75).stderr, 'rtsp://127.0.0.1:9')
+    texts = [*left('out'), told.stdout, told.stderr, refused.stdout, refused.stderr]
+    texts += [path.read_text() for path in (folder / 'm', folder / 'n', *(folder / 'out').iterdir())]
+    assert not any('cret' in text for text in texts), texts
+
+
 def drive(path, *encoder, size='320x180', frames=60, sound=False, filters=()):
     """The renderer's drive, encoded as a camera does: with B-frames unless `encoder` says otherwise, and with sound."""
     width, height = size.split('x')

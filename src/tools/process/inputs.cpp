@@ -255,8 +255,9 @@ bool is_uri(const std::string& argument) {
 Input from_uri(const std::string& uri) {
   Input input;
   input.kind = Input::Kind::uri;
-  input.label = uri;
-  const std::string place = uri.substr(0, uri.find_first_of("?#"));
+  input.label = without_credentials(uri);
+  input.path = uri;
+  const std::string place = input.label.substr(0, input.label.find_first_of("?#"));
   for (const char letter : place.substr(place.find_last_of('/') + 1))
     input.stem += (letter & 0x80) || std::isalnum(static_cast<unsigned char>(letter)) || strchr("-_.", letter)
                       ? letter
@@ -382,6 +383,18 @@ std::string Input::place() const {
     return label;
   std::error_code error;
   return fs::weakly_canonical(kind == Kind::images ? images.front() : path, error).string();
+}
+
+std::string without_credentials(std::string text) {
+  const std::string scheme_end = "://";
+  for (std::size_t at = text.find(scheme_end); at != std::string::npos; at = text.find(scheme_end, at)) {
+    at += scheme_end.size();
+    const std::size_t end = std::min(text.find_first_of("/?# \n)\"", at), text.size());
+    const std::size_t sign = text.rfind('@', end);
+    if (sign != std::string::npos && sign >= at)
+      text.erase(at, sign + 1 - at);
+  }
+  return text;
 }
 
 Found find_inputs(const std::vector<std::string>& arguments, Names names) {

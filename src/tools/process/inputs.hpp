@@ -17,7 +17,7 @@ struct Input {
   Kind kind = Kind::file;
   std::string label; ///< as given by the user, for messages
   std::string stem;  ///< base name of the outputs: "drive", "monday/drive"; empty if there is a problem
-  std::filesystem::path path;                ///< path of a file
+  std::filesystem::path path; ///< of a file; of a URI all of it, with the password that the label omits
   std::vector<std::filesystem::path> images; ///< files of a sequence, in order
   std::string problem;                       ///< why it cannot be processed at all; empty = no problem
   Cause cause = Cause::none;                 ///< of the problem
@@ -43,6 +43,9 @@ struct Found {
   std::vector<Input> inputs;
   std::vector<std::string> notes; ///< files in folders that were left out, a line per folder
 };
+
+/// Returns the text without user and password of the URIs in it, for logs and records.
+std::string without_credentials(std::string text);
 
 /// Expands files, folders and numbered patterns. Missing files stay in the list with a problem, and are
 /// reported in order. A file that is given twice is one input. Folders are searched recursively; links to

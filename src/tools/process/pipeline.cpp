@@ -27,7 +27,7 @@ constexpr std::chrono::seconds error_delay{1};
 
 /// Stops without outputs.
 Outcome failed(Record record, const Fault& fault) {
-  record.problem = fault.text;
+  record.problem = without_credentials(fault.text);
   record.cause = fault.cause;
   return {Outcome::Kind::failed, std::move(record)};
 }
@@ -220,7 +220,9 @@ Outcome Run::conclude() {
   if (const Fault fault = miscount(); fault.cause != Cause::none)
     return failed(record_, fault);
   const Fault damage = damage_of(ended);
-  record_.problem = damage.text;
+  record_.problem = without_credentials(damage.text);
+  for (std::string& warning : record_.warnings)
+    warning = without_credentials(warning);
   record_.cause = damage.cause;
   if (auto fault = files_.keep(record_))
     return failed(record_, *fault);

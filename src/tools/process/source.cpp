@@ -161,7 +161,7 @@ Source::Source(const Input& input, const Options& options)
 
 void Source::build_decoder() {
   GstElement* decoder = gst_element_factory_make("uridecodebin", nullptr);
-  const CharPointer uri(input_.kind == Input::Kind::uri ? g_strdup(input_.label.c_str())
+  const CharPointer uri(input_.kind == Input::Kind::uri ? g_strdup(input_.path.c_str())
                                                         : gst_filename_to_uri(input_.path.c_str(), nullptr));
   g_object_set(decoder, "uri", uri.get(), nullptr);
   g_signal_connect(decoder, "pad-added", G_CALLBACK(on_pad_added), this);
