@@ -27,7 +27,7 @@ class PaperPipeline final : public Pipeline {
 
  private:
   void find_reach(const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
-                  const Settings& settings, EstimateWriter& out);
+                  const TrainingArea& area, const Settings& settings, EstimateWriter& out);
 
   PyramidPlan plan_;
   Pyramid pyramid_;

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The detectors of obstacles in open ground. Each has a setting that switches it off.
+// The detectors of obstacles in open ground. Each has a setting that switches it off. And the veto of a
+// detector outside of the filter.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "base/frame_line.hpp"
 #include "freespace/curve/refinement.hpp"
@@ -81,9 +83,19 @@ class StoneFinder final : public HoleFinder {
   StoneField field_;
 };
 
+/// Pixels that a detector outside of the filter vetoes. An input, not a stage: it has no setting.
+class VetoFinder final : public HoleFinder {
+ public:
+  VetoFinder() { found_.label = mask_not_traversable; }
+  void find(OpenGround& open, HoleMemory& memory) override;
+
+ private:
+  std::vector<std::int16_t> cells_; ///< evidence of each cell of the grid
+};
+
 class HoleFinders {
  public:
-  using List = std::array<HoleFinder*, 4>;
+  using List = std::array<HoleFinder*, 5>;
   void find(OpenGround open, HoleMemory& memory);
   const List& list() const { return list_; }
 
@@ -91,7 +103,8 @@ class HoleFinders {
   MotionFinder motion_;
   SpotFinder near_spots_{SpotFinder::Reach::whole_picture}, far_spots_{SpotFinder::Reach::far_away};
   StoneFinder stones_;
-  List list_{&motion_, &near_spots_, &far_spots_, &stones_};
+  VetoFinder veto_;
+  List list_{&motion_, &near_spots_, &far_spots_, &stones_, &veto_}; // a veto overrides all other labels
 };
 
 } // namespace terrainseg
