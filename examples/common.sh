@@ -29,7 +29,7 @@ use_plugin() {
   elif gst-inspect-1.0 --exists terrainseg; then
     echo "$(basename "$0"): uses the plugin that is installed" >&2
   else
-    fail "GStreamer knows no terrainseg, and no build of it is in $(dirname "$here"): run examples/quickstart.sh, install it, or set GST_PLUGIN_PATH"
+    fail "GStreamer does not find terrainseg, and there is no build in $(dirname "$here"): run examples/quickstart.sh, install it, or set GST_PLUGIN_PATH"
   fi
 }
 [[ " $* " == *" --help "* ]] || use_plugin
@@ -42,7 +42,7 @@ quoted() {
 
 # check_port TEXT: needed because gst-launch-1.0 only warns of an invalid port and continues with another one.
 check_port() {
-  { [[ $1 =~ ^[0-9]{1,5}$ ]] && [ "$((10#$1))" -ge 1 ] && [ "$((10#$1))" -le 65535 ]; } || fail "'$1' is no port: say one from 1 to 65535"
+  { [[ $1 =~ ^[0-9]{1,5}$ ]] && [ "$((10#$1))" -ge 1 ] && [ "$((10#$1))" -le 65535 ]; } || fail "'$1' is not a port: 1 to 65535"
 }
 
 # check_passphrase: accepts a passphrase that is valid for SRT, or none.

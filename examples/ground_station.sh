@@ -11,7 +11,7 @@ case "${1:-}" in
 esac
 uri=$1
 # The words of the pipeline are those of this file; of the URI only what an address may hold gets into them.
-[[ $uri =~ ^(srt://[A-Za-z0-9._-]+|srt://\[[0-9A-Fa-f:.]+\]|udp://|rtp://):([0-9]{1,5})$ ]] || fail "$uri is no srt://ROVER:PORT, udp://:PORT or rtp://:PORT"
+[[ $uri =~ ^(srt://[A-Za-z0-9._-]+|srt://\[[0-9A-Fa-f:.]+\]|udp://|rtp://):([0-9]{1,5})$ ]] || fail "$uri is not srt://ROVER:PORT, udp://:PORT or rtp://:PORT"
 port=${BASH_REMATCH[2]}
 check_port "$port"
 case "$uri" in

@@ -31,7 +31,7 @@ tool() {
   if [ -x "$build/lab/$1" ]; then echo "$build/lab/$1"; elif [ -x "$build/src/tools/$1" ]; then echo "$build/src/tools/$1"; else command -v "$1" || fail "there is no $1: build it, or install it"; fi
 }
 
-# picture NAME FRAMES "SCENE PROPERTIES" [ELEMENTS]: the last of FRAMES frames; the file is written anew with every frame.
+# picture NAME FRAMES "SCENE PROPERTIES" [ELEMENTS]: the last of FRAMES frames; each frame overwrites the file.
 picture() {
   local name=$1 frames=$2 scene=$3 elements=${4:-identity}
   [ "$frames" -le "${MAX_FRAMES:-$frames}" ] || frames=$MAX_FRAMES

@@ -19,7 +19,7 @@ grep -q "^## $version\b" CHANGELOG.md || fail "CHANGELOG.md has no section $vers
 [ -z "$(git status --porcelain)" ] || fail "something is not committed: git status"
 if [ "$tag" = 1 ]; then
   ! grep -q "^## $version - not released" CHANGELOG.md || fail "CHANGELOG.md calls $version not released: write the date there and commit"
-  ! git rev-parse -q --verify "refs/tags/v$version" >/dev/null || fail "the tag v$version is there already"
+  ! git rev-parse -q --verify "refs/tags/v$version" >/dev/null || fail "the tag v$version already exists"
 fi
 
 out=$(realpath -m "${1:-release}")

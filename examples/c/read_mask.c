@@ -74,7 +74,7 @@ static GstElement* make_pipeline(const gchar* video) {
       g_error_free(error);
       return NULL;
     }
-    /* Upright and without half-pictures, whatever the camera recorded. */
+    /* Upright and progressive video from every recording. */
     text = g_strdup_printf("uridecodebin uri=\"%s\" ! videoconvert ! deinterlace fields=top ! "
                            "videoflip video-direction=auto ! videoconvert ! %s",
                            uri, tail);

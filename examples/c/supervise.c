@@ -8,7 +8,7 @@
  * Pictures are JPEG or PNG; depth is 16-bit PNG of the same size in millimetres, 0 = no answer. The floor's
  * depth is a * exp (b * height above the bottom edge), fitted in every frame to the columns in front of the
  * rover: that is where the rover stands and nothing else can be. Pixels within 8 % of it and nearer than 2.5
- * m train. Copy attach_training() into a program that knows better.
+ * m train. Copy attach_training() into a program with a better sensor.
  */
 #include <gst/app/gstappsink.h>
 #include <gst/gst.h>

@@ -118,7 +118,7 @@ int main(int argc, char** argv) {
       std::fprintf(stderr, "core_only: the input ends or breaks off in the middle of a picture\n");
       return 1;
     }
-    picture.frame.pts = number * 1'000'000'000 / fps; // after 2 s without a frame scores are averaged anew
+    picture.frame.pts = number * 1'000'000'000 / fps; // after a gap of 2 s the averaging of scores restarts
     if (const auto status = segmenter.process(picture.frame); !status.ok()) {
       std::fprintf(stderr, "core_only: %s\n", status.message().c_str());
       return 1;

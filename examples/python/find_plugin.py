@@ -20,7 +20,7 @@ def init():
     plugins = [path for path in (top / name / 'gst' / 'libgstterrainseg.so' for name in BUILDS) if path.exists()]
     name = pathlib.Path(sys.argv[0]).name
     if not plugins:
-        sys.exit(f'{name}: GStreamer knows no terrainseg, and no build of it is in {top}: run examples/quickstart.sh, install it, '
+        sys.exit(f'{name}: GStreamer does not find terrainseg, and there is no build in {top}: run examples/quickstart.sh, install it, '
                  'or set GST_PLUGIN_PATH')
     newest = max(plugins, key=lambda path: path.stat().st_mtime)
     Gst.Registry.get().scan_path(str(newest.parent))

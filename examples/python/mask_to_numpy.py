@@ -38,7 +38,7 @@ def array_of_mask(mask):
 
 
 def estimate_of(buffer):
-    """What terrainseg knows of the picture in `buffer` as a dictionary, None when it carries no metadata."""
+    """The terrainseg metadata of `buffer` as a dictionary, or None without metadata."""
     meta = buffer.get_custom_meta('GstTerrainSegMeta')
     if meta is None:
         return None
@@ -107,7 +107,7 @@ def frames(source, settings='', picture=False):
 def source_of(video):
     if video is None:
         return 'terrainscenesrc num-buffers=60 ! video/x-raw,width=320,height=180'
-    # Upright and without half-pictures, whatever the camera recorded.
+    # Upright and progressive video from every recording.
     return (f'uridecodebin uri="{pathlib.Path(video).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
             '! videoflip video-direction=auto ! videoconvert')
 

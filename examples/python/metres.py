@@ -128,7 +128,7 @@ def main():
     options = parser.parse_args()
     find_plugin.init()
     if options.video:
-        # Upright and without half-pictures, whatever the camera recorded.
+        # Upright and progressive video from every recording.
         run(f'uridecodebin uri="{pathlib.Path(options.video).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
             '! videoflip video-direction=auto ! videoconvert', options.camera_info, options.mount, options.start_time)
         return

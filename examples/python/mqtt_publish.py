@@ -214,7 +214,7 @@ def main():
     parser.add_argument('--retry', type=float, default=1.0, help='seconds between two attempts to connect')
     options = parser.parse_args()
     if not 1 <= options.port <= 65535:
-        parser.error(f'{options.port} is no port: say one from 1 to 65535')
+        parser.error(f'{options.port} is not a port: 1 to 65535')
     sys.exit(Publisher(options).run())
 
 

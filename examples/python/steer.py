@@ -115,7 +115,7 @@ def main():
     find_plugin.init()
     source = 'terrainscenesrc num-buffers=90 ! video/x-raw,width=320,height=180'
     if options.video:
-        # Upright and without half-pictures, whatever the camera recorded.
+        # Upright and progressive video from every recording.
         source = (f'uridecodebin uri="{pathlib.Path(options.video).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
                   '! videoflip video-direction=auto ! videoconvert')
     # On a rover the newest frame counts: there put  queue leaky=downstream max-size-buffers=1  before terrainseg.

@@ -19,7 +19,7 @@
 typedef struct {
   GMainLoop* loop;
   gint frames, units; /* atomic: what went out since the media was prepared */
-  gint failed;        /* atomic: its first error was told, those after it follow from it */
+  gint failed;        /* atomic: the first error was printed; later errors are its consequences */
 } Server;
 
 static GstPadProbeReturn count(GstPad* pad, GstPadProbeInfo* info, gpointer counter) {
@@ -62,8 +62,8 @@ static void on_unprepared(GstRTSPMedia* media, gpointer data) {
           units == 1 ? "" : "s");
 }
 
-/* A viewer hears no more of a failure than "service unavailable": what the pipeline says stands here. */
-static void tell(GstMessage* message) {
+/* Prints errors and warnings of the pipeline. A viewer gets only "service unavailable". */
+static void print_message(GstMessage* message) {
   GError* error = NULL;
   gchar* details = NULL;
 
@@ -74,7 +74,8 @@ static void tell(GstMessage* message) {
   else
     return;
   g_printerr("rtsp_server: %s from %s: %s\n  %s\n", GST_MESSAGE_TYPE_NAME(message),
-             message->src ? GST_OBJECT_NAME(message->src) : "nobody", error->message, details ? details : "");
+             message->src ? GST_OBJECT_NAME(message->src) : "an unknown element", error->message,
+             details ? details : "");
   g_error_free(error);
   g_free(details);
 }
@@ -83,11 +84,11 @@ static void on_message(GstBus* bus, GstMessage* message, gpointer data) {
   (void)bus;
   if (GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR ||
       g_atomic_int_compare_and_exchange(&((Server*)data)->failed, 0, 1))
-    tell(message);
+    print_message(message);
 }
 
-/* Keeps the first of GLib's complaints: a value out of its range is left at the default, with no more than a
- * warning of it, which newer versions of GLib call critical. */
+/* Keeps the first warning of GLib: for a value out of range GLib only warns (newer versions: critical) and
+ * keeps the default. */
 static void on_complaint(const gchar* domain, GLogLevelFlags level, const gchar* text, gpointer data) {
   gchar** first = data;
 
@@ -97,7 +98,7 @@ static void on_complaint(const gchar* domain, GLogLevelFlags level, const gchar*
     *first = g_strdup(text);
 }
 
-/* Builds the pipeline once and opens the camera: what is wrong is known before the first viewer comes. */
+/* Builds the pipeline once and opens the camera, to report errors before the first viewer connects. */
 static gboolean can_start(const gchar* launch) {
   GError* error = NULL;
   gchar* complaint = NULL;
@@ -124,7 +125,7 @@ static gboolean can_start(const gchar* launch) {
   bus = gst_element_get_bus(pipeline);
   fine = gst_element_set_state(pipeline, GST_STATE_READY) != GST_STATE_CHANGE_FAILURE;
   while ((message = gst_bus_pop(bus))) {
-    tell(message);
+    print_message(message);
     gst_message_unref(message);
   }
   if (!fine)
@@ -159,8 +160,8 @@ static void on_media(GstRTSPMediaFactory* factory, GstRTSPMedia* media, gpointer
   gst_object_unref(element);
 }
 
-/* Nobody sees the stream who does not know the password. It comes from the environment: what stands on the
- * command line every user of the machine can read. */
+/* Requires the password to watch the stream. It comes from the environment, because every user of the machine
+ * can read the command line. */
 static void ask_for_password(GstRTSPServer* rtsp, GstRTSPMediaFactory* factory, const gchar* user,
                              const gchar* password) {
   GstRTSPAuth* auth = gst_rtsp_auth_new();
@@ -198,9 +199,9 @@ int main(int argc, char** argv) {
   GOptionEntry entries[] = {
       {"port", 0, 0, G_OPTION_ARG_INT, &port, "TCP port (8554)", "PORT"},
       {"address", 0, 0, G_OPTION_ARG_STRING, &address,
-       "Address to listen on (127.0.0.1); others want RTSP_USER and RTSP_PASSWORD", "ADDRESS"},
-      {"open", 0, 0, G_OPTION_ARG_NONE, &open_to_all, "No password, whatever the address", NULL},
-      {"source", 0, 0, G_OPTION_ARG_STRING, &source, "Piece of a pipeline that gives raw video (a camera)",
+       "Address to listen on (127.0.0.1); others require RTSP_USER and RTSP_PASSWORD", "ADDRESS"},
+      {"open", 0, 0, G_OPTION_ARG_NONE, &open_to_all, "No password, for any address", NULL},
+      {"source", 0, 0, G_OPTION_ARG_STRING, &source, "Part of a pipeline that delivers raw video (a camera)",
        "TEXT"},
       {"settings", 0, 0, G_OPTION_ARG_STRING, &settings, "Properties of terrainseg", "TEXT"},
       {"annotated", 0, 0, G_OPTION_ARG_NONE, &annotated, "Draw the traversable ground on the video", NULL},
@@ -215,7 +216,7 @@ int main(int argc, char** argv) {
       {"rtpklvpay", "install gstreamer1.0-plugins-good"}};
   guint i;
 
-  setlocale(LC_ALL, ""); /* what is not ASCII on the command line is read as the locale says */
+  setlocale(LC_ALL, ""); /* the command line is in the encoding of the locale */
   g_option_context_add_main_entries(context, entries, NULL);
   g_option_context_add_group(context, gst_init_get_option_group());
   if (!g_option_context_parse(context, &argc, &argv, &error)) {
@@ -227,7 +228,7 @@ int main(int argc, char** argv) {
   if (!address)
     address = g_strdup("127.0.0.1");
   if (port < 1 || port > 65535) {
-    g_printerr("rtsp_server: %d is no port: say one from 1 to 65535\n", port);
+    g_printerr("rtsp_server: %d is not a port: 1 to 65535\n", port);
     return 2;
   }
   if (!user != !password) {
@@ -235,24 +236,24 @@ int main(int argc, char** argv) {
     return 2;
   }
   if (!user && !open_to_all && !is_loopback(address)) {
-    g_printerr("rtsp_server: on %s everybody could watch: set RTSP_USER and RTSP_PASSWORD, or say --open\n",
+    g_printerr("rtsp_server: everyone could watch on %s: set RTSP_USER and RTSP_PASSWORD, or --open\n",
                address);
     return 2;
   }
 
-  /* Without this a viewer would be told that the service is unavailable, and nobody why. */
+  /* Without this check a viewer would get "service unavailable" without a reason. */
   for (i = 0; i < G_N_ELEMENTS(needed); ++i) {
     GstElementFactory* there = gst_element_factory_find(needed[i][0]);
     if (!there) {
-      g_printerr("rtsp_server: GStreamer knows no %s: %s\n", needed[i][0], needed[i][1]);
+      g_printerr("rtsp_server: GStreamer does not find %s: %s\n", needed[i][0], needed[i][1]);
       return 3;
     }
     gst_object_unref(there);
   }
 
-  /* The leaky queue stands before terrainseg: behind it video and metadata stay together. Two RTP streams
-     have clocks of their own: by the stamps in the video units find their frames. A unit is one packet: after
-     a loss rtpklvdepay 1.22 refuses those of several. */
+  /* The leaky queue is in front of terrainseg: behind it video and metadata must stay together. The two RTP
+     streams have separate clocks, so units are matched to frames by the stamps in the video. A unit must be
+     one packet: after a loss, rtpklvdepay 1.22 refuses units of several packets. */
   launch = g_strdup_printf(
       "( %s ! videoconvert ! video/x-raw,format=I420 ! queue leaky=downstream max-size-buffers=2 ! "
       "terrainseg %s "

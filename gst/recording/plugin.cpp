@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A plugin of its own: the main one needs no zstd.
+// A separate plugin, so that the main one does not depend on zstd.
 #include <gst/gst.h>
 
 #include "recording/terrainmcapsink.hpp"
@@ -15,5 +15,5 @@ gboolean plugin_init(GstPlugin* plugin) {
 } // namespace
 
 GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, terrainmcap,
-                  "Records what terrainseg knows, for Foxglove and ROS 2", plugin_init, TERRAINSEG_VERSION,
-                  "LGPL", "terrainseg", TERRAINSEG_ORIGIN)
+                  "Records terrain metadata for Foxglove and ROS 2", plugin_init, TERRAINSEG_VERSION, "LGPL",
+                  "terrainseg", TERRAINSEG_ORIGIN)

@@ -23,7 +23,7 @@ int create(const fs::path& path) {
   return ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0666);
 }
 
-/// 0, or the errno. A pipe or a device has nothing to wait for.
+/// Returns 0 or the errno. Pipes and devices need no fsync.
 int sync_file(int fd) {
   return fsync(fd) == 0 || errno == EINVAL || errno == EROFS ? 0 : errno;
 }
@@ -40,7 +40,7 @@ std::optional<FileProblem> RecordingFile::open(const std::string& location) {
   path_ = location;
   metadata_.clear();
   if (path_.extension() != ".mcap") {
-    if (!path_.has_filename()) // a name that ends with a slash
+    if (!path_.has_filename()) // the name ends with a slash
       path_ = path_.parent_path();
     std::error_code error;
     fs::create_directories(path_, error);
@@ -55,16 +55,16 @@ std::optional<FileProblem> RecordingFile::open(const std::string& location) {
     std::error_code ignored;
     if (!path.empty() && fs::exists(fs::symlink_status(path, ignored)))
       return FileProblem{quoted(path) +
-                             " is there already, and a recording replaces nothing. Choose another location "
+                             " already exists, and recordings never replace files. Choose another location "
                              "or move it away",
                          EEXIST};
   }
   fd_ = create(part_);
   if (fd_ < 0 && errno == EEXIST)
-    return FileProblem{
-        quoted(part_) + " is there already: another recording writes it, or one that was killed left it "
-                        "behind. Choose another location, or move it away: it can be read to where it ends",
-        EEXIST};
+    return FileProblem{quoted(part_) +
+                           " already exists: another recording is writing it, or was killed. Choose another "
+                           "location, or move the file away: it can be read up to its end",
+                       EEXIST};
   if (fd_ < 0)
     return failed("Cannot write", part_, errno);
   return std::nullopt;
@@ -73,7 +73,7 @@ std::optional<FileProblem> RecordingFile::open(const std::string& location) {
 void RecordingFile::open(int fd) {
   abandon();
   error_ = 0;
-  for (fs::path* path : {&path_, &part_, &metadata_}) // those of the recording before
+  for (fs::path* path : {&path_, &part_, &metadata_}) // of the previous recording
     path->clear();
   fd_ = fd;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The file of a recording: under a temporary name until it is whole, and never in place of another.
+// The file of a recording. It has a temporary name until it is complete, and never replaces another file.
 #pragma once
 
 #include <filesystem>
@@ -10,7 +10,7 @@
 
 namespace terrainseg {
 
-/// What went wrong, for a person, and the errno behind it.
+/// An error message for the user, and its errno.
 struct FileProblem {
   std::string text;
   int error;
@@ -23,29 +23,29 @@ class RecordingFile {
   RecordingFile(const RecordingFile&) = delete;
   RecordingFile& operator=(const RecordingFile&) = delete;
 
-  /// `location`: a file NAME.mcap, or a folder that is made and becomes a bag of ROS 2: NAME/NAME_0.mcap with
-  /// NAME/metadata.yaml. Until finish() the file is called *.part. Refuses where one of them is there.
+  /// `location` is a file NAME.mcap, or a folder that is created as a ROS 2 bag: NAME/NAME_0.mcap and
+  /// NAME/metadata.yaml. The file is named *.part until finish(). Refuses existing files.
   [[nodiscard]] std::optional<FileProblem> open(const std::string& location);
-  /// Writes to a descriptor that stays its owner's, who also names the file.
+  /// Writes to a descriptor. The caller closes it and names the file.
   void open(int fd);
 
-  /// False when something could not be written, now or before: see problem().
+  /// Returns false after an error of this or an earlier write: see problem().
   bool write(recording::ByteView bytes);
   FileProblem problem() const;
-  /// Everything on the disk, then under its own name; into a bag goes `metadata` as well.
+  /// Flushes to disk, then renames the file; in a bag it also writes `metadata`.
   [[nodiscard]] std::optional<FileProblem> finish(const std::string& metadata);
-  /// Leaves what was written under the temporary name.
+  /// Closes the file and keeps its temporary name.
   void abandon();
 
-  /// The name of the file in its folder; empty for a descriptor.
+  /// Name of the file in its folder; empty for a descriptor.
   std::string name() const { return path_.filename().string(); }
 
  private:
   FileProblem failed(const std::string& what, const std::filesystem::path& path, int error) const;
 
-  std::filesystem::path path_, part_, metadata_; ///< metadata_ is empty where it is no bag
+  std::filesystem::path path_, part_, metadata_; ///< metadata_ is empty without a bag
   int fd_ = -1;
-  int error_ = 0; ///< of the first write that failed
+  int error_ = 0; ///< errno of the first failed write
 };
 
 } // namespace terrainseg

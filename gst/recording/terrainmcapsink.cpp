@@ -38,20 +38,18 @@ struct SinkSettings {
 
 const Property<SinkSettings> table[] = {
     {"location", "Location",
-     "File NAME.mcap, or a folder that becomes a bag of ROS 2 (NAME_0.mcap, metadata.yaml), *.part until it "
-     "is whole",
+     "File NAME.mcap, or a folder for a ROS 2 bag (NAME_0.mcap, metadata.yaml); named *.part until complete",
      property_before_start, PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, location)}},
     {"fd", "File descriptor", "Open descriptor to write to instead of a location, -1 = none",
      property_before_start, NumberField<SinkSettings, int>{TERRAINSEG_FIELD(SinkSettings, fd), -1, G_MAXINT}},
     {"camera-info", "Camera info",
-     "Calibration of the camera (ROS, Kalibr or OpenCV YAML) for the topic /camera/camera_info, none = no "
-     "such topic",
+     "Calibration file of the camera (ROS, Kalibr or OpenCV YAML) for the topic /camera/camera_info, none = "
+     "without this topic",
      property_before_start,
      PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, camera_info)}},
     {"mount", "Mount",
-     "How the camera stands over the ground (a file, or height=..,pitch=..) for the topic /tf, none = no "
-     "such "
-     "topic",
+     "Pose of the camera over the ground (a file, or height=..,pitch=..) for the topic /tf, none = without "
+     "this topic",
      property_before_start, PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, mount)}},
     {"frame-id", "Frame id", "Name of the vehicle's coordinate frame in the messages", property_before_start,
      PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, frame_id)}},
@@ -59,50 +57,76 @@ const Property<SinkSettings> table[] = {
      property_before_start,
      PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, camera_frame_id)}},
     {"grid-resolution", "Grid resolution",
-     "Metres a cell of /terrain/grid, doubled until a side has at most 512 cells", property_before_start,
+     "Size of a cell of /terrain/grid in metres, doubled until a side has at most 512 cells",
+     property_before_start,
      NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, grid_resolution), 0.01, 10}},
 };
 
-/// One clock for a whole recording: that of its first frame.
+/// One clock for a whole recording: that of its first frame. Its times never fall, and rise as the stream's
+/// do.
 class RecordingClock {
  public:
-  /// Nanoseconds; `utc` of the frame where it has one, `stream` its stream time.
-  std::uint64_t time_of(std::optional<GstClockTime> utc, GstClockTime stream) {
-    if (!wall_)
-      wall_ = utc.has_value();
-    if (!*wall_)
-      return stream;
-    if (!utc) // between frames that have it
-      return last_utc_ + (stream > last_stream_ ? stream - last_stream_ : 0);
-    last_utc_ = *utc;
-    last_stream_ = stream;
-    return *utc;
+  struct Times {
+    std::optional<GstClockTime> utc; ///< of the frame, where it has one
+    GstClockTime stream;
+    GstClockTime base; ///< of the pipeline: another one after a pause
+  };
+  /// Nanoseconds.
+  std::uint64_t time_of(const Times& frame) {
+    if (!last_) {
+      wall_ = frame.utc.has_value();
+      last_ = frame;
+      return time_ = wall_ ? *frame.utc : frame.stream;
+    }
+    const GstClockTime expected =
+        time_ + (frame.stream > last_->stream ? frame.stream - last_->stream : GST_MSECOND);
+    GstClockTime time = expected; // between frames that have a time of day
+    if (!wall_ || frame.utc) {
+      time = static_cast<GstClockTime>(correction_) + (wall_ ? *frame.utc : frame.stream);
+      const auto ahead = static_cast<GstClockTimeDiff>(time - expected);
+      const bool paused = frame.base != last_->base && ahead > 0;
+      if ((ahead > largest_slew && !paused) || ahead < -largest_slew || time < time_) {
+        correction_ -= ahead;
+        step_ = ahead;
+        time = expected;
+      }
+    }
+    last_ = frame;
+    return time_ = time;
   }
+  /// By how much the source's clock was set at the last frame; once.
+  GstClockTimeDiff take_step() { return std::exchange(step_, 0); }
+  bool is_wall() const { return wall_; }
   /// Whether a time of day came too late.
-  bool misses(std::optional<GstClockTime> utc) const { return wall_ && !*wall_ && utc; }
+  bool misses(const std::optional<GstClockTime>& utc) const { return last_ && !wall_ && utc; }
 
  private:
-  std::optional<bool> wall_;
-  GstClockTime last_utc_ = 0, last_stream_ = 0;
+  /// Between two frames. A clock that is corrected by more is set, not slewed: chrony's and ntpd's bound is
+  /// 128 ms.
+  static constexpr GstClockTimeDiff largest_slew = 100 * GST_MSECOND;
+  bool wall_ = false;
+  std::optional<Times> last_;
+  std::uint64_t time_ = 0;
+  GstClockTimeDiff correction_ = 0, step_ = 0;
 };
 
 } // namespace
 
-/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
-/// none.
+/// The state of an element. "streaming": used only by the streaming thread, or while it does not run.
 struct SinkState {
   NameProperty source;
   SinkSettings settings; // under the object lock
-  std::string metadata;  // under the object lock; of the last recording that was finished
+  std::string metadata;  // under the object lock; of the last finished recording
 
   RecordingFile file;                                   // streaming
-  std::optional<recording::TerrainRecording> recording; // streaming; nothing when it is over
+  std::optional<recording::TerrainRecording> recording; // streaming; nothing after the end
   RecordingClock clock;                                 // streaming
   PictureKind kind = PictureKind::raw;                  // streaming
   std::uint64_t frames = 0, labelled = 0;               // streaming
   bool warned_metadata = false, warned_clock = false;   // streaming
+  bool warned_step = false;                             // streaming
 
-  SinkState() noexcept {} // the names of frames are short enough to need no memory of their own
+  SinkState() noexcept {} // the frame names are short strings and need no allocation
 };
 
 } // namespace terrainseg
@@ -140,9 +164,6 @@ GST_ELEMENT_REGISTER_DEFINE(terrainmcapsink, "terrainmcapsink", GST_RANK_NONE,
 namespace {
 
 enum { property_source = 1, property_metadata, property_table };
-
-GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_MESSAGE_CAPS));
 
 GstTerrainMcapSink* self_of(gpointer object) {
   return reinterpret_cast<GstTerrainMcapSink*>(object);
@@ -194,13 +215,13 @@ bool open_recording(GstTerrainMcapSink* self) {
   }
   s.clock = {};
   s.frames = s.labelled = 0;
-  s.warned_metadata = s.warned_clock = false;
+  s.warned_metadata = s.warned_clock = s.warned_step = false;
   s.recording.emplace([self](recording::ByteView bytes) { return self->state->file.write(bytes); },
                       std::move(options));
   return true;
 }
 
-/// Gives up after something could not be written.
+/// Stops recording after a write error.
 void abandon(GstTerrainMcapSink* self) {
   SinkState& s = *self->state;
   report(self, s.file.problem(), false);
@@ -208,7 +229,7 @@ void abandon(GstTerrainMcapSink* self) {
   s.file.abandon();
 }
 
-/// Ends the recording, if there is one. False after an error was posted.
+/// Ends the recording, if any. Returns false after posting an error.
 bool finish(GstTerrainMcapSink* self) {
   SinkState& s = *self->state;
   if (!s.recording)
@@ -231,7 +252,8 @@ bool finish(GstTerrainMcapSink* self) {
                          "front of terrainmcapsink, and no element between them that drops metadata "
                          "(videocrop, videobox, videoflip, compositor)."),
                         ("no GstTerrainSegMeta on %" G_GUINT64_FORMAT " frames", s.frames));
-  GST_DEBUG_OBJECT(self, "\"%s\" is whole: %" G_GUINT64_FORMAT " frames, %" G_GUINT64_FORMAT " with terrain",
+  GST_DEBUG_OBJECT(self,
+                   "\"%s\" is complete: %" G_GUINT64_FORMAT " frames, %" G_GUINT64_FORMAT " with terrain",
                    name.c_str(), static_cast<guint64>(s.frames), static_cast<guint64>(s.labelled));
   ObjectLock lock(self);
   s.metadata = std::move(metadata);
@@ -243,11 +265,11 @@ bool finish(GstTerrainMcapSink* self) {
 void warn_metadata(GstTerrainMcapSink* self, const char* reason) {
   if (!reason || std::exchange(self->state->warned_metadata, true))
     return;
-  GST_ELEMENT_WARNING(self, STREAM, FORMAT,
-                      ("Terrain metadata that makes no sense is not recorded: %s.", reason), (nullptr));
+  GST_ELEMENT_WARNING(self, STREAM, FORMAT, ("Invalid terrain metadata is not recorded: %s.", reason),
+                      (nullptr));
 }
 
-/// Nothing after an error was posted.
+/// Returns nothing after posting an error.
 std::optional<std::uint64_t> time_of(GstTerrainMcapSink* self, GstBuffer* buffer) {
   SinkState& s = *self->state;
   const GstSegment& segment = GST_BASE_SINK(self)->segment;
@@ -266,7 +288,15 @@ std::optional<std::uint64_t> time_of(GstTerrainMcapSink* self, GstBuffer* buffer
                         ("The time of day became known after the recording had begun: it stays in stream "
                          "time. Start the recording later, or set start-time on terrainseg."),
                         (nullptr));
-  return s.clock.time_of(utc, stream);
+  const std::uint64_t time = s.clock.time_of({utc, stream, gst_element_get_base_time(GST_ELEMENT(self))});
+  if (const GstClockTimeDiff step = s.clock.take_step(); step != 0 && !std::exchange(s.warned_step, true))
+    GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                        ("%s jumped by %.3f s, as when a clock is set. The recording continues with the time "
+                         "before, so its times keep rising; start a new one for the new time.",
+                         s.clock.is_wall() ? "The frames' time of day" : "The stream time",
+                         static_cast<double>(step) / GST_SECOND),
+                        (nullptr));
+  return time;
 }
 
 GstFlowReturn record(GstTerrainMcapSink* self, GstBuffer* buffer) {
@@ -311,7 +341,7 @@ gboolean start(GstBaseSink* sink) {
   return guarded<gboolean>(sink, FALSE, [&] { return open_recording(self_of(sink)); });
 }
 
-/// Also the end of a pipeline that is stopped without an end of its stream.
+/// Also called when the pipeline is stopped without EOS.
 gboolean stop(GstBaseSink* sink) {
   return guarded<gboolean>(sink, FALSE, [&] { return finish(self_of(sink)); });
 }
@@ -319,16 +349,11 @@ gboolean stop(GstBaseSink* sink) {
 gboolean take_event(GstBaseSink* sink, GstEvent* event) {
   const bool whole =
       GST_EVENT_TYPE(event) != GST_EVENT_EOS || guarded(sink, false, [&] { return finish(self_of(sink)); });
-  if (!whole) { // no word of an end: the error is the last
+  if (!whole) { // only the error is reported
     gst_event_unref(event);
     return FALSE;
   }
   return GST_BASE_SINK_CLASS(gst_terrain_mcap_sink_parent_class)->event(sink, event);
-}
-
-gboolean propose_allocation(GstBaseSink*, GstQuery* query) {
-  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr); // no pixel is read
-  return TRUE;
 }
 
 // ---- the object ------------------------------------------------------------------------------------------
@@ -362,34 +387,25 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
 static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainmcapsink_debug, "terrainmcapsink", 0, "recordings of terrain metadata");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = set_property;
-  object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainMcapSink, gst_terrain_mcap_sink_parent_class>;
-  NameProperty::install_source(object_class, property_source);
+  init_message_sink_class(
+      klass,
+      {set_property, get_property, finalize_state<GstTerrainMcapSink, gst_terrain_mcap_sink_parent_class>,
+       start, stop, set_caps, render},
+      "Terrain recorder", "Sink/File/Metadata/Video",
+      "Records video and terrain metadata as MCAP, for Foxglove and ROS 2", property_source);
   g_object_class_install_property(
       object_class, property_metadata,
       g_param_spec_string(
           "bag-metadata", "Bag metadata",
-          "Text of the metadata.yaml that belongs to the last whole recording, under the name "
-          "terrain.mcap where it went to an fd",
+          "Content of metadata.yaml for the last complete recording; if it was written to fd, its file is "
+          "named terrain.mcap",
           nullptr, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   install_properties<SinkSettings>(object_class, property_table, table);
-  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  gst_element_class_add_static_pad_template(element_class, &sink_template);
-  gst_element_class_set_static_metadata(element_class, "Terrain recorder", "Sink/File/Metadata/Video",
-                                        "Records video and terrain metadata as MCAP, for Foxglove and ROS 2",
-                                        "The terrainseg developers");
-  GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
-  sink_class->start = start;
-  sink_class->stop = stop;
-  sink_class->set_caps = set_caps;
-  sink_class->render = render;
-  sink_class->event = take_event;
-  sink_class->propose_allocation = propose_allocation;
+  GST_BASE_SINK_CLASS(klass)->event = take_event;
 }
 
 static void gst_terrain_mcap_sink_init(GstTerrainMcapSink* self) {
   self->state.make();
-  gst_base_sink_set_sync(GST_BASE_SINK(self), FALSE); // a file takes frames as they come
+  gst_base_sink_set_sync(GST_BASE_SINK(self), FALSE); // a file is written as fast as frames come
   gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A plugin of its own: the main one needs no Cyclone DDS.
+// A separate plugin, so that the main one does not depend on Cyclone DDS.
 #include <gst/gst.h>
 
 #include "ros2/terrainros2sink.hpp"

@@ -89,46 +89,47 @@ struct SinkSettings {
 using TextField = PlainField<SinkSettings, std::string>;
 
 const Property<SinkSettings> table[] = {
-    {"namespace", "Namespace",
-     "Goes before the names of topics that do not begin with a slash, and of the node", property_before_start,
-     TextField{TERRAINSEG_FIELD(SinkSettings, name_space)}},
-    {"node-name", "Node name", "Name of the node in the lists of ROS 2, where distribution is set",
+    {"namespace", "Namespace", "Prefix of the node name and of topic names that do not begin with a slash",
+     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, name_space)}},
+    {"node-name", "Node name", "Name of the node that ROS 2 lists if distribution is set",
      property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, node_name)}},
     {"distribution", "Distribution",
      "ROS 2 distribution for which the topics are announced as those of a node (ros_discovery_info)",
      property_before_start, TERRAINSEG_CHOICE(SinkSettings, distribution, distribution_type)},
     {"camera-info", "Camera info",
-     "Calibration of the camera (ROS, Kalibr or OpenCV YAML) for the topic of camera-info-topic, none = no "
-     "such topic",
+     "Calibration file of the camera (ROS, Kalibr or OpenCV YAML) for the topic of camera-info-topic, none = "
+     "without this topic",
      property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, camera_info)}},
     {"mount", "Mount",
-     "Mounting of the camera (a file, or height=..,pitch=..) for the transform, and added to the poses of "
-     "pose-topic; none = no transform, and poses are those of the camera",
+     "Pose of the camera over the ground (a file, or height=..,pitch=..) for the transform, and added to the "
+     "poses of pose-topic; none = without a transform, and poses are those of the camera",
      property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, mount)}},
     {"frame-id", "Frame id", "Name of the vehicle's coordinate frame in the messages", property_before_start,
      TextField{TERRAINSEG_FIELD(SinkSettings, frame_id)}},
     {"camera-frame-id", "Camera frame id", "Name of the camera's optical coordinate frame in the messages",
      property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, camera_frame_id)}},
     {"grid-resolution", "Grid resolution",
-     "Metres a cell of the grid, doubled until a side has at most 512 cells", property_before_start,
+     "Size of a cell of the grid in metres, doubled until a side has at most 512 cells",
+     property_before_start,
      NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, grid_resolution), 0.01, 10}},
     {"pose-topic", "Pose topic",
-     "Topic whose messages become terrainseg-pose events, none = no poses are read", property_before_start,
-     TextField{TERRAINSEG_FIELD(SinkSettings, pose_topic)}},
+     "Topic whose messages are sent upstream as terrainseg-pose events, none = poses are not read",
+     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, pose_topic)}},
     {"pose-type", "Pose type", "Type of the messages on pose-topic", property_before_start,
      TERRAINSEG_CHOICE(SinkSettings, pose, pose_type)},
     {"near-clear-topic", "Near-clear topic",
-     "Topic whose messages become terrainseg-near events, none = the near-range sensor is not read",
+     "Topic whose messages are sent upstream as terrainseg-near events, none = the near-range sensor is not "
+     "read",
      property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, near_topic)}},
     {"near-clear-type", "Near-clear type", "Type of the messages on near-clear-topic", property_before_start,
      TERRAINSEG_CHOICE(SinkSettings, near, near_type)},
     {"near-clear-distance", "Near-clear distance",
-     "Metres beyond which the window in front of the vehicle is clear, for near-clear-type=range",
+     "Range in metres from which the training window is clear, for near-clear-type=range",
      property_before_start,
      NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, near_distance), 0, 1000}},
 };
 
-/// A topic that leaves: the property that names it, and its name.
+/// A published topic: its property and its name.
 struct TopicProperty {
   Topic topic;
   const char *stem, *nick, *what, *default_name;
@@ -141,7 +142,7 @@ constexpr TopicProperty topics[] = {
     {Topic::camera_info, "camera-info", "Camera info topic", "CameraInfo", "camera/camera_info"},
     {Topic::video, "video", "Video topic", "CompressedVideo (H.264)", "camera/video"},
     {Topic::picture, "picture", "Picture topic", "CompressedImage (JPEG)", "camera/image/compressed"},
-    {Topic::tf, "tf", "Transform topic", "TFMessage with the attitude of the moment", "/tf"},
+    {Topic::tf, "tf", "Transform topic", "TFMessage with the attitude at the frame", "/tf"},
     {Topic::tf_static, "tf-static", "Static transform topic", "TFMessage of the mount", "/tf_static"},
     {Topic::diagnostics, "diagnostics", "Diagnostics topic", "DiagnosticArray", "/diagnostics"},
 };
@@ -149,14 +150,13 @@ static_assert(std::size(topics) == topic_count);
 
 } // namespace
 
-/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
-/// none.
+/// The state of an element. "streaming": used only by the streaming thread, or while it does not run.
 struct Ros2State {
   NameProperty source;
   SinkSettings settings;                      // under the object lock
   std::array<const char*, topic_count> names; // under the object lock; interned
 
-  std::mutex mutex;                                   // of what stats reads while it is made or goes
+  std::mutex mutex; // guards what `stats` reads during construction and destruction
   std::unique_ptr<ros2::Participant> participant;     // streaming
   std::unique_ptr<ros2::Outlet> outlet;               // streaming
   std::unique_ptr<ros2::Writer> node;                 // streaming
@@ -165,13 +165,13 @@ struct Ros2State {
   PictureKind kind = PictureKind::raw;                // streaming
   bool warned_metadata = false;                       // streaming
 
-  metric::Mount mount; // before the readers are made
+  metric::Mount mount; // set before the readers are created
   std::atomic<std::uint64_t> frames = 0, taken = 0, refused = 0;
   enum Near : std::uint8_t { near_unknown, near_clear, near_blocked };
   std::atomic<Near> near_state = near_unknown;
   std::atomic<bool> warned_input = false;
 
-  Ros2State() noexcept { // names are short enough to need no memory of their own
+  Ros2State() noexcept { // the names are short strings and need no allocation
     for (std::size_t i = 0; i < topic_count; ++i)
       names[i] = topics[i].default_name;
   }
@@ -212,33 +212,30 @@ namespace {
 
 enum { property_source = 1, property_stats, property_topic, property_table = property_topic + topic_count };
 
-GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_MESSAGE_CAPS));
-
 GstTerrainRos2Sink* self_of(gpointer object) {
   return reinterpret_cast<GstTerrainRos2Sink*>(object);
 }
 
 // ---- what comes in ---------------------------------------------------------------------------------------
 
-/// Sends an event to the terrainseg upstream.
+/// Sends an event upstream to terrainseg.
 void push_upstream(GstTerrainRos2Sink* self, GstStructure* fields) {
   gst_pad_push_event(GST_BASE_SINK_PAD(self), gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, fields));
 }
 
-/// Counts a message that cannot be used, and warns of the first.
+/// Counts an invalid message, and warns about the first one.
 void refuse(GstTerrainRos2Sink* self, const char* what) {
   Ros2State& s = *self->state;
   ++s.refused;
   if (!s.warned_input.exchange(true))
     GST_ELEMENT_WARNING(
         self, STREAM, FORMAT,
-        ("A message on %s cannot be used: it is cut, too long, big endian, or holds no such value.", what),
+        ("A message on %s cannot be used: it is truncated, too long, big-endian or invalid.", what),
         (nullptr));
 }
 
-/// Running time of a moment that a clock of the day told; of now where that clock is not this machine's.
-/// Nothing while the pipeline does not play.
+/// Converts a time of day to running time; uses the current time if the sender's clock is not this machine's.
+/// Returns nothing while the pipeline is not playing.
 std::optional<GstClockTime> running_time_at(GstTerrainRos2Sink* self, std::uint64_t utc) {
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock)
@@ -280,8 +277,8 @@ void take_near(GstTerrainRos2Sink* self, std::optional<bool> clear) {
     push_upstream(self, gst_structure_new("terrainseg-near", "clear", G_TYPE_BOOLEAN, *clear, nullptr));
 }
 
-/// Makes a reader of a topic that was named; `take` runs on a thread of DDS. False after an error, which
-/// `error` tells.
+/// Creates a reader for a topic that is set. `take` runs in a thread of DDS. On an error it returns false and
+/// sets `error`.
 template <class Take>
 bool read(GstTerrainRos2Sink* self, std::unique_ptr<ros2::Reader>& reader, const std::string& name,
           const recording::MessageType& type, std::string& error, Take take) {
@@ -348,7 +345,7 @@ bool open_topic(GstTerrainRos2Sink* self, Topic topic, std::string& error) {
   return s.outlet->open(topic, name, error);
 }
 
-/// Lists the topics as those of a node.
+/// Announces the topics as those of a node.
 bool announce(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& error) {
   Ros2State& s = *self->state;
   if (set.distribution == Distribution::none)
@@ -376,7 +373,7 @@ SinkSettings settings_of(GstTerrainRos2Sink* self) {
 
 void close_topics(GstTerrainRos2Sink* self) {
   Ros2State& s = *self->state;
-  s.poses.reset(); // waits for a message that is being taken
+  s.poses.reset(); // waits for a message in progress
   s.near.reset();
   const std::lock_guard lock(s.mutex);
   s.node.reset();
@@ -385,7 +382,7 @@ void close_topics(GstTerrainRos2Sink* self) {
   s.messages.reset();
 }
 
-/// Makes all that goes with the settings; the caller holds the mutex. False after an error.
+/// Creates everything that depends on the settings; the caller holds the mutex. Returns false after an error.
 bool make_topics(GstTerrainRos2Sink* self, const SinkSettings& set, const ros2::Discovery& discovery,
                  recording::MessageOptions options, std::string& error) {
   Ros2State& s = *self->state;
@@ -427,13 +424,13 @@ bool open_topics(GstTerrainRos2Sink* self) {
   s.warned_metadata = s.warned_input = false;
   std::unique_lock lock(s.mutex);
   const bool made = make_topics(self, set, *discovery, std::move(options), error);
-  lock.unlock(); // whoever handles the message may read stats
+  lock.unlock(); // a handler of the message may read `stats`
   return made || report(self, error);
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
 
-/// The time of day of a frame: its own where it has one, else when it was due to be rendered.
+/// The time of day of a frame: its own, or else the time at which it is due.
 std::uint64_t time_of(GstTerrainRos2Sink* self, GstBuffer* buffer) {
   if (const auto utc = utc_of(buffer))
     return *utc;
@@ -513,11 +510,6 @@ gboolean stop(GstBaseSink* sink) {
   return TRUE;
 }
 
-gboolean propose_allocation(GstBaseSink*, GstQuery* query) {
-  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr); // no pixel is read
-  return TRUE;
-}
-
 // ---- the object ------------------------------------------------------------------------------------------
 
 GstStructure* statistics_of(GstTerrainRos2Sink* self) {
@@ -575,8 +567,7 @@ void install_topics(GObjectClass* object_class) {
   for (guint i = 0; i < topic_count; ++i) {
     const TopicProperty& topic = topics[i];
     const std::string name = std::string(topic.stem) + "-topic";
-    const std::string blurb =
-        std::string("Name of the topic of the ") + topic.what + ", none = it is not sent";
+    const std::string blurb = std::string("Name of the topic of the ") + topic.what + ", none = not sent";
     g_object_class_install_property(
         object_class, property_topic + i,
         g_param_spec_string(name.c_str(), topic.nick, blurb.c_str(), topic.default_name,
@@ -589,30 +580,21 @@ void install_topics(GObjectClass* object_class) {
 static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainros2sink_debug, "terrainros2sink", 0, "terrain metadata as ROS 2 topics");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = set_property;
-  object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainRos2Sink, gst_terrain_ros2_sink_parent_class>;
-  NameProperty::install_source(object_class, property_source);
+  init_message_sink_class(klass,
+                          {set_property, get_property,
+                           finalize_state<GstTerrainRos2Sink, gst_terrain_ros2_sink_parent_class>, start,
+                           stop, set_caps, render},
+                          "ROS 2 sink", "Sink/Network/Metadata/Video",
+                          "Sends terrain metadata and video as ROS 2 topics over DDS", property_source);
   g_object_class_install_property(
       object_class, property_stats,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "frames, messages-taken and messages-refused since the start; of each open topic readers "
-          "(matched now), written and dropped (not taken by DDS within 5 ms)",
+          "Counts since the start: frames, messages-taken and messages-refused; for each open topic readers "
+          "(connected now), written and dropped (not accepted by DDS within 5 ms)",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   install_topics(object_class);
   install_properties<SinkSettings>(object_class, property_table, table);
-  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  gst_element_class_add_static_pad_template(element_class, &sink_template);
-  gst_element_class_set_static_metadata(element_class, "ROS 2 sink", "Sink/Network/Metadata/Video",
-                                        "Sends terrain metadata and video as ROS 2 topics over DDS",
-                                        "The terrainseg developers");
-  GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
-  sink_class->start = start;
-  sink_class->stop = stop;
-  sink_class->set_caps = set_caps;
-  sink_class->render = render;
-  sink_class->propose_allocation = propose_allocation;
 }
 
 static void gst_terrain_ros2_sink_init(GstTerrainRos2Sink* self) {

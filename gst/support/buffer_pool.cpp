@@ -27,7 +27,7 @@ OwnedBuffer SmallPool::acquire(gsize bytes) {
 void SmallPool::drop() {
   if (!pool_)
     return;
-  gst_buffer_pool_set_active(pool_, FALSE); // buffers in flight free themselves and the pool
+  gst_buffer_pool_set_active(pool_, FALSE); // buffers in flight are freed when they return, and then the pool
   gst_clear_object(&pool_);
 }
 
@@ -38,11 +38,11 @@ OwnedBuffer MaskPool::acquire(int width, int height) {
   GstVideoMeta* meta = gst_buffer_get_video_meta(buffer.get());
   if (meta && meta->width == static_cast<guint>(width) && meta->height == static_cast<guint>(height))
     return buffer;
-  if (meta) // of the same number of bytes, but of another shape
+  if (meta) // same size in bytes, but another width and height
     gst_buffer_remove_meta(buffer.get(), &meta->meta);
   meta = describe_mask(buffer.get(), width, height);
   meta->meta.flags = static_cast<GstMetaFlags>(
-      meta->meta.flags | GST_META_FLAG_POOLED); // stays on the buffer when it returns to the pool
+      meta->meta.flags | GST_META_FLAG_POOLED); // kept when the buffer returns to the pool
   return buffer;
 }
 

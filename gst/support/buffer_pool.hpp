@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Pools of small buffers that travel with frames.
+// Pools of small buffers that are attached to frames.
 #pragma once
 
 #include <gst/gst.h>
@@ -13,7 +13,7 @@ struct BufferUnref {
 };
 using OwnedBuffer = std::unique_ptr<GstBuffer, BufferUnref>;
 
-/// A pool of buffers of one size that grows to what is in flight and allocates no more after that.
+/// A pool of buffers of one size. It grows to the number of buffers in flight and then allocates no more.
 class SmallPool {
  public:
   SmallPool() = default;
@@ -21,8 +21,7 @@ class SmallPool {
   SmallPool(const SmallPool&) = delete;
   SmallPool& operator=(const SmallPool&) = delete;
 
-  /// A buffer of `bytes` bytes; nullptr when there is no memory. Another size than last time starts a new
-  /// pool.
+  /// Returns a buffer of `bytes` bytes, or nullptr if memory is exhausted. A new size creates a new pool.
   OwnedBuffer acquire(gsize bytes);
   void drop();
 
@@ -31,7 +30,7 @@ class SmallPool {
   gsize bytes_ = 0;
 };
 
-/// The same for masks: the buffers carry the GstVideoMeta that says GRAY8, width and height.
+/// A pool of masks: the buffers have a GstVideoMeta with GRAY8, width and height.
 class MaskPool {
  public:
   OwnedBuffer acquire(int width, int height);

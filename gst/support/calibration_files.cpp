@@ -11,9 +11,9 @@
 namespace terrainseg {
 namespace {
 
-constexpr std::streamsize longest_file = 1 << 20; // a larger one is no calibration
+constexpr std::streamsize longest_file = 1 << 20; // maximum size of a calibration file, bytes
 
-/// The whole text of a file; nothing, and why, when it cannot be read.
+/// Returns the text of a file. Returns nothing and sets the reason if it cannot be read.
 std::optional<std::string> text_of(const std::string& path, std::string& error) {
   if (g_file_test(path.c_str(), G_FILE_TEST_IS_DIR)) {
     error = "it is a folder";
@@ -31,13 +31,13 @@ std::optional<std::string> text_of(const std::string& path, std::string& error) 
   return text;
 }
 
-/// The calibration in a file; nothing, and why, when it cannot be used.
+/// Returns the calibration in a file. Returns nothing and sets the reason if it is invalid.
 std::optional<metric::Camera> camera_of(const std::string& path, std::string& error) {
   const auto text = text_of(path, error);
   return text ? metric::read_camera_info(*text, error) : std::nullopt;
 }
 
-/// The mount in a file, or written as `height=..,pitch=..`; nothing, and why, when it cannot be used.
+/// Returns the mount from a file or from text. Returns nothing and sets the reason if it is invalid.
 std::optional<metric::Mount> mount_of(const std::string& value, std::string& error) {
   if (value.find('=') != std::string::npos && !g_file_test(value.c_str(), G_FILE_TEST_EXISTS))
     return metric::parse_mount(value, error);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the properties `camera-info` and `mount` name.
+// Reads the files of the properties `camera-info` and `mount`.
 #pragma once
 
 #include <gst/gst.h>
@@ -11,18 +11,18 @@
 
 namespace terrainseg {
 
-/// What was asked for and cannot be used: the property, its value, and why.
+/// A setting that cannot be used: the property, its value, and the reason.
 struct SettingFlaw {
   const char* property;
   std::string value, reason;
 };
 
-/// Reads the file of camera-info, and that of mount (or a mount as `height=..,pitch=..`); empty = none.
+/// Reads camera-info, and mount (a file, or text such as `height=..,pitch=..`); empty = none.
 std::optional<SettingFlaw> read_calibration(const std::string& camera_info, const std::string& mount,
                                             std::optional<metric::Camera>& camera,
                                             std::optional<metric::Mount>& mounted);
 
-/// Posts the flaw as an error of the element.
+/// Posts the flaw as an element error.
 void post_error(GstElement* element, const SettingFlaw& flaw);
 
 } // namespace terrainseg

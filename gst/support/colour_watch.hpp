@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Whether video in a format that has colour shows any.
+// Detects video without colour in a format with colour.
 #pragma once
 
 #include <gst/video/video.h>
@@ -12,15 +12,16 @@
 
 namespace terrainseg {
 
-/// Looks at a lattice of pixels of each frame. A mono camera behind videoconvert, or one that has switched to
-/// infrared, has neutral chroma in all of them; a lens cap (one brightness everywhere) says nothing.
+/// Checks a lattice of pixels of each frame. A grey camera with videoconvert, or one in infrared mode, has
+/// neutral chroma in all of them. A picture of uniform brightness (a lens cap) is ignored.
 class ColourWatch {
  public:
-  static constexpr unsigned frames_before_news = 60; ///< without colour, one after another
+  static constexpr unsigned frames_before_news =
+      60; ///< number of consecutive frames without colour before the report
 
-  /// True once, with the last of that many frames.
+  /// Returns true once, for the last of that many frames.
   bool see(const GstVideoFrame& frame) {
-    if (told_ || GST_VIDEO_FRAME_N_COMPONENTS(&frame) < 3) // a format of grey promises no colour
+    if (told_ || GST_VIDEO_FRAME_N_COMPONENTS(&frame) < 3) // grey formats have no colour
       return false;
     switch (look(frame)) {
     case Look::coloured:
@@ -38,10 +39,11 @@ class ColourWatch {
  private:
   enum class Look { coloured, grey, flat };
   static constexpr int columns = 16, rows = 9;
-  static constexpr int tolerance = 2; ///< of 255, around neutral: rounding on the way from a grey picture
-  static constexpr int contrast = 16; ///< of 255, that a picture has at least
+  static constexpr int tolerance =
+      2; ///< maximum distance from neutral chroma, of 255: rounding in the conversion from grey
+  static constexpr int contrast = 16; ///< minimum brightness range of a picture, of 255
 
-  /// The upper 8 bits.
+  /// The upper 8 bits of a sample.
   static int sample(const GstVideoFrame& frame, guint component, int column, int row) {
     const int x = (2 * column + 1) * GST_VIDEO_FRAME_COMP_WIDTH(&frame, component) / (2 * columns);
     const int y = (2 * row + 1) * GST_VIDEO_FRAME_COMP_HEIGHT(&frame, component) / (2 * rows);
@@ -51,9 +53,9 @@ class ColourWatch {
     const guint depth = GST_VIDEO_FRAME_COMP_DEPTH(&frame, component);
     if (depth <= 8)
       return *at;
-    // GStreamer 1.22 has P010's V one byte into the pair, in the middle of U; it is two.
+    // In P010, GStreamer 1.22 gives an offset of one byte for V; it is at two.
     at += GST_VIDEO_FRAME_COMP_POFFSET(&frame, component) % 2;
-    const int little_endian = at[0] | at[1] << 8; // a row may begin at an odd address
+    const int little_endian = at[0] | at[1] << 8; // the address may be unaligned
     return little_endian >> GST_VIDEO_FORMAT_INFO_SHIFT(frame.info.finfo, component) >> (depth - 8);
   }
 
@@ -74,11 +76,11 @@ class ColourWatch {
     return most - least >= contrast ? Look::grey : Look::flat;
   }
 
-  unsigned grey_ = 0; ///< frames, since the last with colour
+  unsigned grey_ = 0; ///< consecutive frames without colour
   bool told_ = false;
 };
 
-/// That pictures in a format with colour have none.
+/// Warning: pictures in a colour format are grey.
 inline Warning colourless_warning(const GstVideoInfo& info) {
   const std::string format = gst_video_format_to_string(GST_VIDEO_INFO_FORMAT(&info));
   return {"The video format " + format + " has colour, but the last " +

@@ -18,7 +18,7 @@ using namespace fields;
 
 namespace {
 
-/// Names as quarks, once.
+/// Names as quarks, created once.
 struct Names {
 #define NAME(member, text) GQuark member = g_quark_from_static_string(text)
   NAME(version, "version");
@@ -100,7 +100,7 @@ template <class Fixed> void get_triple(const GstStructure* fields, GQuark name, 
   }
 }
 
-/// A field that need not be there, as Q16.
+/// An optional field in Q16.
 std::int32_t get_q16(const GstStructure* fields, GQuark name, std::int32_t otherwise) {
   double value = 0;
   if (!gst_structure_id_get(fields, name, G_TYPE_DOUBLE, &value, nullptr) || !(std::abs(value) < 32767))
@@ -184,7 +184,7 @@ bool attach(GstBuffer* buffer, const Estimate& e, GstBuffer* mask, GstBuffer* bo
 }
 
 GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height) {
-  // Rows without padding: programs that read a mask as width * height bytes are right for every width.
+  // Rows without padding, because programs may read a mask as width * height bytes.
   gsize offset[GST_VIDEO_MAX_PLANES] = {};
   gint stride[GST_VIDEO_MAX_PLANES] = {width};
   return gst_buffer_add_video_meta_full(buffer, GST_VIDEO_FRAME_FLAG_NONE, GST_VIDEO_FORMAT_GRAY8, width,
@@ -274,7 +274,7 @@ const char* EstimateReader::read(const GstStructure* fields) {
     confidence_map_map_.emplace(confidence_map_);
     e.confidence_map = confidence_map_map_->view();
     if (confidence_map_map_->error())
-      return "the confidence map is not GRAY8 in one piece, as long as its GstVideoMeta says";
+      return "the confidence map is not one GRAY8 memory of the size in its GstVideoMeta";
   }
   return flaw_of(e);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// An estimate as metadata of a buffer, and back.
+// Attaches an estimate to a buffer as metadata, and reads it.
 #pragma once
 
 #include <gst/gst.h>
@@ -16,44 +16,43 @@
 
 namespace terrainseg {
 
-/// Attaches `estimate` to `buffer` (writable) as GstTerrainSegMeta, instead of one of the same `instance`
-/// that it already has; "" is the name of those that have none. `instance` is never freed. `mask` is the
-/// GRAY8 buffer with a GstVideoMeta and `boundary` the uint16 little-endian rows that hold what estimate.mask
-/// and estimate.boundary show, `confidence_map` a GRAY8 buffer like the mask; the meta takes references of
-/// its own. False when the meta is not registered.
+/// Attaches `estimate` to `buffer` (writable) as GstTerrainSegMeta. Replaces a meta of the same `instance`;
+/// "" is the instance without a name. `instance` must be static or interned. The pixels of estimate.mask are
+/// in `mask`, a GRAY8 buffer with a GstVideoMeta; the rows of estimate.boundary in `boundary`, uint16 little-
+/// endian; `confidence_map` is a GRAY8 buffer like the mask. The meta takes its own references. Returns false
+/// if the meta is not registered.
 bool attach(GstBuffer* buffer, const Estimate& estimate, GstBuffer* mask, GstBuffer* boundary,
             const char* instance = "", GstBuffer* confidence_map = nullptr);
 
-/// A new GRAY8 buffer of `width` x `height` with its GstVideoMeta, rows without padding, not initialised:
-/// what attach() wants as a mask. nullptr when there is no memory.
+/// Returns a new, uninitialised GRAY8 buffer of `width` x `height` with a GstVideoMeta and rows without
+/// padding, for attach(); nullptr if memory is exhausted.
 GstBuffer* new_mask_buffer(int width, int height);
-/// Gives `buffer`, of width * height bytes, the GstVideoMeta of a mask with rows without padding.
+/// Adds the GstVideoMeta of a mask without row padding to `buffer`, which has width * height bytes.
 GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height);
-/// Writes rows as the metadata has them: uint16 little-endian, 2 * rows.size() bytes.
+/// Writes rows in the format of the metadata: uint16 little-endian, 2 * rows.size() bytes.
 void write_boundary(std::span<const std::uint16_t> rows, guint8* bytes);
-/// A new buffer with these rows (tests, fuzzers and benchmarks make such), or one of a pool: what attach()
-/// wants as a boundary. nullptr when there is no memory.
+/// Returns a buffer with these rows, new or from a pool, for attach(); nullptr if memory is exhausted.
 GstBuffer* new_boundary_buffer(std::span<const std::uint16_t> rows);
 OwnedBuffer boundary_buffer(SmallPool& pool, std::span<const std::uint16_t> rows);
 
-/// Reads the metadata of a buffer. Holds references and mappings of mask, boundary and confidence map until
-/// it is destroyed, so that estimate() stays valid even when the buffer goes away before.
+/// Reads the metadata of a buffer. Holds references to and mappings of mask, boundary and confidence map, so
+/// estimate() is valid until it is destroyed, even if the buffer is freed earlier.
 class EstimateReader {
  public:
-  /// Reads the estimate of the filter of that name; "" is the last one that was attached, by whomever.
+  /// Reads the estimate of the filter with that name; "" = the last attached one of any filter.
   explicit EstimateReader(GstBuffer* buffer, const char* source = "");
   ~EstimateReader();
   EstimateReader(const EstimateReader&) = delete;
   EstimateReader& operator=(const EstimateReader&) = delete;
 
-  /// False when the buffer carries no metadata, or metadata that makes no sense (a program can write
-  /// anything): see error().
+  /// Returns false if the buffer has no metadata, or invalid metadata: see error(). Any program can write
+  /// metadata, so it is validated.
   explicit operator bool() const { return valid_; }
-  /// What was wrong with the metadata; nullptr when there was none to read or nothing was wrong.
+  /// The error in the metadata; nullptr if there is no metadata or it is valid.
   const char* error() const { return error_; }
   const Estimate& estimate() const { return estimate_; }
-  GstBuffer* mask() const { return mask_; }         ///< nullptr when the meta has none
-  GstBuffer* boundary() const { return boundary_; } ///< nullptr when the meta has none
+  GstBuffer* mask() const { return mask_; }         ///< nullptr without a mask
+  GstBuffer* boundary() const { return boundary_; } ///< nullptr without a boundary
 
  private:
   const char* read(const GstStructure* fields);
@@ -66,7 +65,7 @@ class EstimateReader {
   GstBuffer* confidence_map_ = nullptr;
   std::optional<MappedMask> mask_map_, confidence_map_map_;
   GstMapInfo boundary_map_{};
-  std::vector<std::uint16_t> host_order_; ///< where the boundary cannot be read in place
+  std::vector<std::uint16_t> host_order_; ///< used if the boundary cannot be read in place
   bool valid_ = false;
   const char* error_ = nullptr;
 };

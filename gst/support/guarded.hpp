@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Keeps exceptions inside: none may cross a virtual function of GObject.
+// Catches exceptions, which must not leave a virtual function of GObject.
 #pragma once
 
 #include <exception>
@@ -7,15 +7,14 @@
 
 namespace terrainseg {
 
-/// What users know an element by: its factory's name, or its type's where an application derived one that has
-/// no factory.
+/// The name of an element for users: its factory's, or its type's for a derived class without a factory.
 inline const char* name_of_kind(GstElement* element) {
   GstElementFactory* factory = gst_element_get_factory(element);
   return factory ? gst_plugin_feature_get_name(factory) : G_OBJECT_TYPE_NAME(element);
 }
 
-/// Runs `body` so that no exception leaves it (out of memory, mostly): the element posts an error that names
-/// it, and `failed` is returned.
+/// Runs `body`. If it throws (mostly out of memory), the element posts an error with the exception's text,
+/// and `failed` is returned.
 template <class Result, class Body> Result guarded(gpointer object, Result failed, Body body) {
   auto* element = GST_ELEMENT(object);
   try {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The C++ state of an element inside the memory of its GObject: an instance's init has no way to fail, so it
-// must not allocate.
+// The C++ state of an element in the memory of its GObject. The init function of an instance cannot fail, so
+// the constructor of the state must not allocate.
 #pragma once
 
 #include <glib-object.h>
@@ -11,8 +11,8 @@
 
 namespace terrainseg {
 
-/// Member `state` of an instance struct: a State in the instance's own memory. GObject zeroes that and runs
-/// no constructor: make() belongs into init, finalize_state() into the class.
+/// The member `state` of an instance struct. GObject zeroes the memory and calls no constructor: call make()
+/// in init and set finalize_state() in class_init.
 template <class State> class InstanceState {
  public:
   void make() noexcept {
@@ -27,7 +27,7 @@ template <class State> class InstanceState {
   alignas(State) unsigned char bytes_[sizeof(State)];
 };
 
-/// Finalize of such a class; `parent_class` is what G_DEFINE_TYPE makes.
+/// Finalize function of such a class; `parent_class` is defined by G_DEFINE_TYPE.
 template <class Instance, gpointer& parent_class> void finalize_state(GObject* object) {
   std::destroy_at(&*reinterpret_cast<Instance*>(object)->state);
   G_OBJECT_CLASS(parent_class)->finalize(object);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The memory of a buffer, mapped for as long as a scope lasts.
+// Maps the memory of a buffer for the lifetime of an object.
 #pragma once
 
 #include <gst/gst.h>
@@ -8,7 +8,7 @@ namespace terrainseg {
 
 class MappedBuffer {
  public:
-  /// `buffer` may be nullptr; then, and when it cannot be mapped, data() is nullptr.
+  /// data() is nullptr if `buffer` is nullptr or cannot be mapped.
   MappedBuffer(GstBuffer* buffer, GstMapFlags flags) : buffer_(buffer) {
     mapped_ = buffer && gst_buffer_map(buffer, &map_, flags);
   }

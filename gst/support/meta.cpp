@@ -10,7 +10,7 @@
 namespace terrainseg {
 namespace {
 
-/// How one axis of the picture changes.
+/// How the coordinates of one axis change.
 struct Axis {
   int from, to;
   int edge(int position) const {
@@ -49,7 +49,7 @@ void rescale_horizon(GstStructure* fields, Axis y) {
     gst_structure_set(fields, "vanishing-row", G_TYPE_DOUBLE, line * y.to / y.from, nullptr);
 }
 
-/// Rows of the old frame height mean "none" and become the new height.
+/// Rows equal to the old frame height mean "none" and become the new height.
 void rescale_boundary(GstStructure* fields, int old_height, int new_height, Axis y) {
   GstBuffer* boundary = gst_terrain_seg_meta_get_boundary(fields);
   GstMapInfo in, out;
@@ -58,7 +58,7 @@ void rescale_boundary(GstStructure* fields, int old_height, int new_height, Axis
   GstBuffer* scaled = gst_buffer_new_allocate(nullptr, in.size, nullptr);
   if (scaled && gst_buffer_map(scaled, &out, GST_MAP_WRITE)) {
     for (gsize i = 0; i + 1 < in.size; i += 2) {
-      guint16 row = 0; // at any address
+      guint16 row = 0; // the address may be unaligned
       std::memcpy(&row, in.data + i, sizeof row);
       row = GUINT16_FROM_LE(row);
       const int moved = row >= old_height ? new_height : std::min(y.row(row), new_height - 1);
@@ -76,7 +76,7 @@ void rescale(GstStructure* fields, Axis x, Axis y) {
   rescale_horizon(fields, y);
   int old_height = 0;
   if (!get(fields, "frame-height", old_height))
-    return; // metres, truth, training and vetoed pixels: nothing else refers to rows
+    return; // metres, truth, training and vetoed pixels do not contain rows
   rescale_length(fields, "frame-width", x);
   rescale_length(fields, "frame-height", y);
   rescale_boundary(fields, old_height, y.edge(old_height), y);
@@ -86,7 +86,7 @@ void rescale(GstStructure* fields, Axis x, Axis y) {
   rescale_span(fields, "window-y", "window-h", y);
 }
 
-/// A second structure with the same values: buffers in it are referenced, never copied.
+/// Copies the structure; buffers in it are referenced, not copied.
 GstStructure* carry_over(GstBuffer* to, GstCustomMeta* meta) {
   GstStructure* from = gst_custom_meta_get_structure(meta);
   GstCustomMeta* added = gst_buffer_add_custom_meta(to, gst_structure_get_name(from));
@@ -108,7 +108,7 @@ gboolean transform(GstBuffer* to, GstCustomMeta* meta, GstBuffer*, GQuark type, 
     const auto* copy = static_cast<const GstMetaTransformCopy*>(data);
     return !copy->region && carry_over(to, meta);
   }
-  // Also sent for a change of colour only, with equal sizes.
+  // Also called for a change of colour only, with equal sizes.
   if (GST_VIDEO_META_TRANSFORM_IS_SCALE(type)) {
     const auto* scale = static_cast<const GstVideoMetaTransform*>(data);
     const Axis x{GST_VIDEO_INFO_WIDTH(scale->in_info), GST_VIDEO_INFO_WIDTH(scale->out_info)};
@@ -125,9 +125,9 @@ gboolean transform(GstBuffer* to, GstCustomMeta* meta, GstBuffer*, GQuark type, 
 
 bool register_one(const char* name) {
   if (gst_meta_get_info(name))
-    return true; // a second registration of a name is a critical
-  // Exactly these three tags: with them the meta passes converters, scalers and codecs and is dropped by
-  // crops and flips, after which it would be wrong.
+    return true; // registering a name twice would log a critical
+  // With exactly these tags, converters, scalers and codecs keep the meta, and crops and flips, after which
+  // it would be wrong, drop it.
   static const gchar* tags[] = {GST_META_TAG_VIDEO_STR, GST_META_TAG_VIDEO_ORIENTATION_STR,
                                 GST_META_TAG_VIDEO_SIZE_STR, nullptr};
   return gst_meta_register_custom(name, tags, transform, nullptr, nullptr) != nullptr;

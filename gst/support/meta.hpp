@@ -7,12 +7,11 @@
 
 namespace terrainseg {
 
-/// Registers what is not registered yet; a second call does nothing. Only plugin_init calls it: consumers
-/// look the metas up. False when GStreamer refuses.
+/// Registers the metas that are not registered yet. Only plugin_init calls it; consumers look the metas up.
+/// Returns false if GStreamer refuses.
 bool register_metas();
 
-/// Takes the custom metas called `name` off a buffer that the filter of that instance attached; "" is the
-/// name of those that have none.
+/// Removes the custom metas `name` of the filter `instance` from a buffer; "" = filters without a name.
 void remove_metas(GstBuffer* buffer, const char* name, const char* instance);
 
 } // namespace terrainseg

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Fields of a custom meta's structure, set without the cost of a variadic call and of looking the name up.
+// Sets fields of a custom meta's structure by quark, which is faster than variadic calls with names.
 #pragma once
 
 #include <gst/gst.h>
@@ -26,11 +26,11 @@ inline void set_uint64(GstStructure* fields, GQuark name, std::uint64_t v) {
 inline void set_double(GstStructure* fields, GQuark name, double v) {
   set(fields, name, G_TYPE_DOUBLE, [&](GValue* value) { g_value_set_double(value, v); });
 }
-/// The structure takes a reference of its own.
+/// The structure takes its own reference.
 inline void set_buffer(GstStructure* fields, GQuark name, GstBuffer* v) {
   set(fields, name, GST_TYPE_BUFFER, [&](GValue* value) { g_value_set_boxed(value, v); });
 }
-/// `v` is never freed.
+/// `v` must be static or interned.
 inline void set_static_string(GstStructure* fields, GQuark name, const char* v) {
   set(fields, name, G_TYPE_STRING, [&](GValue* value) { g_value_set_static_string(value, v); });
 }

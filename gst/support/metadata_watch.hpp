@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Whether any frame of a stream carries the metadata that an element reads.
+// Detects streams without the metadata that an element reads.
 #pragma once
 
 #include <cstdint>
@@ -10,26 +10,26 @@
 
 namespace terrainseg {
 
-/// Reports a second of frames without metadata, or a shorter stream without; the first metadata ends the
-/// watch.
+/// Reports once a second of frames without metadata, or a shorter stream without it. Stops at the first
+/// metadata.
 class MetadataWatch {
  public:
-  static constexpr std::uint64_t patience = 25; ///< frames
+  static constexpr std::uint64_t patience = 25; ///< number of frames before the report
 
-  /// True once, with the last of that many frames when none had metadata.
+  /// Returns true once, for the last of that many frames, if none had metadata.
   bool see(bool has_metadata) {
     if (is_over_)
       return false;
     is_over_ = has_metadata || ++bare_frames_ == patience;
     return !has_metadata && is_over_;
   }
-  /// The stream ends: true when there were frames, none with metadata, and that was not reported yet.
+  /// At the end of the stream: true if no frame had metadata and this was not reported yet.
   bool end() {
     const bool to_tell = !is_over_ && bare_frames_ > 0;
     is_over_ = is_over_ || to_tell;
     return to_tell;
   }
-  /// That nothing comes of it; `source` is the terrainseg that was asked for, "" is any.
+  /// Warning that there is no metadata. `source` is the name of the terrainseg that is read, "" = any.
   Warning warning(const std::string& element, const char* consequence, const char* source) const {
     const std::string named = *source ? std::string(" of source=") + source : "";
     return {"No terrain metadata" + named + " on the first " + counted(bare_frames_, "frame") + ", so " +
@@ -40,8 +40,8 @@ class MetadataWatch {
   }
 
  private:
-  std::uint64_t bare_frames_ = 0; ///< those before the first with metadata
-  bool is_over_ = false;          ///< metadata came, or its absence was reported
+  std::uint64_t bare_frames_ = 0; ///< frames so far without metadata
+  bool is_over_ = false;          ///< metadata has come, or its absence was reported
 };
 
 } // namespace terrainseg

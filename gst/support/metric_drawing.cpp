@@ -9,16 +9,16 @@ namespace terrainseg {
 namespace {
 
 constexpr float not_in_view = -1;
-constexpr double farthest_shown = 15; ///< metres of the map: beyond it nothing can be distinguished
+constexpr double farthest_shown = 15; ///< range of the map in metres; farther details are too small
 constexpr int largest_side = 480;
-/// Shares of the boundary that get a number.
+/// Positions of the numbers along the boundary, as fractions of it.
 constexpr double numbered[] = {0.1, 0.3, 0.5, 0.7, 0.9};
 
 int decimetres_of(double metres) {
   return static_cast<int>(std::lround(std::clamp(metres, 0.0, 9999.0) * 10));
 }
 
-/// Metres from the vehicle to the map's upper edge, and between two rings.
+/// Metres from the vehicle to the upper edge of the map, and between two rings.
 struct Scale {
   double shown, ring;
 };
@@ -30,7 +30,7 @@ Scale scale_for(double range_max) {
   return scales[std::size(scales) - 1];
 }
 
-/// Row of a drawn frame in which a boundary's row lies.
+/// Row of the drawn frame for a row of the boundary.
 int row_of(int boundary_row, const Estimate& e, int height) {
   return static_cast<int>(std::int64_t{boundary_row} * height / std::max(e.frame_height, 1));
 }
@@ -42,7 +42,7 @@ void MetricDrawing::add(const MetricMark& mark) {
     marks_[count_++] = mark;
 }
 
-/// Only on ground that is free: beyond the boundary a mark would lie on a thing.
+/// Only on free ground: beyond the boundary a mark would be on an obstacle.
 void MetricDrawing::add_ticks(const Estimate& e, const MetricEstimate& m, int width, int height) {
   const int apart = 2 * metric_digit_height(height);
   int last = height + apart;
@@ -83,14 +83,14 @@ void MetricDrawing::size_map(int side) {
   for (int y = 0; y < side; ++y)
     for (int x = 0; x < side; ++x) {
       const double ahead = side - 1 - y, left = (side - 1) / 2.0 - x;
-      const double turn = 0.5 - std::atan2(left, ahead) / std::numbers::pi; // 0 left .. 1 right
+      const double turn = 0.5 - std::atan2(left, ahead) / std::numbers::pi; // 0 = left .. 1 = right
       places_[static_cast<std::size_t>(y) * side + x] = {
           static_cast<float>(std::hypot(ahead, left)),
           static_cast<std::uint16_t>(std::clamp(turn * bins, 0.0, bins - 1.0))};
     }
 }
 
-/// The nearest range of each direction; between two columns that lie apart, the nearer of both.
+/// The shortest range of each direction; between two columns with a gap, the shorter of both.
 void MetricDrawing::fill_bins(const MetricEstimate& m) {
   reach_.fill(not_in_view);
   int before = -1;
@@ -118,7 +118,7 @@ void MetricDrawing::fill_bins(const MetricEstimate& m) {
   }
 }
 
-/// Where free ground ends sideways, as along a wall that is driven by.
+/// Where free ground ends sideways, as along a wall.
 void MetricDrawing::edge_sideways() {
   constexpr int thick = 2;
   for (int y = 0; y < side_; ++y) {
@@ -157,7 +157,7 @@ void MetricDrawing::draw_map(const MetricEstimate& m, MetricMarks& out) {
   add_ring_labels(scale.ring, scale.shown, out);
 }
 
-/// Half to the left, where mostly nothing is in view that they would hide.
+/// Half of them on the left, where they hide little.
 void MetricDrawing::add_ring_labels(double ring, double shown, const MetricMarks& out) {
   const double pixels = (side_ - 1) / shown, diagonal = std::numbers::sqrt2 / 2;
   if (ring * pixels * diagonal < 2 * metric_digit_height(side_ * 5 / 2))

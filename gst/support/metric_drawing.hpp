@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Metres as marks on a frame and as a map: what the painter draws, worked out.
+// Computes the marks and the map that show metres on a frame.
 #pragma once
 
 #include <array>
@@ -11,15 +11,16 @@
 
 namespace terrainseg {
 
-/// Keeps its buffers: nothing is allocated while sizes stay.
+/// Keeps its buffers: allocates only when sizes change.
 class MetricDrawing {
  public:
-  /// Marks for a frame of that size, valid until the next call; with the map in that style only.
+  /// Returns the marks for a frame of that size, valid until the next call. With a map only in the style for
+  /// it.
   MetricMarks make(const Estimate& estimate, const MetricEstimate& metric, OverlayStyle style,
                    int frame_width, int frame_height);
 
  private:
-  static constexpr std::size_t bins = 1024; ///< directions of half a turn ahead
+  static constexpr std::size_t bins = 1024; ///< directions of the half circle ahead
 
   void add(const MetricMark& mark);
   void add_ticks(const Estimate& estimate, const MetricEstimate& metric, int width, int height);
@@ -39,7 +40,8 @@ class MetricDrawing {
   int side_ = 0;
   std::vector<Place> places_;
   std::vector<std::uint8_t> map_;
-  std::array<float, bins> reach_{}; ///< metres of each direction; NaN unknown, below 0 = not in view
+  std::array<float, bins>
+      reach_{}; ///< range of each direction in metres; NaN = unknown, negative = not visible
 };
 
 } // namespace terrainseg

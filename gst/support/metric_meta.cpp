@@ -19,7 +19,7 @@ using namespace fields;
 
 namespace {
 
-/// Names as quarks, once.
+/// Names as quarks, created once.
 struct Names {
 #define NAME(member, text) GQuark member = g_quark_from_static_string(text)
   NAME(version, "version");
@@ -58,7 +58,7 @@ OwnedBuffer floats(SmallPool& pool, std::span<const float> values) {
   return buffer;
 }
 
-// Ticks leave as their three floats in a row.
+// A tick is written as its three floats.
 static_assert(sizeof(RangeTick) == 3 * sizeof(float));
 std::span<const float> floats_of(std::span<const RangeTick> ticks) {
   return {reinterpret_cast<const float*>(ticks.data()), ticks.size() * 3};

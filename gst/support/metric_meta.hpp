@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The boundary in metres as metadata of a buffer (GstTerrainMetricMeta), and back.
+// Attaches the boundary in metres to a buffer as metadata (GstTerrainMetricMeta), and reads it.
 #pragma once
 
 #include <gst/gst.h>
@@ -12,11 +12,11 @@
 
 namespace terrainseg {
 
-/// Attaches metres to buffers, in memory that comes back when the frames are gone.
+/// Attaches metres to buffers, with pooled memory.
 class MetricWriter {
  public:
-  /// Attaches `metric` to `buffer` (writable), instead of that of the same `instance`, which is never freed;
-  /// "" is none. False when the meta is not registered or there is no memory.
+  /// Attaches `metric` to `buffer` (writable). Replaces a meta of the same `instance`, which must be a static
+  /// string; "" = no name. Returns false if the meta is not registered or memory is exhausted.
   bool attach(GstBuffer* buffer, const MetricEstimate& metric, const char* instance = "");
   void drop() { pool_.drop(); }
 
@@ -24,21 +24,19 @@ class MetricWriter {
   SmallPool pool_;
 };
 
-/// Reads the metres of a buffer. Holds references and mappings until it is destroyed, so that metric() stays
-/// valid even when the buffer goes away before.
+/// Reads the metres of a buffer. Holds references and mappings, so metric() is valid until it is destroyed,
+/// even if the buffer is freed earlier.
 class MetricReader {
  public:
-  /// Reads the metres that belong to the estimate of the filter of that name; "" is the last that was
-  /// attached.
+  /// Reads the metres of the filter with that name; "" = the last attached ones of any filter.
   explicit MetricReader(GstBuffer* buffer, const char* source = "");
   ~MetricReader();
   MetricReader(const MetricReader&) = delete;
   MetricReader& operator=(const MetricReader&) = delete;
 
-  /// False when the buffer carries no metres, or such that make no sense (a program can write anything): see
-  /// error().
+  /// Returns false if the buffer has no metres, or invalid ones: see error().
   explicit operator bool() const { return valid_; }
-  /// What was wrong with the metadata; nullptr when there was none to read or nothing was wrong.
+  /// The error in the metadata; nullptr if there is no metadata or it is valid.
   const char* error() const { return error_; }
   const MetricEstimate& metric() const { return metric_; }
 
@@ -47,14 +45,14 @@ class MetricReader {
   struct Column {
     GstBuffer* buffer = nullptr;
     GstMapInfo map{};
-    std::vector<float> host_order; ///< where it cannot be read in place
+    std::vector<float> host_order; ///< used if the floats cannot be read in place
   };
   const char* read(const GstStructure* fields);
   const char* read_ticks(const GstStructure* fields);
   const char* map(Column& column, GstBuffer* buffer, std::span<const float>& values);
 
   MetricEstimate metric_;
-  std::array<Column, 5> columns_; ///< the four of each column, and the ticks
+  std::array<Column, 5> columns_; ///< ranges, bearings, low, high, and the ticks
   std::array<RangeTick, most_ticks> ticks_{};
   bool valid_ = false;
   const char* error_ = nullptr;

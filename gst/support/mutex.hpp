@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A mutex whose use Clang checks at compile time (-Wthread-safety): a member marked TERRAINSEG_GUARDED_BY may
-// be touched only while its mutex is held.
+// A mutex whose use Clang checks at compile time (-Wthread-safety): members marked TERRAINSEG_GUARDED_BY may
+// be used only while it is locked.
 #pragma once
 
 #include <condition_variable>
@@ -11,11 +11,11 @@
 #else
 #define TERRAINSEG_THREAD_SAFETY(attribute)
 #endif
-/// Of a data member.
+/// For a data member.
 #define TERRAINSEG_GUARDED_BY(mutex) TERRAINSEG_THREAD_SAFETY(guarded_by(mutex))
-/// Of a function: the caller holds the mutex.
+/// For a function: the caller must hold the mutex.
 #define TERRAINSEG_REQUIRES(mutex) TERRAINSEG_THREAD_SAFETY(requires_capability(mutex))
-/// Of a function: the caller must not hold the mutex.
+/// For a function: the caller must not hold the mutex.
 #define TERRAINSEG_EXCLUDES(mutex) TERRAINSEG_THREAD_SAFETY(locks_excluded(mutex))
 
 namespace terrainseg {
@@ -30,7 +30,7 @@ class TERRAINSEG_THREAD_SAFETY(capability("mutex")) Mutex {
   std::mutex mutex_;
 };
 
-/// Holds a Mutex for as long as it lives, but for unlock() to lock().
+/// Locks a Mutex for its lifetime, except between unlock() and lock().
 class TERRAINSEG_THREAD_SAFETY(scoped_lockable) Lock {
  public:
   explicit Lock(Mutex& mutex) TERRAINSEG_THREAD_SAFETY(acquire_capability(mutex)) : lock_(mutex.mutex_) {}
@@ -40,7 +40,7 @@ class TERRAINSEG_THREAD_SAFETY(scoped_lockable) Lock {
 
   void lock() TERRAINSEG_THREAD_SAFETY(acquire_capability()) { lock_.lock(); }
   void unlock() TERRAINSEG_THREAD_SAFETY(release_capability()) { lock_.unlock(); }
-  /// The mutex is free while this waits, and held again when it returns.
+  /// Unlocks the mutex while waiting, and locks it again before it returns.
   void wait(std::condition_variable& changed) { changed.wait(lock_); }
   template <class Time> std::cv_status wait_until(std::condition_variable& changed, const Time& time) {
     return changed.wait_until(lock_, time);

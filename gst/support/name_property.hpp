@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A property that names an instance of terrainseg.
+// A property with the name of a terrainseg instance.
 #pragma once
 
 #include <gst/gst.h>
@@ -8,8 +8,8 @@
 
 namespace terrainseg {
 
-/// The name as an interned string, which any thread may read without a lock; "" is none. Names that a program
-/// sets stay in memory: there are few.
+/// The name as an interned string, which any thread may read without a lock; "" = none. Interned names are
+/// never freed; programs set only a few.
 class NameProperty {
  public:
   void set(const GValue* value) {
@@ -30,7 +30,7 @@ class NameProperty {
                             static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS |
                                                      GST_PARAM_MUTABLE_PLAYING)));
   }
-  /// Of a consumer of metadata.
+  /// For an element that reads metadata.
   static void install_source(GObjectClass* object_class, guint id) {
     install(object_class, id, "source", "Source",
             "Name (property instance) of the terrainseg element whose metadata is used; none = the metadata "

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What every element needs of its GstObject.
+// Helpers for the GstObject of an element.
 #pragma once
 
 #include <gst/gst.h>
 
 namespace terrainseg {
 
-/// Holds the object lock for as long as it lives.
+/// Holds the object lock for its lifetime.
 class ObjectLock {
  public:
   explicit ObjectLock(gpointer object) : object_(GST_OBJECT(object)) { GST_OBJECT_LOCK(object_); }
@@ -18,7 +18,7 @@ class ObjectLock {
   GstObject* object_;
 };
 
-/// For GST_PTR_FORMAT, which the compiler takes for %p.
+/// The pointer for GST_PTR_FORMAT, which the compiler checks as %p.
 inline void* printable(void* object) {
   return object;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What is reported once and not with every frame.
+// Reports something once instead of with every frame.
 #pragma once
 
 #include <optional>
@@ -8,11 +8,11 @@
 
 namespace terrainseg {
 
-/// True the first time, and again when `key` differs from the last one. Not locked: the owner does.
+/// Returns true the first time, and when `key` differs from the last one. Not thread-safe.
 template <class Key = std::monostate> class Once {
  public:
   bool first(const Key& key = {}) { return std::exchange(last_, key) != key; }
-  /// The next time is the first again.
+  /// The next call returns true again.
   void again() { last_.reset(); }
 
  private:

@@ -29,7 +29,7 @@ static_assert(std::size(table) == overlay_property_count);
 
 GType overlay_style_get_type() {
   static const GType type = [] {
-    // Two plugins hold this code; the type is one.
+    // Two plugins contain this code, but the type must be registered once.
     if (const GType known = g_type_from_name("GstTerrainSegOverlayStyle"))
       return known;
     static const GEnumValue values[] = {

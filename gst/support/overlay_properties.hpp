@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The properties that say how to draw, the same on terrainseg and terrainoverlay.
+// The drawing properties that terrainseg and terrainoverlay share.
 #pragma once
 
 #include <gst/gst.h>
@@ -8,16 +8,16 @@
 
 namespace terrainseg {
 
-/// The properties as they were set.
+/// The properties as set.
 struct OverlaySettings {
   OverlayStyle style = OverlayStyle::tint;
   double alpha = 0.4;
   std::uint32_t color = PaintStyle{}.color;
-  /// As the painter takes them.
+  /// Converts them for the painter.
   PaintStyle paint() const;
 };
 
-/// How many property ids install_overlay_properties() takes.
+/// Number of property ids that install_overlay_properties() uses.
 inline constexpr guint overlay_property_count = 3;
 
 /// Installs overlay-style, overlay-alpha and overlay-color with the ids first_id .. first_id + 2.

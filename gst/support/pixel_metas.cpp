@@ -34,7 +34,7 @@ GQuark read_regions(GstBuffer* buffer, int width, int height, Wanted wanted,
 
 std::string outside_frame(GQuark type) {
   return std::string("a region of interest of type ") + g_quark_to_string(type) +
-         " is empty or lies outside the frame";
+         " is empty or outside the frame";
 }
 
 /// Maps the field "mask" of a custom meta. Empty, with a reason in `error`, when it cannot be read.

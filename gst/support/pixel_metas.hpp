@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Training pixels and vetoed pixels that upstream elements attached to a frame.
+// Reads training pixels and vetoed pixels that upstream elements attached to a frame.
 #pragma once
 
 #include <gst/video/video.h>
@@ -15,13 +15,13 @@
 namespace terrainseg {
 
 /// Reads GstVideoRegionOfInterestMeta of type terrain-training and GstTerrainTrainingMeta. Keeps its memory
-/// from frame to frame; the supervision is valid until release().
+/// between frames. The supervision is valid until release().
 class TrainingReader {
  public:
-  /// Empty when the frame carries none. `width` and `height` are the frame's.
+  /// Empty if the frame has none. `width` and `height` are the frame's.
   Supervision read(GstBuffer* buffer, int width, int height);
   void release() { mask_.reset(); }
-  /// What was wrong with what the last frame carried; nullptr when nothing was.
+  /// The error in the metadata of the last frame; nullptr if there was none.
   const char* error() const { return error_.empty() ? nullptr : error_.c_str(); }
 
  private:
@@ -31,7 +31,7 @@ class TrainingReader {
 };
 
 /// Reads GstVideoRegionOfInterestMeta of type terrain-veto and of chosen types, and every GstTerrainVetoMeta.
-/// Keeps its memory from frame to frame; the veto is valid until release().
+/// Keeps its memory between frames. The veto is valid until release().
 class VetoReader {
  public:
   /// Types of regions that are vetoes too: names with commas between them, "*" = all but terrain-training.

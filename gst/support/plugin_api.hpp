@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the documentation tools have to know of a class.
+// Information for the documentation tools about a class.
 #pragma once
 
 #include <gst/gst.h>
 
 namespace terrainseg {
 
-/// Marks the enumerations and flags of the properties that a class installed as part of the plugin's
-/// interface: they are then documented with it. At the end of class_init.
+/// Marks the enumerations and flags of a class's properties as plugin API, so that they are documented. Call
+/// at the end of class_init.
 inline void mark_enums_as_plugin_api(GObjectClass* object_class) {
   guint count = 0;
   GParamSpec** specs = g_object_class_list_properties(object_class, &count);

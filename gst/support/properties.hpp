@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Properties that are fields of a plain struct, as a table: their GParamSpecs, setting and getting.
+// A table of properties that are fields of a plain struct: creates their GParamSpecs, sets and gets them.
 #pragma once
 
 #include <gst/gst.h>
@@ -12,7 +12,8 @@
 
 namespace terrainseg {
 
-/// May be set in any state; `controllable` also bound to a controller; `before_start` up to READY.
+/// Can be set in any state; `controllable` can also be bound to a controller; `before_start` can be set up to
+/// READY.
 inline constexpr auto property_playing =
     static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
 inline constexpr auto property_controllable =
@@ -20,7 +21,7 @@ inline constexpr auto property_controllable =
 inline constexpr auto property_before_start =
     static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
 
-/// The field of a number, with its range.
+/// A numeric field with its range.
 template <class S, class Number> struct NumberField {
   Number& (*of)(S&);
   Number low, high;
@@ -44,7 +45,7 @@ template <class S> struct Property {
 template <class... Lambdas> struct Overloaded : Lambdas... { using Lambdas::operator()...; };
 template <class... Lambdas> Overloaded(Lambdas...) -> Overloaded<Lambdas...>;
 
-/// A new GParamSpec with the default that a fresh S has.
+/// Creates a GParamSpec. The default is the value in a default-constructed S.
 template <class S> GParamSpec* spec_of(const Property<S>& p) {
   S d;
   return std::visit(Overloaded{
@@ -94,9 +95,9 @@ template <class S> void set_field(const Property<S>& property, S& settings, cons
              property.field);
 }
 
-/// Empty text is read as none. The caller holds the object lock.
+/// Empty text is returned as NULL. The caller holds the object lock.
 template <class S> void get_field(const Property<S>& property, const S& from, GValue* value) {
-  auto& settings = const_cast<S&>(from); // an accessor serves both directions; nothing is written here
+  auto& settings = const_cast<S&>(from); // one accessor for reading and writing; this function only reads
   std::visit(Overloaded{
                  [&](const NumberField<S, int>& f) { g_value_set_int(value, f.of(settings)); },
                  [&](const NumberField<S, std::uint32_t>& f) { g_value_set_uint(value, f.of(settings)); },
@@ -111,11 +112,11 @@ template <class S> void get_field(const Property<S>& property, const S& from, GV
              property.field);
 }
 
-/// The field that `FIELD` (settings.window.width) is of an S.
-// Names of members and types, which take no parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
+/// The field FIELD (such as settings.window.width) of S.
+// Names of members and types, which must not be in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
 #define TERRAINSEG_FIELD(S, FIELD)                                                                           \
   [](S& settings) -> std::remove_reference_t<decltype((settings.FIELD))>& { return settings.FIELD; }
-/// A ChoiceField of an enumeration.
+/// A ChoiceField for an enumeration.
 #define TERRAINSEG_CHOICE(S, FIELD, TYPE)                                                                    \
   ChoiceField<S> {                                                                                           \
     TYPE, [](const S& settings) { return static_cast<int>(settings.FIELD); }, [](S& settings, int value) {   \

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the in-place filters do alike with times, flags and events.
+// Common handling of times, flags and events in the in-place filters.
 #pragma once
 
 #include <gst/base/gstbasetransform.h>
@@ -8,22 +8,22 @@
 
 namespace terrainseg {
 
-/// Whether an event from downstream ends here: a decoder that receives it drops late frames, and they
-/// would not be learned. The base class's property `qos` decides; it obeys it for its own frames only and
-/// sends the event on in any case.
+/// Whether to drop an event from downstream: a QoS event makes decoders drop late frames, which then would
+/// not be learned. The property `qos` of the base class decides; the base class itself would always forward
+/// the event.
 inline bool stops_qos(GstBaseTransform* transform, const GstEvent* event) {
   return GST_EVENT_TYPE(event) == GST_EVENT_QOS && !gst_base_transform_is_qos_enabled(transform);
 }
 
-/// Gives properties that a GstController binds their values at the time of `buffer`.
+/// Sets the controlled properties to their values at the time of `buffer`.
 inline void sync_controlled(GstBaseTransform* transform, const GstBuffer* buffer) {
   const GstClockTime time = stream_time_of(transform->segment, GST_BUFFER_PTS(buffer));
   if (GST_CLOCK_TIME_IS_VALID(time))
     gst_object_sync_values(GST_OBJECT(transform), time);
 }
 
-/// Whether a frame shows something new of the world in the order of its time: not a repeated frame (GAP), not
-/// one that the decoder knows to be damaged (CORRUPTED), and not backwards, played so or recorded so.
+/// Whether a frame has new content in temporal order: not a repeated frame (GAP), not damaged (CORRUPTED),
+/// and not played or recorded backwards.
 inline bool is_learnable(const GstSegment& segment, const GstBuffer* buffer) {
   return !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_GAP | GST_BUFFER_FLAG_CORRUPTED) &&
          segment.rate > 0 && segment.applied_rate > 0;

@@ -30,7 +30,7 @@ ColorMatrix matrix_of(const GstVideoInfo& info) {
     return ColorMatrix::bt709;
   case GST_VIDEO_COLOR_MATRIX_BT2020:
     return ColorMatrix::bt2020;
-  case GST_VIDEO_COLOR_MATRIX_UNKNOWN: // caps name no matrix: the usual one for the size
+  case GST_VIDEO_COLOR_MATRIX_UNKNOWN: // caps without a matrix: the usual one for the size
     return GST_VIDEO_INFO_HEIGHT(&info) > 576 ? ColorMatrix::bt709 : ColorMatrix::bt601;
   default: // FCC and SMPTE 240M differ from 601 and 709 by less than a learned variance
     return info.colorimetry.matrix == GST_VIDEO_COLOR_MATRIX_SMPTE240M ? ColorMatrix::bt709
@@ -38,7 +38,7 @@ ColorMatrix matrix_of(const GstVideoInfo& info) {
   }
 }
 
-constexpr guint longest_side = 32767; // the core's
+constexpr guint longest_side = 32767; // maximum side of the core
 
 } // namespace
 
@@ -57,13 +57,13 @@ Colorimetry colorimetry_of(const GstVideoInfo& info) {
   const bool rgb = GST_VIDEO_INFO_IS_RGB(&info);
   const bool full = info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255 ||
                     (rgb && info.colorimetry.range == GST_VIDEO_COLOR_RANGE_UNKNOWN);
-  // The matrix means nothing for RGB; one value for it keeps equal colour spaces equal.
+  // RGB has no matrix; one value keeps equal colour spaces equal.
   return {full ? ColorRange::full : ColorRange::limited, rgb ? ColorMatrix::bt601 : matrix_of(info)};
 }
 
 namespace {
 
-/// What a picture needs of a plane.
+/// Memory that a picture needs in a plane.
 struct PlaneNeed {
   std::uint64_t row_bytes = 0, rows = 0;
 };
@@ -83,8 +83,8 @@ PlaneNeed need_of(const GstVideoInfo& info, guint plane) {
   return need;
 }
 
-/// Whether a plane whose first row starts `offset` bytes into `size` bytes lies in them. With a negative
-/// stride the other rows lie before the first.
+/// Whether a plane is inside `size` bytes if its first row begins at `offset`. With a negative stride the
+/// other rows are before the first one.
 bool lies_in(const PlaneNeed& need, gint stride, std::uint64_t offset, std::uint64_t size) {
   const auto step = static_cast<std::uint64_t>(std::abs(std::int64_t{stride}));
   if (need.rows > 1 && step < need.row_bytes)
@@ -96,7 +96,7 @@ bool lies_in(const PlaneNeed& need, gint stride, std::uint64_t offset, std::uint
   return offset <= size && span <= size - offset;
 }
 
-/// What is wrong with the picture that `meta` describes; empty when nothing is.
+/// The error in the picture that `meta` describes; empty if there is none.
 std::string describe_misfit(const GstVideoInfo& info, const GstVideoMeta& meta) {
   if (meta.format != GST_VIDEO_INFO_FORMAT(&info))
     return std::string("its GstVideoMeta says ") + gst_video_format_to_string(meta.format) +
@@ -110,7 +110,7 @@ std::string describe_misfit(const GstVideoInfo& info, const GstVideoMeta& meta) 
   return {};
 }
 
-/// What is wrong with `buffer` before anything is mapped; empty when nothing is.
+/// The error in `buffer` that can be found before mapping; empty if there is none.
 std::string describe_unusable(const GstVideoInfo& info, GstBuffer* buffer) {
   const gsize size = gst_buffer_get_size(buffer);
   const GstVideoMeta* meta = gst_buffer_get_video_meta(buffer);
@@ -131,8 +131,8 @@ std::string describe_unusable(const GstVideoInfo& info, GstBuffer* buffer) {
   return {};
 }
 
-/// Whether all that `info` needs lies in what was mapped: with a GstVideoMeta each plane is mapped from where
-/// it starts to the end of that memory only.
+/// Whether the mapped memory has all rows of `info`. With a GstVideoMeta each plane is mapped only from its
+/// start to the end of that memory.
 bool lies_in_maps(const GstVideoInfo& info, const GstVideoFrame& frame) {
   for (guint plane = 0; plane < GST_VIDEO_INFO_N_PLANES(&info); ++plane) {
     const GstMapInfo& map = frame.map[frame.meta ? plane : 0];
@@ -159,7 +159,7 @@ template <class View> View make_view(const GstVideoFrame& frame) {
 } // namespace
 
 void add_video_pad_templates(GstElementClass* element_class) {
-  // System memory first: what can do both then takes it.
+  // System memory first: elements that support both then choose it.
   static GstStaticPadTemplate sink =
       GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS,
                               GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS "; " TERRAINSEG_DMABUF_CAPS));
@@ -202,7 +202,7 @@ MappedFrame::MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlag
     : error_(describe_unusable(info, buffer)) {
   if (!error_.empty())
     return;
-  // NO_REF: the caller holds the buffer, and a second reference would make it unwritable.
+  // NO_REF: the caller holds the buffer; a second reference would make it read-only.
   mapped_ = gst_video_frame_map(
       &frame_, &info, buffer,
       static_cast<GstMapFlags>(static_cast<int>(flags) | GST_VIDEO_FRAME_MAP_FLAG_NO_REF));
@@ -210,7 +210,8 @@ MappedFrame::MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlag
     error_ = "its memory cannot be accessed";
   else if (!lies_in_maps(info, frame_))
     error_ = "a plane is scattered over several memories";
-  frame_.info.width = GST_VIDEO_INFO_WIDTH(&info); // not the GstVideoMeta's, which may be more than there is
+  frame_.info.width =
+      GST_VIDEO_INFO_WIDTH(&info); // not from the GstVideoMeta, which may describe a larger picture
   frame_.info.height = GST_VIDEO_INFO_HEIGHT(&info);
 }
 
@@ -248,7 +249,7 @@ MappedMask::MappedMask(GstBuffer* buffer) {
     error_ = "the mask's rows overlap or run backwards";
   else if (!gst_video_info_set_format(&info, GST_VIDEO_FORMAT_GRAY8, layout->width, layout->height) ||
            !frame_.emplace(info, buffer, GST_MAP_READ))
-    error_ = "the mask's buffer is shorter than its GstVideoMeta says, or not in one piece";
+    error_ = "the mask's buffer is shorter than its GstVideoMeta says, or has several memories";
   if (error_)
     frame_.reset();
 }

@@ -36,8 +36,8 @@ std::optional<GstClockTime> parse_start_time(const std::string& text, std::strin
   guint64 nanoseconds = 0;
   const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), nanoseconds);
   const bool whole = end == text.data() + text.size() && !text.empty();
-  constexpr GstClockTime latest = G_MAXINT64; // 2262: sums of times stay valid
-  // Seconds, milliseconds and microseconds of today, read as nanoseconds, lie before 1973.
+  constexpr GstClockTime latest = G_MAXINT64; // 2262: sums of times do not overflow
+  // Current times in seconds, milliseconds or microseconds, read as nanoseconds, would be before 1973.
   constexpr GstClockTime least = 100'000'000 * GST_SECOND;
   if (whole && status == std::errc{} && nanoseconds > 0 && nanoseconds < least) {
     error = "a number is nanoseconds since 1970, and " + text +
@@ -64,7 +64,7 @@ std::optional<GstClockTime> parse_start_time(const std::string& text, std::strin
 }
 
 void stamp_utc(GstBuffer* buffer, GstClockTime start) {
-  constexpr GstClockTime latest = G_MAXINT64; // as of start-time: sums stay times
+  constexpr GstClockTime latest = G_MAXINT64; // as for start-time: sums do not overflow
   if (GST_BUFFER_PTS_IS_VALID(buffer) && start <= latest && GST_BUFFER_PTS(buffer) <= latest - start &&
       !utc_of(buffer))
     note(buffer, start + GST_BUFFER_PTS(buffer));

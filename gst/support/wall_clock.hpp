@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The time of day of a frame: GstReferenceTimestampMeta, which cameras, RTP and NTP give, or the start of a
+// The time of day of a frame: a GstReferenceTimestampMeta of cameras, RTP or NTP, or the start time of a
 // recording.
 #pragma once
 
@@ -11,20 +11,19 @@
 
 namespace terrainseg {
 
-/// Nanoseconds since 1970, from what upstream noted in `timestamp/x-unix` or `timestamp/x-ntp`; nothing when
-/// it noted neither.
+/// Nanoseconds since 1970 from a meta with the reference `timestamp/x-unix` or `timestamp/x-ntp`; nothing
+/// without one.
 std::optional<GstClockTime> utc_of(GstBuffer* buffer);
 
-/// Reads `2026-11-21T20:00:00.5Z` (ISO 8601; without a zone it is UTC) or whole nanoseconds since 1970. On an
-/// error nothing, and `error` says what was expected.
+/// Parses `2026-11-21T20:00:00.5Z` (ISO 8601; UTC without a zone) or an integer of nanoseconds since 1970. On
+/// an error it returns nothing and sets `error` to the valid forms.
 std::optional<GstClockTime> parse_start_time(const std::string& text, std::string& error);
 
-/// Notes the time of day on a buffer (writable) that has none: `start` plus its PTS. Without a PTS nothing.
+/// Adds the time of day, `start` + PTS, to a buffer (writable) without one. Does nothing without a PTS.
 void stamp_utc(GstBuffer* buffer, GstClockTime start);
 
-/// Notes the time of day that a KLV unit tells, microseconds since 1970, on a buffer (writable) that has
-/// none. A sender that does not know the time of day sends the time stamp of its stream in its place: what
-/// would lie before September 2001 is none.
+/// Adds the time of day of a KLV unit, microseconds since 1970, to a buffer (writable) without one. Senders
+/// that do not know the time of day write stream time instead: values before September 2001 are ignored.
 void stamp_unit_time(GstBuffer* buffer, std::uint64_t microseconds);
 
 } // namespace terrainseg

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What an element warns of.
+// Warnings of an element.
 #pragma once
 
 #include <gst/gst.h>
@@ -8,13 +8,13 @@
 
 namespace terrainseg {
 
-/// The texts of a warning on the bus. The element itself posts it: what headers and rooms post is in the log
-/// without the element's category, where `GST_DEBUG=terrain*` does not find it.
+/// The texts of a warning. The element's own file posts it: warnings posted from headers and shared code have
+/// no debug category of the element, and `GST_DEBUG=terrain*` does not show them.
 struct Warning {
   std::string text, debug;
 };
 
-/// Posts it as GST_ELEMENT_WARNING does, from the element's own file and so under its category.
+/// Posts it like GST_ELEMENT_WARNING, with file and category of the element.
 #define TERRAINSEG_POST_WARNING(element, domain, code, warning)                                              \
   do {                                                                                                       \
     const terrainseg::Warning& to_post = (warning);                                                          \

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A training window in pixels that does not fit the frame.
+// A training window in pixels that does not fit into the frame.
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@
 
 namespace terrainseg {
 
-/// The window in pixels that was asked for, and of which frame.
+/// The requested window in pixels, and the size of the frame.
 struct WindowRequest {
   int width, height, bottom, x, frame_width = 0, frame_height = 0;
   bool operator==(const WindowRequest&) const = default;
@@ -26,7 +26,7 @@ inline std::string text_of(const WindowRequest& r) {
   return text;
 }
 
-/// That the window was moved and cut to that of `used`; `remedy` is a sentence more, or empty.
+/// Warning: the window was moved and reduced to `used`. `remedy` is an additional sentence, or empty.
 inline Warning window_warning(const WindowRequest& request, const Settings& used, const char* remedy) {
   const std::string wanted = text_of(request),
                     fitted =

@@ -79,11 +79,11 @@ inline const char* flaw_of(const Estimate& e) {
   if (!is_side(e.frame_width) || !is_side(e.frame_height))
     return "the frame's width and height must be 1..32767";
   if (e.horizon_row < -1 || e.horizon_row >= e.frame_height)
-    return "the horizon lies outside the frame";
+    return "the horizon is outside the frame";
   if (e.vanishing_row < -1 || e.vanishing_row >= e.frame_height << 16)
-    return "the ground's vanishing line lies outside the frame";
+    return "the ground's vanishing line is outside the frame";
   if (!is_inside(e.mask_region) || !is_inside(e.window))
-    return "the mask or the window lies outside the frame";
+    return "the mask or the window is outside the frame";
   const bool has_mask = e.mask.width != 0 || e.mask.height != 0;
   if (has_mask && (!is_side(e.mask.width) || !is_side(e.mask.height)))
     return "the mask's width and height must be 1..32767";
@@ -98,7 +98,7 @@ inline const char* flaw_of(const Estimate& e) {
       return "the boundary holds rows outside the frame";
   if (e.model_count < 0 || e.model_count > max_models || e.traversable_permille < 0 ||
       e.traversable_permille > 1000)
-    return "the models or the traversable share cannot be as many";
+    return "the number of models or the traversable share is out of range";
   return nullptr;
 }
 

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <fstream>
 #include <stdexcept>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -19,26 +21,23 @@ std::optional<double> part(const std::optional<Spread>& spread, double Spread::*
   return spread ? std::optional(*spread.*which) : std::nullopt;
 }
 
-std::string quoted(const std::string& s) {
-  std::string out = "\"";
-  for (const char c : s) {
-    if (c == '"' || c == '\\')
-      out += '\\';
-    out += static_cast<unsigned char>(c) < 32 ? ' ' : c;
-  }
-  return out + '"';
+/// Rounded to three decimals.
+double rounded(double value) {
+  return std::round(value * 1000) / 1000;
 }
 
-std::string json(const std::optional<double>& value) {
-  return value ? number(*value, 3) : "null";
+nlohmann::ordered_json json(const std::optional<double>& value) {
+  return value ? nlohmann::ordered_json(rounded(*value)) : nullptr;
 }
 
-void write_counts(std::ostream& out, const char* name, const Counts& c) {
-  out << "   " << quoted(name) << ": {\"error\": " << number(c.error(), 3)
-      << ", \"iou\": " << number(c.iou(), 3) << ", \"precision\": " << number(c.precision(), 3)
-      << ", \"recall\": " << number(c.recall(), 3) << ", \"f\": " << number(c.f_measure(), 3)
-      << ", \"unsafe\": " << number(c.unsafe_share(), 3)
-      << ", \"false_safe\": " << number(c.false_safe_share(), 3) << "},\n";
+nlohmann::ordered_json json(const Counts& c) {
+  return {{"error", rounded(c.error())},
+          {"iou", rounded(c.iou())},
+          {"precision", rounded(c.precision())},
+          {"recall", rounded(c.recall())},
+          {"f", rounded(c.f_measure())},
+          {"unsafe", rounded(c.unsafe_share())},
+          {"false_safe", rounded(c.false_safe_share())}};
 }
 
 std::string unsafe_text(const Counts& c) {
@@ -60,35 +59,44 @@ std::vector<std::string> distinct(const std::vector<Figures>& all, std::string F
 } // namespace
 
 void write_json(std::ostream& out, const std::vector<Figures>& all) {
-  out << "{\"runs\": [\n";
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    const Figures& f = all[i];
-    out << "  {\"sequence\": " << quoted(f.sequence) << ", \"engine\": " << quoted(f.engine)
-        << ", \"input\": " << quoted(f.input) << ", \"width\": " << f.width << ", \"height\": " << f.height
-        << ", \"stills\": " << (f.stills ? "true" : "false") << ",\n";
-    write_counts(out, "ground", f.ground);
-    write_counts(out, "terrain", f.terrain);
-    write_counts(out, "doubtful_as_ground", f.without_doubt_zone);
-    out << "   \"horizon\": {\"median\": " << json(part(f.horizon, &Spread::median))
-        << ", \"p90\": " << json(part(f.horizon, &Spread::p90)) << ", \"null\": " << json(f.horizon_null)
-        << "},\n   \"boundary\": {\"within\": " << json(f.boundary_within)
-        << ", \"over\": " << json(f.boundary_over) << "},\n   \"flicker\": " << json(f.flicker)
-        << ", \"frame_error\": {\"median\": " << json(part(f.frame_error, &Spread::median))
-        << ", \"p90\": " << json(part(f.frame_error, &Spread::p90))
-        << "}, \"mean_error\": " << number(f.mean_error(), 3)
-        << ", \"mean_terrain\": " << number(f.mean_terrain_error(), 3)
-        << ", \"best_ramp\": " << json(f.best_ramp) << ",\n   \"things\": {\"count\": " << f.things.count
-        << ", \"missed\": " << f.things.missed << "},\n   \"confidence_rank\": " << json(f.confidence_rank)
-        << ", \"milliseconds\": {\"median\": " << json(part(f.latency, &Spread::median))
-        << ", \"p99\": " << json(part(f.latency, &Spread::p99)) << "},\n   \"frame_errors\": [";
-    for (std::size_t k = 0; k < f.frames.size(); ++k)
-      out << (k ? ", " : "") << number(f.frames[k].error, 3);
-    out << "],\n   \"frame_unsafe\": [";
-    for (std::size_t k = 0; k < f.frames.size(); ++k)
-      out << (k ? ", " : "") << number(f.frames[k].unsafe, 3);
-    out << "]}" << (i + 1 < all.size() ? "," : "") << '\n';
+  nlohmann::ordered_json runs = nlohmann::ordered_json::array();
+  for (const Figures& f : all) {
+    std::vector<double> errors, unsafe;
+    for (const FrameFigures& frame : f.frames) {
+      errors.push_back(rounded(frame.error));
+      unsafe.push_back(rounded(frame.unsafe));
+    }
+    runs.push_back(
+        {{"sequence", f.sequence},
+         {"engine", f.engine},
+         {"input", f.input},
+         {"width", f.width},
+         {"height", f.height},
+         {"stills", f.stills},
+         {"ground", json(f.ground)},
+         {"terrain", json(f.terrain)},
+         {"doubtful_as_ground", json(f.without_doubt_zone)},
+         {"horizon",
+          {{"median", json(part(f.horizon, &Spread::median))},
+           {"p90", json(part(f.horizon, &Spread::p90))},
+           {"null", json(f.horizon_null)}}},
+         {"boundary", {{"within", json(f.boundary_within)}, {"over", json(f.boundary_over)}}},
+         {"flicker", json(f.flicker)},
+         {"frame_error",
+          {{"median", json(part(f.frame_error, &Spread::median))},
+           {"p90", json(part(f.frame_error, &Spread::p90))}}},
+         {"mean_error", rounded(f.mean_error())},
+         {"mean_terrain", rounded(f.mean_terrain_error())},
+         {"best_ramp", json(f.best_ramp)},
+         {"things", {{"count", f.things.count}, {"missed", f.things.missed}}},
+         {"confidence_rank", json(f.confidence_rank)},
+         {"milliseconds",
+          {{"median", json(part(f.latency, &Spread::median))}, {"p99", json(part(f.latency, &Spread::p99))}}},
+         {"frame_errors", errors},
+         {"frame_unsafe", unsafe}});
   }
-  out << "]}\n";
+  const nlohmann::ordered_json document = {{"runs", std::move(runs)}};
+  out << document.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
 }
 
 void write_csv(std::ostream& out, const std::vector<Figures>& all) {

@@ -442,7 +442,7 @@ GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
         estimate.flags |= flag_frozen;
       buffers = buffers_of(s, estimate);
       if (!buffers.mask) {
-        GST_ELEMENT_ERROR(transform, RESOURCE, NO_SPACE_LEFT, ("There is no memory for a mask."), (nullptr));
+        GST_ELEMENT_ERROR(transform, RESOURCE, NO_SPACE_LEFT, ("Out of memory for the mask."), (nullptr));
         return GST_FLOW_ERROR;
       }
       GST_LOG_OBJECT(transform,

@@ -185,11 +185,15 @@ TEST(EvalReport, JsonComesBack) {
   f.engine = "default,\"odd\"";
   {
     std::ofstream file(path);
-    write_json(file, {f, f});
+    Figures tabbed = f;
+    tabbed.engine = "a\tb\\";
+    write_json(file, {f, f, tabbed});
   }
-  const auto back = read_json(path);
-  ASSERT_EQ(back.size(), 2u);
+  auto back = read_json(path);
+  ASSERT_EQ(back.size(), 3u);
   EXPECT_EQ(back[0].engine, f.engine);
+  EXPECT_EQ(back[2].engine, "a\tb\\");
+  back.pop_back();
   ASSERT_EQ(back[0].frames.size(), 3u);
   EXPECT_NEAR(back[0].frames[2].error, f.frames[2].error, 1e-3);
   std::ostringstream table;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "coarse/grid_reader.hpp"
 
+#include <algorithm>
+
 #include "coarse/grid.hpp"
 
 namespace terrainseg {
@@ -8,7 +10,9 @@ namespace terrainseg {
 PyramidPlan coarse_plan(PixelFormat format, int coarsest) {
   const int texture = texture_level(coarsest);
   // Luma of RGB is a mixture of all three components, so its texture bands need all three.
-  return {coarsest, layout_of(format).rgb ? texture : refinement_level(coarsest), texture};
+  const int color = layout_of(format).rgb ? texture : refinement_level(coarsest);
+  // The finest level that is read has the whole filter; below it there are pixels enough.
+  return {coarsest, color, texture, std::max(texture - 1, 0), std::max(color - 1, 0)};
 }
 
 Grid GridReader::read(const Pyramid& pyramid, int level, const ColorTransform& transform,

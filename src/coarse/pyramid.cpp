@@ -178,6 +178,8 @@ struct Step {
   std::ptrdiff_t ahead = 0; ///< from rows that are read to those that are asked for
   Interleave interleave{};  ///< of the rows that are read
   bool vertically = false;  ///< they are as narrow as this level already
+  bool sparse = false;      ///< made of every second row that is read
+  int made_every = 1;       ///< a sparse level above reads only these rows
   bool begun = false;
   bool delivered = false; ///< own rows are taken apart into kept planes
   kernels::Waiting waiting;
@@ -210,6 +212,14 @@ struct Band {
     return staged[static_cast<std::size_t>(plane)].row(y & (ring_rows - 1));
   }
 };
+
+void reduce_sparsely(const Step& step, const std::uint8_t* row, std::uint8_t* out) {
+  if (step.vertically)
+    std::memcpy(out, row,
+                static_cast<std::size_t>(step.source_width * kernels::written_step(step.interleave)));
+  else
+    kernels::reduce_horizontally(step.interleave, row, step.source_width, step.ahead, out);
+}
 
 void reduce(const Step& step, const std::uint8_t* odd, const std::uint8_t* even, std::uint8_t* out) {
   if (step.vertically)
@@ -266,6 +276,11 @@ struct Pyramid::State {
   void narrow(int plane, int y, std::uint8_t* out) const;
   const std::uint8_t* bytes_of_row(const Band& band, int plane, int y) const;
   Rows own_rows(int level, int index) const;
+  int sparse_of(const Route& route) const {
+    return route.component[0] == 0 ? shape.plan.sparse_luma : shape.plan.sparse_color;
+  }
+  /// Source rows of which one is read.
+  int rows_apart(const Route& route) const { return 1 << std::max(sparse_of(route) - route.source_level, 0); }
 };
 
 void Pyramid::State::adopt(const Shape& wanted) {
@@ -356,6 +371,8 @@ void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int
       step.end = std::min(height(level), std::max(step.own.end, 2 * coarser.end + 1));
     }
     step.vertically = route.vertical_first && level == 1;
+    step.sparse = level <= sparse_of(route);
+    step.made_every = level < sparse_of(route) ? 2 : 1;
     step.source_width = step.vertically ? width(1) : width(level - 1);
     step.source_height = height(level - 1);
     const bool from_three = route.interleave == Interleave::three && level > 1;
@@ -395,7 +412,9 @@ void Pyramid::State::begin(const Band& band, Course& course, const Route& route)
   course.source_lines = source_of(band, route);
   if (course.top > route.source_level)
     course.step[route.source_level + 1].ahead =
-        route.staged || route.from_kept ? 0 : rows_ahead * course.source_lines.stride;
+        route.staged || route.from_kept
+            ? 0
+            : course.source_lines.stride * std::max(rows_ahead, rows_apart(route));
 }
 
 Lines<const std::uint8_t> Pyramid::State::source_of(const Band& band, const Route& route) const {
@@ -428,17 +447,24 @@ void Pyramid::State::advance(const Route& route, Course& course, int level, int 
   };
   while (step.made.end < step.end) {
     const int y = step.made.end;
-    if (!step.begun) {
-      if (std::min(std::max(2 * y, y == 0 ? 2 : 0), last) >= available)
-        return;
-      reduce(step, read(2 * y - 2), read(2 * y - 2), step.row(y));
-      reduce(step, read(2 * y - 1), read(2 * y), step.row(y));
-      step.begun = true;
-    }
-    if (std::min(2 * y + 2, last) >= available)
-      return;
     std::uint8_t* const out = step.row(y);
-    reduce(step, read(2 * y + 1), read(2 * y + 2), out);
+    if (step.sparse) {
+      if (2 * y >= available)
+        return;
+      if (y % step.made_every == 0)
+        reduce_sparsely(step, read(2 * y), out);
+    } else {
+      if (!step.begun) {
+        if (std::min(std::max(2 * y, y == 0 ? 2 : 0), last) >= available)
+          return;
+        reduce(step, read(2 * y - 2), read(2 * y - 2), out);
+        reduce(step, read(2 * y - 1), read(2 * y), out);
+        step.begun = true;
+      }
+      if (std::min(2 * y + 2, last) >= available)
+        return;
+      reduce(step, read(2 * y + 1), read(2 * y + 2), out);
+    }
     if (step.delivered && step.own.holds(y))
       deliver(route, level, y, out);
     ++step.made.end;
@@ -469,8 +495,11 @@ void Pyramid::State::run(Band& band, const Routes& ways) {
     const int level = ways.route[r].source_level;
     due[r] = next(r, (first + (1 << level) - 1) >> level);
   }
+  int apart = shape.height;
+  for (int r = 0; r < ways.count; ++r)
+    apart = std::min(apart, rows_apart(ways.route[r]) << ways.route[r].source_level);
   for (int y = first; y < end; ++y) {
-    if (ways.route[0].staged)
+    if (ways.route[0].staged && y % apart == 0)
       stage(band, y);
     for (std::size_t r = 0; r < static_cast<std::size_t>(ways.count); ++r) {
       if (y != due[r])

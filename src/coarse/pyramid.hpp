@@ -17,6 +17,10 @@ struct PyramidPlan {
   int coarsest = 5;     ///< 0..6: the grid that is learned on; all three components are built down to it
   int finest_color = 5; ///< finest level at which all three components are kept, <= coarsest
   int finest_luma = 2;  ///< finest level at which the first component is kept, <= finest_color
+  /// The levels 1 to `sparse_luma` of the first component, and 1 to `sparse_color` of the others, use every
+  /// second row of the level below, without a vertical filter. Of level 0, one of 2^sparse_luma rows is read.
+  /// Not above the finest level that is kept; equal for R, G, B.
+  int sparse_luma = 0, sparse_color = 0;
   bool operator==(const PyramidPlan&) const = default;
 };
 
@@ -25,8 +29,8 @@ struct PyramidPlan {
 /// level whose size it has (4:2:0: level 1); 4:2:2 chroma is reduced vertically only to reach level 1; level
 /// 0 repeats chroma samples. Of samples of more than 8 bits the upper 8 are read; grey has chroma of 128.
 ///
-/// The frame is read once, from the top: a row runs down all levels while it is in the cache. Levels that the
-/// plan does not keep exist as a few rows only.
+/// The frame is read at most once, from the top: a row runs down all levels while it is in the cache. Levels
+/// that the plan does not keep exist as a few rows only.
 class Pyramid {
  public:
   Pyramid();

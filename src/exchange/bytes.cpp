@@ -6,7 +6,7 @@
 namespace terrainseg {
 namespace {
 
-// Eight tables, so that eight bytes take one step: a 60 kB unit is checked in 30 us instead of 150.
+// Eight tables: eight bytes a step. A unit of 60 kB takes 30 us instead of 150.
 constexpr std::array<std::array<std::uint32_t, 256>, 8> make_tables() {
   std::array<std::array<std::uint32_t, 256>, 8> tables{};
   for (std::uint32_t i = 0; i < 256; ++i) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Checksums and run lengths that the ways out share.
+// Checksums and run lengths that the output formats share.
 #pragma once
 
 #include <bit>
@@ -12,16 +12,15 @@
 
 namespace terrainseg {
 
-/// CRC-32 with the polynomial of zlib, PNG and Ethernet, of what had the sum `before` and these bytes behind
-/// it.
+/// CRC-32 (polynomial of zlib, PNG and Ethernet). `before` is the CRC of the preceding bytes.
 std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t before = 0);
 
-/// First position in [from, end) whose byte differs from *from; `end` if none does. from < end.
+/// Returns the first position in [from, end) whose byte differs from *from, or `end`. Requires from < end.
 inline const std::uint8_t* run_end(const std::uint8_t* from, const std::uint8_t* end) {
   const std::uint8_t value = *from;
   const std::uint64_t pattern = value * 0x0101010101010101ull;
   const std::uint8_t* p = from;
-  // Long runs are the rule: 32 bytes a step, then 8, then one.
+  // Runs are mostly long: compares 32 bytes a step, then 8, then 1.
   for (; end - p >= 32; p += 32) {
     std::uint64_t w[4];
     std::memcpy(w, p, 32);
@@ -34,7 +33,7 @@ inline const std::uint8_t* run_end(const std::uint8_t* from, const std::uint8_t*
     const std::uint64_t difference = w ^ pattern;
     if (difference == 0)
       continue;
-    // The first byte in memory is the lowest or the highest of the number.
+    // Whether the lowest or the highest byte of the number comes first in memory.
     const int bits = std::endian::native == std::endian::little ? std::countr_zero(difference)
                                                                 : std::countl_zero(difference);
     return p + bits / 8;
@@ -44,8 +43,8 @@ inline const std::uint8_t* run_end(const std::uint8_t* from, const std::uint8_t*
   return p;
 }
 
-/// Calls take(value, length) for each run of equal bytes in raster order; a run goes on over row ends. Stops
-/// when take returns false.
+/// Calls take(value, length) for each run of equal bytes in raster order. A run may continue in the next row.
+/// Stops when take returns false.
 template <class Take> void for_each_run(const GrayView& view, Take take) {
   if (view.empty())
     return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Numbers with their nouns, as people read them.
+// Numbers with their nouns, for messages.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace terrainseg {
 
-/// "1 frame", "2 frames", "0 frames"; `noun` is the singular of one that takes an s.
+/// "1 frame", "2 frames", "0 frames". `noun` is a singular whose plural ends in s.
 inline std::string counted(std::uint64_t count, const char* noun) {
   return std::to_string(count).append(" ").append(noun).append(count == 1 ? "" : "s");
 }

@@ -18,7 +18,7 @@ template <class Integer> void put(std::string& out, Integer value) {
   out.append(digits, static_cast<std::size_t>(end - digits));
 }
 
-/// value / 10^decimals, without trailing zeros.
+/// value / 10^decimals without trailing zeros.
 void put_decimal(std::string& out, std::uint64_t value, int decimals) {
   std::uint64_t one = 1;
   for (int i = 0; i < decimals; ++i)
@@ -37,7 +37,7 @@ void put_decimal(std::string& out, std::uint64_t value, int decimals) {
   out.append(digits, static_cast<std::size_t>(n));
 }
 
-/// A number with 8 fraction bits, to a thousandth.
+/// A number with 8 fraction bits, rounded to a thousandth.
 void put_q8(std::string& out, std::uint64_t value) {
   put_decimal(out, (value * 1000 + 128) >> 8, 3);
 }
@@ -56,7 +56,7 @@ void put_q8_list(std::string& out, const std::array<Number, N>& values) {
 void put_boundary(std::string& out, std::span<const std::uint16_t> boundary, int frame_height) {
   const std::uint32_t height = static_cast<std::uint32_t>(std::max(frame_height, 1));
   out += '[';
-  // Neighbouring columns mostly share their row: its text is made once.
+  // Neighbouring columns mostly have the same row: its text is reused.
   std::uint32_t last = ~0u;
   std::string text;
   for (std::size_t i = 0; i < boundary.size(); ++i) {
@@ -115,14 +115,14 @@ void put_runs(std::string& out, const GrayView& mask) {
   out += "]}";
 }
 
-/// A number with 16 fraction bits, to a thousandth.
+/// A number with 16 fraction bits, rounded to a thousandth.
 void put_q16(std::string& out, std::int64_t value) {
   if (value < 0)
     out += '-';
   put_decimal(out, (static_cast<std::uint64_t>(value < 0 ? -value : value) * 1000 + 32768) >> 16, 3);
 }
 
-/// Where motion found nothing a line says nothing of it.
+/// The vanishing row and the speed are left out if motion found neither.
 void put_motion(std::string& out, const Estimate& e) {
   if (e.vanishing_row < 0 && e.speed_over_height == 0)
     return;
@@ -146,10 +146,10 @@ void put_real(std::string& out, double value, int decimals) {
   put_decimal(out, static_cast<std::uint64_t>(fixed < 0 ? -fixed : fixed), decimals);
 }
 
-constexpr int millimetres = 3;  ///< decimals of metres
-constexpr int microradians = 6; ///< decimals of angles: 0.001 degrees are 17 of them
+constexpr int millimetres = 3;  ///< decimals of ranges in metres
+constexpr int microradians = 6; ///< decimals of angles in radians: 0.001 degrees are 17e-6
 
-/// null where nothing is known; no value is above `most`.
+/// null for unknown values. Values are limited to `most`.
 void put_reals(std::string& out, const char* name, std::span<const float> values, int decimals, double most) {
   out.append("\"").append(name).append("\": [");
   for (std::size_t i = 0; i < values.size(); ++i) {

@@ -10,17 +10,17 @@
 namespace terrainseg {
 namespace {
 
-constexpr std::uint8_t magic = 0xFD; // of MAVLink 2
+constexpr std::uint8_t magic = 0xFD; // start byte of MAVLink 2
 constexpr std::size_t header_size = 10;
 
-/// A message's number and the byte of its definition that goes into the checksum.
+/// Number of a message and CRC_EXTRA, the byte of its definition that is included in the checksum.
 struct MessageKind {
   std::uint32_t id;
   std::uint8_t crc_extra;
 };
 constexpr MessageKind heartbeat{0, 50}, obstacle{330, 23};
 
-/// CRC-16/MCRF4XX, from 0xFFFF on.
+/// CRC-16/MCRF4XX, start value 0xFFFF.
 std::uint16_t checksum(std::span<const std::uint8_t> bytes, std::uint16_t crc = 0xFFFF) {
   for (std::uint8_t byte : bytes) {
     std::uint8_t t = static_cast<std::uint8_t>(byte ^ (crc & 0xFF));
@@ -43,7 +43,7 @@ void put_float(std::vector<std::uint8_t>& out, float value) {
   put(out, std::bit_cast<std::uint32_t>(value));
 }
 
-/// One frame around what `write` appends.
+/// Writes one frame; `write` appends the payload.
 template <class Write>
 void append_frame(std::vector<std::uint8_t>& out, MessageKind kind, const MavlinkSender& sender,
                   std::uint8_t& sequence, Write write) {
@@ -53,7 +53,7 @@ void append_frame(std::vector<std::uint8_t>& out, MessageKind kind, const Mavlin
     out.push_back(byte);
   put(out, kind.id, 3);
   write(out);
-  // Zeros at the end are not sent; one byte of payload is.
+  // Trailing zeros are not sent, except the first byte of the payload.
   while (out.size() > start + header_size + 1 && out.back() == 0)
     out.pop_back();
   out[start + 1] = static_cast<std::uint8_t>(out.size() - start - header_size);
@@ -64,10 +64,10 @@ double degrees(double radians) {
   return radians * 180 / std::numbers::pi;
 }
 
-/// How the circle is cut.
+/// How the sectors divide the circle.
 struct Sectors {
   double start, width; ///< left edge of sector 0 and its width, degrees clockwise
-  bool around;         ///< sectors go on behind the vehicle
+  bool around;         ///< the sectors also cover the directions behind the vehicle
 
   Sectors(const MavlinkView& view, MavlinkLayout layout) {
     around = layout == MavlinkLayout::portable;
@@ -79,7 +79,7 @@ struct Sectors {
     return around ? (sector % mavlink_sectors + mavlink_sectors) % mavlink_sectors
                   : std::clamp(sector, 0, mavlink_sectors - 1);
   }
-  /// -180..180 in the layout all around.
+  /// In -180..180 for the layout that covers the circle.
   double centre(int sector) const {
     const double angle = start + (sector + 0.5) * width;
     return around && angle > 180 ? angle - 360 : angle;
@@ -90,15 +90,16 @@ struct Sectors {
   }
 };
 
-/// Whole ones, rounded towards the vehicle. Ranges are millimetres in single precision: 2.1 m is no 209 cm.
+/// Whole centimetres, rounded towards the vehicle. Ranges are multiples of a millimetre in single precision:
+/// 2.1 m must not become 209 cm.
 double centimetres(double metres) {
   return std::floor(std::round(metres * 1000) / 10);
 }
 
-/// What the columns of one sector say.
+/// Summary of the columns of one sector.
 struct Reading {
   double nearest = std::numeric_limits<double>::infinity(); ///< metres
-  bool known = false, doubtful = false;                     ///< a column with a range, one without
+  bool known = false, doubtful = false;                     ///< has a column with a range; has one without
 
   void take(float range) {
     if (std::isnan(range)) {
@@ -111,7 +112,7 @@ struct Reading {
   bool empty() const { return !known && !doubtful; }
 };
 
-/// What the columns next to a direction on its left and right say: few columns leave sectors without one.
+/// Summary of the neighbouring columns to the left and right of a direction, for sectors without a column.
 Reading between_columns(std::span<const float> ranges, std::span<const float> bearings, double clockwise) {
   double left = -std::numeric_limits<double>::infinity(), right = -left;
   Reading reading;
@@ -181,7 +182,7 @@ ObstacleDistance obstacle_distance(const MavlinkView& view, std::span<const floa
     }
     const double cm =
         std::clamp(centimetres(reading.nearest), message.min_distance + 0.0, message.max_distance + 1.0);
-    // What is not known may be an obstacle at the least distance, or it may hide one that is seen.
+    // Unknown space may contain an obstacle at the shortest distance, or hide one that is visible.
     const bool is_known =
         reading.known &&
         (!reading.doubtful || (unknown == MavlinkUnknown::nothing && cm <= message.max_distance));
@@ -211,7 +212,7 @@ void append_heartbeat(std::vector<std::uint8_t>& out, const MavlinkSender& sende
   append_frame(out, heartbeat, sender, sequence, [](std::vector<std::uint8_t>& payload) {
     put(payload, std::uint32_t{0}); // custom mode
     for (std::uint8_t byte : {18, 8, 0, 4, 3})
-      payload.push_back(byte); // onboard controller, no autopilot, no mode, active, MAVLink 2
+      payload.push_back(byte); // type onboard controller, no autopilot, mode 0, active, MAVLink 2
   });
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// MAVLink 2 messages that an autopilot avoids obstacles by: OBSTACLE_DISTANCE (id 330) and HEARTBEAT (id 0)
-// out, ATTITUDE (id 30) in. Layouts: the MAVLink common message set
-// (https://mavlink.io/en/messages/common.html).
+// MAVLink 2 messages for obstacle avoidance: writes OBSTACLE_DISTANCE (id 330) and HEARTBEAT (id 0), reads
+// ATTITUDE (id 30). Layouts: the MAVLink common message set (https://mavlink.io/en/messages/common.html).
 #pragma once
 
 #include <array>
@@ -15,16 +14,17 @@
 
 namespace terrainseg {
 
-/// How the 72 sectors of OBSTACLE_DISTANCE lie around the vehicle.
+/// Directions of the 72 sectors of OBSTACLE_DISTANCE.
 enum class MavlinkLayout : std::uint8_t {
-  portable, ///< 5 degrees each, sector 0 straight ahead, clockwise: ArduPilot and PX4
-  fine,     ///< all over the field of view, from its left edge on: ArduPilot only
+  portable, ///< 5 degrees each, clockwise, sector 0 straight ahead; for ArduPilot and PX4
+  fine,     ///< cover the field of view from its left edge; for ArduPilot only
 };
 
-/// What a sector says of which nothing is known although the camera looks there.
+/// What is sent for a visible sector of unknown range.
 enum class MavlinkUnknown : std::uint8_t {
-  obstacle, ///< an obstacle at the least distance: an autopilot takes no word for a free way
-  nothing,  ///< 65535
+  obstacle, ///< an obstacle at the shortest distance, because an autopilot takes a missing value for free
+            ///< space
+  nothing,  ///< 65535 (unknown)
 };
 
 struct MavlinkSender {
@@ -41,34 +41,34 @@ struct ObstacleDistance {
   std::uint16_t min_distance = 0, max_distance = 0;       ///< cm
   std::uint8_t increment = 5;                             ///< degrees, clockwise, where increment_f is 0
   float increment_f = 0;                                  ///< degrees
-  float angle_offset = 0;                                 ///< of sector 0, degrees to the right of ahead
+  float angle_offset = 0; ///< direction of sector 0, degrees to the right of straight ahead
 };
 
-/// Where a camera looks: from its leftmost to its rightmost column, degrees clockwise from ahead.
+/// Field of view, from the leftmost to the rightmost column, degrees clockwise from straight ahead.
 struct MavlinkView {
   double left = 0, right = 0;
 };
-/// Nothing when no bearing is known.
+/// Returns nothing if no bearing is known.
 std::optional<MavlinkView> mavlink_view(std::span<const float> bearings);
-/// All that a fan covers.
+/// Returns the smallest view that contains all directions of a fan.
 MavlinkView mavlink_view(const ScanFan& fan);
 
-/// Sectors from the columns of a boundary (metres; radians counter-clockwise; NaN unknown, +infinity free),
-/// each the least of its columns; one between two columns the least of both. Nothing is nearer than `min_m`:
-/// it counts as there. Sectors outside the view are 65535; one within it with an unknown column and no nearer
-/// obstacle, or without any column, is as `unknown` says. The sectors of the fine layout cover `fan`, else
-/// the view; columns outside are in its outermost sectors.
+/// Computes sectors from the columns of a boundary (ranges in metres, NaN = unknown, +infinity = free;
+/// bearings in radians, counter-clockwise). A sector gets the shortest range of its columns; a sector between
+/// two columns the shorter of both. Ranges below `min_m` count as `min_m`. Sectors outside the view are
+/// 65535. A visible sector without a column, or with an unknown column and no nearer obstacle, is set as
+/// `unknown` says. The sectors of the fine layout cover `fan`, or the view without a fan; columns outside
+/// count for its outermost sectors.
 ObstacleDistance obstacle_distance(const MavlinkView& view, std::span<const float> ranges,
                                    std::span<const float> bearings, MavlinkLayout layout,
                                    MavlinkUnknown unknown, double min_m, double max_m,
                                    const std::optional<MavlinkView>& fan = {});
 
-/// Appends one frame; `sequence` counts on.
+/// Appends one frame and increments `sequence`.
 void append_obstacle_distance(std::vector<std::uint8_t>& out, const ObstacleDistance& message,
                               const MavlinkSender& sender, std::uint8_t& sequence);
 
-/// Appends a heartbeat of an onboard controller without an autopilot that is active (type 18, autopilot 8,
-/// status 4).
+/// Appends a HEARTBEAT: an active onboard controller without an autopilot (type 18, autopilot 8, status 4).
 void append_heartbeat(std::vector<std::uint8_t>& out, const MavlinkSender& sender, std::uint8_t& sequence);
 
 } // namespace terrainseg

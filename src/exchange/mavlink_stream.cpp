@@ -9,13 +9,14 @@ namespace {
 constexpr std::int64_t second = 1'000'000'000;
 constexpr std::int64_t obstacle_period = second / 15, heartbeat_period = second;
 constexpr std::int64_t tolerance =
-    second / 500; ///< times of frames are rounded, to milliseconds in some containers
-/// Times that no stream has, beyond 146 years, count as these: no sum runs over.
+    second / 500; ///< tolerance for rounded time stamps (some containers have milliseconds)
+/// Times beyond 146 years are limited to this, to avoid overflow of sums.
 constexpr std::int64_t latest = std::int64_t{1} << 62;
-/// Frames may come in coding order; farther back is another run of the stream.
+/// Frames may come in coding order. A larger step back is a restart of the stream.
 constexpr std::int64_t most_reordering = second / 4;
 
-/// Whether it is time, and when it is next: on a grid, so that a rate that is no divisor is met on average.
+/// Whether a message is due, and when the next one is. The times are on a grid, so the mean rate is right for
+/// every frame rate.
 bool is_due(std::optional<std::int64_t>& next, std::int64_t time, std::int64_t period) {
   if (next && time + tolerance < *next)
     return false;

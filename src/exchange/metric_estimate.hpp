@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The boundary in metres as it leaves: beside an Estimate, for the metadata, text and messages.
+// The boundary in metres, in addition to an Estimate: for the metadata, text and messages.
 #pragma once
 
 #include <algorithm>
@@ -14,53 +14,54 @@ namespace terrainseg {
 
 /// Bits of MetricEstimate::flags.
 enum MetricFlag : std::uint32_t {
-  metric_flag_pose = 1,    ///< the attitude came with terrainseg-pose events, else it is the mount's
-  metric_flag_horizon = 2, ///< the picture's horizon is not where that attitude has it
+  metric_flag_pose = 1,    ///< the attitude is from terrainseg-pose events; otherwise from the mount
+  metric_flag_horizon = 2, ///< the horizon in the picture disagrees with that attitude
 };
 
-/// Where in the picture the ground at a range straight ahead of the body is seen.
+/// Position in the picture of the ground at a range straight ahead of the body.
 struct RangeTick {
   float range;       ///< metres
-  float column, row; ///< shares of the frame's width and height, from the left and the top
+  float column, row; ///< fractions of the frame's width and height, from the left and the top
 };
 
-/// The geometry of scans: the same for every frame of a stream, whatever attitude and boundary it has.
+/// The geometry of a scan. The same for every frame of a stream.
 struct ScanFan {
   double angle_min = 0;    ///< direction of the first beam, the rightmost, radians
   double increment = 0;    ///< from one beam to the next, radians counter-clockwise
-  std::uint32_t beams = 0; ///< 0 = the maker of the metres states no fan
-  double range_min = 0;    ///< metres; what is nearer counts as there
+  std::uint32_t beams = 0; ///< 0 = the producer of the metres gives no fan
+  double range_min = 0;    ///< metres; nearer ranges count as this
   double angle_max() const { return angle_min + (beams - 1.0) * increment; }
   bool operator==(const ScanFan&) const = default;
 };
 inline constexpr std::uint32_t most_beams = 65536;
 
-/// All directions, `beams` of them.
+/// A fan over all directions with `beams` beams.
 inline ScanFan whole_circle(std::uint32_t beams, double range_min) {
   return {-std::numbers::pi, 2 * std::numbers::pi / beams, beams, range_min};
 }
 
-/// Views into memory of its maker, one value a mask column in each but the ticks.
+/// Views into the memory of the producer. Each has one value per mask column, except the ticks.
 struct MetricEstimate {
-  /// Metres over ground from the body's origin to where the free space ends; +infinity = free as far as
+  /// Range over ground from the body's origin to the end of the free space, metres. +infinity = free up to
   /// range_max, NaN = unknown.
   std::span<const float> ranges;
   std::span<const float> bearings;     ///< radians, counter-clockwise from straight ahead; NaN = unknown
   std::span<const float> low, high;    ///< the range one standard deviation nearer and farther
   double height = 0;                   ///< of the camera over the ground, metres
   double pitch = 0, roll = 0, yaw = 0; ///< radians: positive = looks down, right side down, looks left
-  double range_min = 0;                ///< metres of the nearest ground that is seen
-  double range_max = 0;                ///< metres up to which ranges are told
+  double range_min = 0;                ///< range of the nearest visible ground, metres
+  double range_max = 0;                ///< largest reported range, metres
   std::uint32_t flags = 0;
-  std::span<const RangeTick> ticks{}; ///< nearest first; for people, so they may be none
+  std::span<const RangeTick> ticks{}; ///< nearest first; for drawing, may be empty
   ScanFan fan{};
 };
 
 inline constexpr std::size_t most_ticks = 32;
-/// Longest distance that metres from outside may name: what is made of them counts in thousandths.
+/// Largest valid distance in metres of an external metric estimate: it is multiplied by 1000 and stored as an
+/// integer.
 inline constexpr double farthest_metres = 1e9;
 
-/// What metres that came from outside hold that none can hold; nullptr when they are sound.
+/// Checks a metric estimate from an external source. Returns the first error, or nullptr if it is valid.
 inline const char* flaw_of(const MetricEstimate& m) {
   const auto all = [](std::span<const float> values, auto good) {
     return std::all_of(values.begin(), values.end(),

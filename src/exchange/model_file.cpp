@@ -34,7 +34,7 @@ void put(std::vector<std::uint8_t>& out, const std::vector<std::uint32_t>& histo
     put(out, bin);
 }
 
-/// Takes numbers off the front; past the end it yields zeros and remembers that it did.
+/// Reads numbers from the front. Past the end it returns zeros and sets an error flag.
 class Reader {
  public:
   explicit Reader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
@@ -62,13 +62,13 @@ TerrainResult refuse(std::string why) {
   return {std::nullopt, std::move(why)};
 }
 
-/// Reads a histogram of exactly `bins` bins or none; says what is wrong otherwise.
+/// Reads a histogram of exactly `bins` bins or of none. Returns the error otherwise.
 std::string take_histogram(Reader& in, const char* name, std::uint32_t bins,
                            std::vector<std::uint32_t>& out) {
   const auto count = in.take<std::uint32_t>();
   if (count != 0 && count != bins)
     return std::string("the histogram of ") + name + " has " + std::to_string(count) +
-           " bins, this version of terrainseg knows 0 or " + std::to_string(bins);
+           " bins, this version of terrainseg supports 0 or " + std::to_string(bins);
   out.resize(count);
   for (std::uint32_t& bin : out)
     bin = in.take<std::uint32_t>();
@@ -79,7 +79,7 @@ std::string cause(const char* doing, const std::string& path, int error) {
   return std::string(doing) + " '" + path + "': " + std::strerror(error);
 }
 
-/// Closes a file descriptor when it goes out of scope.
+/// Closes a file descriptor at the end of the scope.
 class Descriptor {
  public:
   explicit Descriptor(int fd) : fd_(fd) {}
@@ -100,7 +100,7 @@ class Descriptor {
   int fd_;
 };
 
-/// A new file of the default mode (mkstemp's would be 0600) whose name no other writer has.
+/// Creates a file of the default mode (mkstemp() would use 0600) with a unique name.
 Descriptor create_beside(const std::string& path, std::string& name) {
   static std::atomic<unsigned> serial = 0;
   for (int attempt = 0; attempt < 100; ++attempt) {
@@ -112,15 +112,15 @@ Descriptor create_beside(const std::string& path, std::string& name) {
   return Descriptor(-1);
 }
 
-/// The file that `path` means: symbolic links are followed by hand, so that one to a file that does not exist
-/// yet is followed too. Sets `error` when there is no end to them.
+/// Resolves symbolic links one by one, because the target may not exist yet. Sets `error` if the links form a
+/// loop.
 std::string through_links(std::string path, int& error) {
   error = 0;
   for (int hops = 0; hops < 40; ++hops) {
     char target[4096];
     const ssize_t n = ::readlink(path.c_str(), target, sizeof target);
     if (n < 0)
-      return path; // no link
+      return path; // not a link
     if (static_cast<std::size_t>(n) == sizeof target)
       break;
     const std::string next(target, static_cast<std::size_t>(n));
@@ -132,7 +132,7 @@ std::string through_links(std::string path, int& error) {
   return path;
 }
 
-/// What a path names that is no file to be replaced or read; empty for a regular file.
+/// Returns what a path is if it is not a regular file; empty for a regular file.
 std::string kind_that_is_no_file(const struct stat& s) {
   return S_ISREG(s.st_mode)    ? ""
          : S_ISDIR(s.st_mode)  ? "a directory"
@@ -244,7 +244,7 @@ TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
   if (in.ran_out() || in.left() != 0)
     return refuse("the file is damaged: its content does not have the size that its counts add up to");
   if (const std::string flaw = flaw_of(terrain); !flaw.empty())
-    return refuse("the file holds what no learning makes: " + flaw + "; learn the terrain anew");
+    return refuse("the file has an invalid value: " + flaw + "; learn the terrain again");
   return {std::move(terrain), {}};
 }
 
@@ -269,7 +269,7 @@ std::string write_file_atomically(const std::string& name, std::span<const std::
     ::unlink(temporary.c_str());
     return why;
   }
-  // The new name itself reaches the disk with its folder.
+  // fsync of the folder, so that the rename reaches the disk.
   const std::size_t slash = path.rfind('/');
   const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
   if (const Descriptor dir(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)); dir.get() >= 0)
@@ -278,7 +278,7 @@ std::string write_file_atomically(const std::string& name, std::span<const std::
 }
 
 TerrainResult load_terrain(const std::string& path) {
-  // A pipe would wait for its writer.
+  // O_NONBLOCK: opening a pipe must not wait for a writer.
   Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   struct stat is {};
   if (fd.get() < 0 || ::fstat(fd.get(), &is) != 0)

@@ -26,14 +26,15 @@ bool is_sei(VideoCodec codec, std::uint8_t type) {
   return type == (codec == VideoCodec::h264 ? h264_sei : h265_prefix_sei);
 }
 
-/// Whether the picture begins here: a slice, or what stands right in front of one (H.264's prefix, 14).
+/// Whether the picture begins with this unit: a slice, or a prefix NAL unit (H.264, type 14), which precedes
+/// one.
 bool is_picture(VideoCodec codec, std::uint8_t type) {
   if (codec == VideoCodec::h265)
     return type < 32;
   return (type >= 1 && type <= 5) || type == 14 || type == 20 || type == 21;
 }
 
-/// The bytes of a NAL unit without the 3 of each 0 0 3 (emulation prevention).
+/// The payload of a NAL unit without emulation prevention bytes (the 3 of each 0 0 3).
 class Payload {
  public:
   explicit Payload(Bytes nal) : rest_(nal) {}
@@ -51,7 +52,7 @@ class Payload {
     return byte;
   }
 
-  /// A payload type or size: bytes of 255, and the last one. At most `most`; nothing beyond.
+  /// A payload type or size: bytes of 255, and a last one below 255. Stops above `most`.
   std::optional<std::uint32_t> number(std::uint32_t most) {
     std::uint32_t sum = 0;
     for (;;) {
@@ -82,7 +83,7 @@ void note(StampSearch& found, std::uint64_t time_us) {
   found.time_us = found.several ? std::nullopt : std::optional(time_us);
 }
 
-/// The messages of an SEI unit, without its header.
+/// Reads the messages of an SEI unit without its header.
 void read_messages(Bytes nal, StampSearch& found) {
   constexpr std::uint32_t most = 1 << 24;
   Payload payload(nal);
@@ -111,7 +112,7 @@ void read_messages(Bytes nal, StampSearch& found) {
   }
 }
 
-/// What a NAL unit without its frame tells; true when it is the picture.
+/// Evaluates a NAL unit without its start code or length. Returns true if it belongs to the picture.
 bool see(Bytes nal, VideoCodec codec, StampSearch& found) {
   if (nal.size() < header_bytes(codec))
     return false;
@@ -126,7 +127,7 @@ bool see(Bytes nal, VideoCodec codec, StampSearch& found) {
   return false;
 }
 
-/// Behind the next start code (three bytes) from `at` on; the size when there is none.
+/// Position after the next start code (three bytes) from `at`; the size if there is none.
 std::size_t behind_code(Bytes unit, std::size_t at) {
   for (; at + 3 <= unit.size(); ++at)
     if (unit[at] == 0 && unit[at + 1] == 0 && unit[at + 2] == 1)
@@ -137,11 +138,11 @@ std::size_t behind_code(Bytes unit, std::size_t at) {
 void search_start_codes(Bytes unit, VideoCodec codec, StampSearch& found) {
   std::size_t begin = behind_code(unit, 0);
   while (begin < unit.size()) {
-    // A picture's end is of no interest, nor are its many bytes.
+    // The end of the picture is not searched: it may have many bytes.
     const bool picture = is_picture(codec, type_of(codec, unit[begin]));
     const std::size_t next = picture ? unit.size() : behind_code(unit, begin);
     std::size_t end = next == unit.size() ? next : next - 3;
-    // No unit ends in a zero: what stands there is padding, or the first byte of the next code.
+    // A unit never ends in a zero: trailing zeros are padding, or the first byte of the next start code.
     while (end > begin && unit[end - 1] == 0)
       --end;
     if (see(unit.subspan(begin, end - begin), codec, found)) {
@@ -210,8 +211,8 @@ StampSearch find_stamp(Bytes unit, const NalFraming& framing) {
 
 StampUnit::StampUnit(const NalFraming& framing, std::uint64_t time_us, std::uint8_t temporal) {
   const bool h264 = framing.codec == VideoCodec::h264;
-  // No prevention bytes: the separators keep the time from making 0 0 0 to 0 0 3, and nothing else has a
-  // zero.
+  // No emulation prevention bytes are needed: the separators prevent 0 0 0 to 0 0 3 in the time, and the
+  // other bytes are not zero.
   const std::size_t size = header_bytes(framing.codec) + 2 + message_size + 1;
   if (framing.length_bytes == 0)
     put(std::array<std::uint8_t, 4>{0, 0, 0, 1});
@@ -219,7 +220,7 @@ StampUnit::StampUnit(const NalFraming& framing, std::uint64_t time_us, std::uint
     put(std::array{static_cast<std::uint8_t>(left > sizeof size ? 0 : size >> 8 * (left - 1))});
   if (h264)
     put(std::array{h264_sei});
-  else // layer 0, and the temporal layer of its picture
+  else // layer 0 and the temporal layer of the picture
     put(std::array{static_cast<std::uint8_t>(h265_prefix_sei << 1), temporal});
   put(std::array{user_data_unregistered, message_size});
   put(microseconds_identifier(framing.codec));
@@ -233,7 +234,7 @@ void StampUnit::put(Bytes bytes) {
 }
 
 std::optional<unsigned> nal_length_bytes(VideoCodec codec, Bytes codec_data) {
-  // avcC: version, profile, compatibility, level, then the length; hvcC has it in its 22nd byte.
+  // avcC: version, profile, compatibility, level, then the length size. hvcC has it in byte 21.
   const std::size_t at = codec == VideoCodec::h264 ? 4 : 21;
   if (codec_data.size() <= at || (codec == VideoCodec::h264 && codec_data[0] != 1))
     return std::nullopt;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The precision time stamp of MISB ST 0604 in H.264 and H.265: an SEI message "user data, unregistered"
-// (payload type 5) with one of MISB's identifiers, the time status of ST 0603, and the time in groups of two
-// bytes with 0xFF between, so that no time makes a start code. It stands in the access unit, where no demuxer
-// moves it.
+// (payload type 5) with an identifier of MISB, the time status of ST 0603, and the time in groups of two
+// bytes separated by 0xFF, which prevents start codes. It is part of the access unit, so demuxers cannot move
+// it.
 //
 // Integers only, no GStreamer.
 #pragma once
@@ -17,10 +17,10 @@ namespace terrainseg {
 
 enum class VideoCodec : std::uint8_t { h264, h265 };
 
-/// How NAL units lie in an access unit.
+/// How NAL units are separated in an access unit.
 struct NalFraming {
   VideoCodec codec = VideoCodec::h264;
-  unsigned length_bytes = 0; ///< of the length in front of each; 0 = start codes (Annex B)
+  unsigned length_bytes = 0; ///< size of the length field in front of each unit; 0 = start codes (Annex B)
 };
 
 using StampIdentifier = std::array<std::uint8_t, 16>;
@@ -35,30 +35,30 @@ constexpr const StampIdentifier& microseconds_identifier(VideoCodec codec) {
   return codec == VideoCodec::h264 ? h264_microseconds : h265_microseconds;
 }
 
-/// Time status: whether the clock is locked to a reference is not known; time runs on steadily.
+/// Time status: it is unknown whether the clock is locked to a reference; no discontinuity.
 inline constexpr std::uint8_t stamp_status = 0x9f;
 
-/// What follows the identifier: status and time.
+/// Payload after the identifier: status and time.
 using StampContent = std::array<std::uint8_t, 12>;
 StampContent stamp_content(std::uint64_t time_us);
 
-/// Microseconds, from the content behind an identifier; nothing when the identifier is another one, or the
-/// content is not of that form. Bytes behind the time are passed over.
+/// Reads microseconds from the payload after an identifier. Returns nothing if the identifier is unknown or
+/// the payload has another form. Bytes after the time are ignored.
 std::optional<std::uint64_t> stamp_time(std::span<const std::uint8_t> identifier,
                                         std::span<const std::uint8_t> content);
 
-/// What an access unit says before its first slice.
+/// Content of an access unit in front of its first slice.
 struct StampSearch {
-  std::optional<std::uint64_t> time_us; ///< the stamp; nothing when there is none, or two that differ
-  bool several = false;                 ///< stamps that differ: parts of two pictures
+  std::optional<std::uint64_t> time_us; ///< the stamp; nothing if there is none, or several different ones
+  bool several = false;                 ///< several different stamps: parts of two pictures
   std::optional<std::size_t>
-      place; ///< where a stamp belongs; nothing without a slice, or with lengths that run over
+      place; ///< position for a stamp; nothing without a slice, or if a length exceeds the unit
   std::uint8_t temporal = 1; ///< nuh_temporal_id_plus1 of the first slice (H.265)
 };
-/// Reads up to the first slice. Safe on hostile bytes: linear in their number, no memory.
+/// Reads up to the first slice. Safe for untrusted input: linear time, no allocation.
 StampSearch find_stamp(std::span<const std::uint8_t> unit, const NalFraming& framing);
 
-/// A NAL unit with the stamp of a picture, as it lies in an access unit.
+/// Returns a NAL unit with the stamp of a picture, with the start code or length of the access unit.
 class StampUnit {
  public:
   StampUnit(const NalFraming& framing, std::uint64_t time_us, std::uint8_t temporal = 1);
@@ -71,7 +71,8 @@ class StampUnit {
   std::size_t size_ = 0;
 };
 
-/// Bytes of a length, from `codec_data` of the caps (avcC or hvcC); nothing when it is not one.
+/// Size of the length field according to `codec_data` of the caps (avcC or hvcC). Returns nothing if that is
+/// invalid.
 std::optional<unsigned> nal_length_bytes(VideoCodec codec, std::span<const std::uint8_t> codec_data);
 
 } // namespace terrainseg

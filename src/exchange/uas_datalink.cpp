@@ -13,14 +13,14 @@ namespace {
 
 using namespace vmti;
 
-/// low..high as 0..2^bits - 1.
+/// Maps low..high to 0..2^bits - 1.
 std::uint64_t unsigned_share(double value, double low, double high, int bits) {
   const double steps = std::ldexp(1.0, bits) - 1;
   return static_cast<std::uint64_t>(
       std::llround((std::clamp(value, low, high) - low) * steps / (high - low)));
 }
 
-/// -limit..limit as -(2^(bits-1) - 1)..2^(bits-1) - 1 in two's complement; the one number below says "out of
+/// Maps -limit..limit to -(2^(bits-1) - 1)..2^(bits-1) - 1 in two's complement; -2^(bits-1) means "out of
 /// range".
 std::uint64_t signed_share(double value, double limit, int bits) {
   const double steps = std::ldexp(1.0, bits - 1) - 1;
@@ -28,7 +28,7 @@ std::uint64_t signed_share(double value, double limit, int bits) {
   return number & ((std::uint64_t{1} << bits) - 1);
 }
 
-/// An angle in the short item where it fits, else in that of the full range.
+/// Writes an angle in the short item if it fits, otherwise in the item with the full range.
 void put_angle(Bytes& set, double degrees, std::uint8_t tag, double limit, std::uint8_t full_tag) {
   constexpr double full_limit = 90;
   if (std::abs(degrees) <= limit)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Where the camera is and how it is held, as items of a MISB ST 0601 UAS Datalink Local Set. ST 0601 maps
-// ranges of degrees and metres linearly to whole numbers; docs/klv.md has the table.
+// Position and attitude of the camera as items of a MISB ST 0601 UAS Datalink Local Set. ST 0601 maps ranges
+// of degrees and metres linearly to integers (table: docs/klv.md).
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,8 @@
 
 namespace terrainseg {
 
-/// Degrees against the level. The platform of ST 0601 is the camera itself: its axes are the camera's.
+/// Angles to the horizontal plane, in degrees. The platform of ST 0601 is the camera: its axes are the
+/// camera's.
 struct UasAttitude {
   double pitch = 0; ///< positive = looks up
   double roll = 0;  ///< positive = right side down
@@ -23,18 +24,18 @@ struct UasPosition {
   double altitude = 0;  ///< metres above mean sea level, -900..19000
 };
 
-/// What is known of the platform; what is not leaves its items out.
+/// The known values of the platform. Unknown values are not written.
 struct UasPlatform {
-  std::optional<double> heading; ///< degrees clockwise from north to where the camera looks, any turn
+  std::optional<double> heading; ///< direction of the camera, degrees clockwise from north, any value
   std::optional<UasAttitude> attitude;
   std::optional<UasPosition> position;
 };
 
-/// Reads `latitude,longitude,altitude` or `latitude,longitude,altitude,heading` (degrees, metres; a point is
-/// the decimal mark). nullptr, or what is wrong, as the rest of a sentence; `platform` is unchanged then.
+/// Parses `latitude,longitude,altitude` or `latitude,longitude,altitude,heading` (degrees, metres, decimal
+/// points). Returns nullptr, or the error as the end of a sentence; then `platform` is unchanged.
 const char* read_position(std::string_view text, UasPlatform& platform);
 
-/// Appends the items of what is known.
+/// Appends the items of the known values.
 void put_platform(std::vector<std::uint8_t>& set, const UasPlatform& platform);
 
 } // namespace terrainseg

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The letters of a KLV unit: tags of its sets, BER lengths, BER-OID tags, numbers, checksum. What encoder and
-// decoder share; nothing else includes it.
+// The primitives of a KLV unit, shared by encoder and decoder: tags of its sets, BER lengths, BER-OID tags,
+// numbers, checksum.
 #pragma once
 
 #include <array>
@@ -29,7 +29,7 @@ enum : std::uint8_t {
   vmti_width = 8,
   vmti_height = 9,
   vmti_target_series = 101,
-  vmti_terrain = 127, // none of ST 0903's: decoders pass over tags that they do not know
+  vmti_terrain = 127, // not a tag of ST 0903: decoders skip unknown tags
 
   target_centroid = 1,
   target_top_left = 2,
@@ -48,7 +48,7 @@ enum : std::uint8_t {
 };
 inline constexpr std::uint8_t st0903_revision = 5;
 
-// UAS Datalink Local Set: tags of ST 0601.
+// Tags of the UAS Datalink Local Set (ST 0601).
 enum : std::uint8_t {
   uas_checksum = 1,
   uas_time = 2,
@@ -70,7 +70,7 @@ inline constexpr std::uint8_t st0601_revision = 17;
 
 enum : std::uint8_t { id_traversable = 1, id_doubtful = 2, id_horizon = 3 };
 
-/// Bytes of the checksum item, the last of a VMTI and of a UAS Datalink Local Set.
+/// Size of the checksum item, the last one of a VMTI and of a UAS Datalink Local Set, bytes.
 inline constexpr std::size_t checksum_size = 2 + 2;
 
 // The private Local Set.
@@ -93,29 +93,29 @@ enum : std::uint8_t {
 };
 inline constexpr std::size_t model_size = 3 * 2 + 3 * 4 + 8 + 3;
 
-/// Upper half of each pair of bytes added up in 16 bits, as ST 0601 defines it.
+/// 16-bit sum of all bytes, those at even positions in the upper half (ST 0601).
 std::uint16_t checksum16(View bytes);
 
 // ---- writing: each appends to `out` ----------------------------------------------------------------------
 
-/// The lowest `bytes` bytes of a number, the highest first.
+/// The lowest `bytes` bytes of a number, big-endian.
 void put_big(Bytes& out, std::uint64_t value, int bytes);
-/// BER length: one byte under 128, else the number of bytes and the bytes.
+/// BER length: one byte below 128; otherwise 0x80 + the number of bytes, and the bytes.
 void put_length(Bytes& out, std::size_t length);
 void put_bytes(Bytes& out, View bytes);
-/// Tag and length of an item whose value follows.
+/// Tag and length of an item. The value must follow.
 void put_head(Bytes& out, std::uint8_t tag, std::size_t length);
 void put_item(Bytes& out, std::uint8_t tag, View value);
 void put_text(Bytes& out, std::uint8_t tag, std::string_view text);
-/// An unsigned number in `bytes` bytes, or in as few as hold it when `bytes` is 0.
+/// An unsigned number in `bytes` bytes, or in the smallest number of bytes if `bytes` is 0.
 void put_number(Bytes& out, std::uint8_t tag, std::uint64_t value, int bytes = 0);
 void put_rectangle(Bytes& out, std::uint8_t tag, const Rectangle& r);
-/// Differences of neighbouring columns, zigzag, seven bits a byte: steps of up to 63 rows take one byte.
+/// Differences of neighbouring columns, zigzag, 7 bits a byte. A step of up to 63 rows takes one byte.
 void put_boundary(Bytes& out, std::span<const std::uint16_t> boundary);
 
 // ---- reading ---------------------------------------------------------------------------------------------
 
-/// Takes things off the front. After the first thing that is not there everything is empty and ok() is false.
+/// Reads from the front. After the first error all further reads are empty and ok() is false.
 class Cursor {
  public:
   explicit Cursor(View bytes) : left_(bytes) {}
@@ -140,7 +140,7 @@ class Cursor {
       value = (value << 8) | b;
     return value;
   }
-  /// BER length of at most four bytes; the indefinite form is refused, as KLV does not know it.
+  /// BER length of at most four bytes. Refuses the indefinite form, which KLV does not allow.
   std::size_t length() {
     const std::uint8_t first = byte();
     if (first < 128)
@@ -152,7 +152,7 @@ class Cursor {
     }
     return static_cast<std::size_t>(big(n));
   }
-  /// BER-OID tag: seven bits a byte. Tags above 16 bits do not exist.
+  /// BER-OID tag: 7 bits a byte. Refuses tags of more than 16 bits.
   std::uint32_t tag() {
     std::uint32_t value = 0;
     for (int i = 0; i < 3; ++i) {
@@ -175,11 +175,11 @@ class Cursor {
   bool ok_ = true;
 };
 
-/// A number of exactly the item's bytes, at most 8.
+/// A number that takes the whole item, at most 8 bytes.
 bool read_number(View item, std::uint64_t& value);
-/// Four numbers within -65536..65536.
+/// Four numbers, each in -65536..65536.
 bool read_rectangle(View item, Rectangle& r);
-/// What put_boundary() wrote; false when it is cut short or holds rows outside 0..65535.
+/// Reads the output of put_boundary(). False if it is truncated or has rows outside 0..65535.
 bool read_boundary(View item, std::vector<std::uint16_t>& boundary);
 bool begins_with(View bytes, const std::array<std::uint8_t, 16>& label);
 

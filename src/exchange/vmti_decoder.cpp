@@ -13,13 +13,13 @@ using namespace vmti;
 
 namespace {
 
-/// Whether a VMTI or UAS Datalink Local Set ends with the checksum that it must end with.
+/// Whether the last item of a VMTI or UAS Datalink Local Set is a checksum, as required.
 bool has_checksum(View set) {
   static_assert(int{vmti_checksum} == int{uas_checksum});
   return set.size() >= checksum_size && set[set.size() - 4] == vmti_checksum && set[set.size() - 3] == 2;
 }
 
-/// Whether a UAS Datalink Local Set has a VMTI Local Set among its items.
+/// Whether a UAS Datalink Local Set has an item with a VMTI Local Set.
 bool holds_vmti(View set) {
   Cursor in(set);
   while (in.ok() && !in.done()) {
@@ -29,6 +29,72 @@ bool holds_vmti(View set) {
       return true;
   }
   return false;
+}
+
+/// Reads an item of the private Local Set that is a field of Estimate by itself. Returns false if its size or
+/// value is invalid; unknown tags, from a later writer of the same version, are valid.
+bool read_terrain_item(std::uint32_t tag, View item, Estimate& estimate) {
+  std::uint64_t number = 0;
+  const bool fixed = read_number(item, number);
+  const auto sized = [&](std::size_t size) { return fixed && item.size() == size; };
+  const auto upper = [&](int bits) {
+    return static_cast<std::int32_t>(static_cast<std::uint32_t>(number >> bits));
+  };
+  switch (tag) {
+  case terrain_frame:
+    estimate.frame = number;
+    return sized(8);
+  case terrain_frame_size:
+    estimate.frame_width = static_cast<int>(number >> 16 & 0xffff);
+    estimate.frame_height = static_cast<int>(number & 0xffff);
+    return sized(4);
+  case terrain_region:
+    return read_rectangle(item, estimate.mask_region);
+  case terrain_sent_mask: // the size before the sender halved the mask: not used here
+    return sized(4);
+  case terrain_horizon:
+    estimate.horizon_row = upper(8);
+    estimate.horizon_confidence = static_cast<std::uint8_t>(number);
+    return sized(5) && estimate.horizon_row >= -1 && estimate.horizon_row <= 65535;
+  case terrain_confidence:
+    estimate.confidence = static_cast<std::uint8_t>(number);
+    return sized(1);
+  case terrain_permille:
+    estimate.traversable_permille = static_cast<int>(number & 0xffff);
+    return sized(2) && number <= 1000;
+  case terrain_window:
+    return read_rectangle(item, estimate.window);
+  case terrain_generation:
+    estimate.model_generation = static_cast<std::uint32_t>(number);
+    return sized(4);
+  case terrain_flags:
+    estimate.flags = static_cast<std::uint32_t>(number);
+    return sized(4);
+  case terrain_motion:
+    estimate.vanishing_row = upper(32);
+    estimate.speed_over_height = upper(0);
+    return sized(8) && estimate.vanishing_row >= -1;
+  default:
+    return true;
+  }
+}
+
+/// Reads the list of learned models. Returns false if its size is not that of 0 to max_models models.
+bool read_models(View models, Estimate& estimate) {
+  if (models.size() % model_size != 0 || models.size() / model_size > max_models)
+    return false;
+  Cursor list(models);
+  for (; !list.done(); ++estimate.model_count) {
+    ModelSummary& model = estimate.models[static_cast<std::size_t>(estimate.model_count)];
+    for (std::uint16_t& mean : model.mean)
+      mean = static_cast<std::uint16_t>(list.big(2));
+    for (std::uint32_t& variance : model.variance)
+      variance = static_cast<std::uint32_t>(list.big(4));
+    model.mass = list.big(8);
+    for (std::uint8_t& component : model.rgb)
+      component = list.byte();
+  }
+  return true;
 }
 
 } // namespace
@@ -48,13 +114,13 @@ KlvVerdict KlvUnit::decode(std::span<const std::uint8_t> bytes) {
   targets_ = {};
   seen_targets_ = seen_masks_ = 0;
 
-  // Sets of other makers may stand before ours.
+  // Skips sets of other programs in front of the VMTI set.
   while (!begins_with(bytes, vmti_label)) {
     Cursor in(bytes);
     const View label = in.take(16);
     const std::size_t length = in.length();
     if (!in.ok() || label[0] != 0x06 || label[1] != 0x0e || label[2] != 0x2b || label[3] != 0x34)
-      return refuse(KlvVerdict::damaged, "not KLV: no universal label where one must stand");
+      return refuse(KlvVerdict::damaged, "not KLV: a universal label is missing");
     const View set = in.take(length);
     if (!in.ok())
       return refuse(KlvVerdict::damaged, "a KLV set is cut short");
@@ -71,7 +137,7 @@ KlvVerdict KlvUnit::decode(std::span<const std::uint8_t> bytes) {
   return read_alone(bytes);
 }
 
-/// A VMTI Local Set at the beginning of `bytes`.
+/// Reads a VMTI Local Set at the beginning of `bytes`.
 KlvVerdict KlvUnit::read_alone(View bytes) {
   Cursor in(bytes);
   in.take(vmti_label.size());
@@ -85,7 +151,7 @@ KlvVerdict KlvUnit::read_alone(View bytes) {
   return read_items(unit.first(head), set.first(set.size() - checksum_size));
 }
 
-/// A VMTI Local Set, without label, length and checksum, in the UAS Datalink Local Set `set`.
+/// Reads the VMTI Local Set (without label, length and checksum) in the UAS Datalink Local Set `set`.
 KlvVerdict KlvUnit::read_nested(View unit, View set) {
   if (const KlvVerdict verdict = check_frame(unit, set, "UAS Datalink"); verdict != KlvVerdict::ok)
     return verdict;
@@ -109,7 +175,7 @@ KlvVerdict KlvUnit::read_nested(View unit, View set) {
   return read_items(head_, vmti);
 }
 
-/// Size and checksum of the outermost set.
+/// Checks size and checksum of the outermost set.
 KlvVerdict KlvUnit::check_frame(View unit, View set, const char* name) {
   if (unit.size() > klv_unit_limit)
     return refuse(KlvVerdict::damaged, "a unit of " + std::to_string(unit.size()) +
@@ -121,7 +187,8 @@ KlvVerdict KlvUnit::check_frame(View unit, View set, const char* name) {
   return KlvVerdict::ok;
 }
 
-/// The items of a VMTI Local Set without its checksum; `head` is label and length as it has them alone.
+/// Reads the items of a VMTI Local Set without its checksum. `head` is label and length as in a set that is
+/// not nested.
 KlvVerdict KlvUnit::read_items(View head, View set) {
   View terrain;
   if (const KlvVerdict verdict = read_vmti(set, terrain); verdict != KlvVerdict::ok)
@@ -148,109 +215,43 @@ KlvVerdict KlvUnit::read_items(View head, View set) {
 KlvVerdict KlvUnit::read_terrain_set(View set) {
   Cursor in(set);
   View boundary, models;
-  std::uint64_t number = 0;
-  bool good = true, versioned = false;
-  while (good && in.ok() && !in.done()) {
+  bool versioned = false;
+  while (in.ok() && !in.done()) {
     const std::uint32_t tag = in.tag();
     const View item = in.item();
     if (!in.ok())
       break;
-    const bool fixed = read_number(item, number);
-    const auto sized = [&](std::size_t size) { return fixed && item.size() == size; };
-    switch (tag) {
-    case terrain_version:
-      if (!sized(1))
+    if (tag == terrain_version) {
+      std::uint64_t version = 0;
+      if (item.size() != 1 || !read_number(item, version))
         return refuse(KlvVerdict::damaged, "terrainseg's Local Set has no readable version");
-      if (number != terrain_set_version)
-        return refuse(KlvVerdict::foreign, "terrainseg's Local Set has version " + std::to_string(number) +
+      if (version != terrain_set_version)
+        return refuse(KlvVerdict::foreign, "terrainseg's Local Set has version " + std::to_string(version) +
                                                ", this one reads version " +
                                                std::to_string(terrain_set_version) + ": update terrainseg");
       versioned = true;
-      break;
-    case terrain_frame:
-      good = sized(8);
-      estimate_.frame = number;
-      break;
-    case terrain_frame_size:
-      good = sized(4);
-      estimate_.frame_width = static_cast<int>(number >> 16 & 0xffff);
-      estimate_.frame_height = static_cast<int>(number & 0xffff);
-      break;
-    case terrain_region:
-      good = read_rectangle(item, estimate_.mask_region);
-      break;
-    case terrain_sent_mask: // the size before the sender halved it: for others
-      good = sized(4);
-      break;
-    case terrain_horizon: {
-      const auto row = static_cast<std::int32_t>(static_cast<std::uint32_t>(number >> 8));
-      good = sized(5) && row >= -1 && row <= 65535;
-      estimate_.horizon_row = row;
-      estimate_.horizon_confidence = static_cast<std::uint8_t>(number);
-      break;
-    }
-    case terrain_confidence:
-      good = sized(1);
-      estimate_.confidence = static_cast<std::uint8_t>(number);
-      break;
-    case terrain_permille:
-      good = sized(2) && number <= 1000;
-      estimate_.traversable_permille = static_cast<int>(number & 0xffff);
-      break;
-    case terrain_window:
-      good = read_rectangle(item, estimate_.window);
-      break;
-    case terrain_generation:
-      good = sized(4);
-      estimate_.model_generation = static_cast<std::uint32_t>(number);
-      break;
-    case terrain_flags:
-      good = sized(4);
-      estimate_.flags = static_cast<std::uint32_t>(number);
-      break;
-    case terrain_boundary:
+    } else if (tag == terrain_boundary) {
       boundary = item;
-      break;
-    case terrain_models:
+    } else if (tag == terrain_models) {
       models = item;
-      break;
-    case terrain_motion: {
-      const auto row = static_cast<std::int32_t>(static_cast<std::uint32_t>(number >> 32));
-      good = sized(8) && row >= -1;
-      estimate_.vanishing_row = row;
-      estimate_.speed_over_height = static_cast<std::int32_t>(static_cast<std::uint32_t>(number));
-      break;
-    }
-    default: // added by a later writer of the same version
-      break;
-    }
-    if (!good)
+    } else if (!read_terrain_item(tag, item, estimate_)) {
       return refuse(KlvVerdict::damaged, "tag " + std::to_string(tag) +
                                              " of terrainseg's Local Set has a size or value it cannot have");
+    }
   }
   if (!in.ok())
     return refuse(KlvVerdict::damaged, "an item of terrainseg's Local Set is cut short");
   if (!versioned)
     return refuse(KlvVerdict::damaged, "terrainseg's Local Set has no version");
   if (!read_boundary(boundary, boundary_))
-    return refuse(KlvVerdict::damaged, "the boundary is cut short or holds rows that cannot be");
-  if (models.size() % model_size != 0 || models.size() / model_size > max_models)
+    return refuse(KlvVerdict::damaged, "the boundary is cut short or has invalid rows");
+  if (!read_models(models, estimate_))
     return refuse(KlvVerdict::damaged, "the models have a size they cannot have");
-  Cursor list(models);
-  for (; !list.done(); ++estimate_.model_count) {
-    ModelSummary& model = estimate_.models[static_cast<std::size_t>(estimate_.model_count)];
-    for (std::uint16_t& mean : model.mean)
-      mean = static_cast<std::uint16_t>(list.big(2));
-    for (std::uint32_t& variance : model.variance)
-      variance = static_cast<std::uint32_t>(list.big(4));
-    model.mass = list.big(8);
-    for (std::uint8_t& component : model.rgb)
-      component = list.byte();
-  }
   return KlvVerdict::ok;
 }
 
-/// The items of the VMTI Local Set; what is read of them is judged only when the unit is known as ours.
+/// Reads the items of the VMTI Local Set. The values are checked later, when the unit is known to be from
+/// terrainseg.
 KlvVerdict KlvUnit::read_vmti(View set, View& terrain) {
   Cursor in(set);
   while (in.ok() && !in.done()) {
@@ -275,7 +276,7 @@ KlvVerdict KlvUnit::read_targets() {
   if (width < 1 || height < 1 || width > longest_picture_side || height > longest_picture_side ||
       static_cast<std::int64_t>(width * height) > klv_mask_limit)
     return refuse(KlvVerdict::damaged,
-                  "a mask of " + std::to_string(width) + "x" + std::to_string(height) + " pixels cannot be");
+                  "a mask of " + std::to_string(width) + "x" + std::to_string(height) + " pixels is invalid");
   estimate_.mask = {{}, static_cast<int>(width), static_cast<int>(height)};
   if (estimate_.mask.width > estimate_.frame_width || estimate_.mask.height > estimate_.frame_height)
     return refuse(KlvVerdict::damaged, "a mask of " + std::to_string(width) + "x" + std::to_string(height) +
@@ -308,8 +309,8 @@ KlvVerdict KlvUnit::read_target(View pack) {
     const View item = in.item();
     if (tag != target_mask || !in.ok())
       continue;
-    // One mask a target and one series a mask: rising order holds within a series, so that only then the
-    // work is linear in the unit's bytes and the mask's.
+    // One mask per target and one series per mask: only within a series are runs in rising order, which makes
+    // the work linear in the sizes of the unit and the mask.
     if (seen_masks_ & (1u << id))
       return refuse(KlvVerdict::damaged, "target " + std::to_string(id) + " has more than one mask");
     seen_masks_ |= 1u << id;
@@ -345,7 +346,7 @@ KlvVerdict KlvUnit::read_runs(View series, std::uint8_t value) {
     const std::uint64_t run = pair.length();
     if (!in.ok() || !pair.ok() || !pair.done())
       return refuse(KlvVerdict::damaged, "a run of the mask is cut short");
-    // Rising order bounds the work of drawing by the size of the mask.
+    // Rising order limits the drawing work to the size of the mask.
     if (number < 1 || run < 1 || number - 1 < next || run > pixels || number - 1 > pixels - run)
       return refuse(KlvVerdict::damaged, "a run of the mask lies outside it or goes back");
     next = number - 1 + run;

@@ -11,7 +11,8 @@ namespace {
 
 using namespace vmti;
 
-/// A run as ST 0903 packs it: length of the pair, length of the pixel number, pixel number from 1, BER run.
+/// A run as in ST 0903: length of the pair, length of the pixel number, pixel number from 1, run length in
+/// BER.
 std::uint8_t* put_run(std::uint8_t* p, std::uint32_t start, std::uint32_t length) {
   std::uint8_t* const pair = p++;
   const std::uint32_t pixel = start + 1;
@@ -37,7 +38,7 @@ struct MaskRuns {
   bool fits = true;
 };
 
-/// Run lengths of both targets in one pass; gives up when they cannot fit a unit.
+/// Collects the run lengths of both targets in one pass. Stops if they cannot fit into a unit.
 MaskRuns write_runs(const GrayView& mask, Bytes& traversable, Bytes& doubtful) {
   traversable.resize(klv_unit_limit + largest_run);
   doubtful.resize(klv_unit_limit + largest_run);
@@ -67,7 +68,7 @@ MaskRuns write_runs(const GrayView& mask, Bytes& traversable, Bytes& doubtful) {
   return result;
 }
 
-/// ST 0903 counts 1..100; what is there is at least 1.
+/// ST 0903 allows 1..100: a target has at least 1.
 std::uint8_t percentage(std::uint64_t part, std::uint64_t whole) {
   return static_cast<std::uint8_t>(std::clamp<std::uint64_t>((part * 200 + whole) / (2 * whole), 1, 100));
 }
@@ -162,7 +163,7 @@ bool KlvEncoder::halve(GrayView& mask, std::span<const std::uint16_t>& boundary)
   return true;
 }
 
-/// Fills unit_; false when it would pass the limit.
+/// Fills unit_. Returns false if it would exceed the limit.
 bool KlvEncoder::write(const Estimate& e, const GrayView& mask, std::span<const std::uint16_t> boundary,
                        std::uint64_t time_us, const UasPlatform* platform) {
   const MaskRuns runs = write_runs(mask, traversable_, doubtful_);
@@ -218,9 +219,9 @@ bool KlvEncoder::write(const Estimate& e, const GrayView& mask, std::span<const 
   return unit.size() <= klv_unit_limit;
 }
 
-/// Puts the VMTI set at the end of unit_, without label, length and checksum, into a UAS Datalink Local Set.
+/// Appends the VMTI set of unit_, without label, length and checksum, to a UAS Datalink Local Set.
 void KlvEncoder::nest(const UasPlatform& platform, std::uint64_t time_us, std::size_t vmti_size) {
-  Bytes& set = set_; // it is in the unit by now
+  Bytes& set = set_; // its content has been copied into the unit
   set.clear();
   put_number(set, uas_time, time_us, 8);
   put_platform(set, platform);
@@ -233,7 +234,7 @@ void KlvEncoder::nest(const UasPlatform& platform, std::uint64_t time_us, std::s
   put_big(unit_, checksum16(unit_), 2);
 }
 
-/// The private Local Set without its checksum, into extra_.
+/// Writes the private Local Set without its checksum into extra_.
 void KlvEncoder::put_terrain_set(const Estimate& e, std::span<const std::uint16_t> boundary) {
   const auto size_of = [](int v) { return static_cast<std::uint64_t>(std::clamp(v, 0, 65535)); };
   Bytes& set = extra_;
@@ -253,7 +254,7 @@ void KlvEncoder::put_terrain_set(const Estimate& e, std::span<const std::uint16_
   put_rectangle(set, terrain_window, e.window);
   put_number(set, terrain_generation, e.model_generation, 4);
   put_number(set, terrain_flags, e.flags, 4);
-  Bytes& part = traversable_; // its runs are in the unit by now
+  Bytes& part = traversable_; // its runs have been copied into the unit
   part.clear();
   put_boundary(part, boundary);
   put_item(set, terrain_boundary, part);

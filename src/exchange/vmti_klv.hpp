@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// An estimate as one KLV unit and back: a MISB ST 0903 VMTI Local Set that any VMTI decoder reads (the mask
-// as run lengths, the horizon as a target), and in it a private Local Set with the rest, so that decode()
-// gives what encode() got; alone, or within a MISB ST 0601 UAS Datalink Local Set. The layout is docs/klv.md.
+// Converts an estimate to one KLV unit and back. The unit is a MISB ST 0903 VMTI Local Set, which any VMTI
+// decoder reads (the mask as run lengths, the horizon as a target). A private Local Set in it holds the other
+// fields, so decode() returns what encode() received. The set is alone or inside a MISB ST 0601 UAS Datalink
+// Local Set. Layout: docs/klv.md.
 //
-// Integers only, no GStreamer. Numbers on the wire are big-endian, as everywhere in MISB.
+// Integers only, no GStreamer. Numbers in a unit are big-endian, as MISB requires.
 #pragma once
 
 #include <array>
@@ -18,30 +19,29 @@
 
 namespace terrainseg {
 
-/// A unit never has more bytes: mpegtsmux drops KLV above 65532 bytes with no more than a warning.
+/// Maximum size of a unit, bytes. mpegtsmux drops KLV of more than 65532 bytes with only a warning.
 inline constexpr std::size_t klv_unit_limit = 60000;
-/// Masks with more pixels are neither sent at full size nor accepted: 8192 x 8192.
+/// Maximum number of mask pixels that are sent at full size or accepted: 8192 x 8192.
 inline constexpr std::int64_t klv_mask_limit = std::int64_t{1} << 26;
 
 inline constexpr std::array<std::uint8_t, 16> vmti_label = {0x06, 0x0e, 0x2b, 0x34, 0x02, 0x0b, 0x01, 0x01,
                                                             0x0e, 0x01, 0x03, 0x03, 0x06, 0x00, 0x00, 0x00};
 inline constexpr std::array<std::uint8_t, 16> uas_label = {0x06, 0x0e, 0x2b, 0x34, 0x02, 0x0b, 0x01, 0x01,
                                                            0x0e, 0x01, 0x03, 0x01, 0x01, 0x00, 0x00, 0x00};
-/// SMPTE's class 15 (experimental), then "TRNSEG" and 1.
+/// Class 15 of SMPTE (experimental), then "TRNSEG" and 1.
 inline constexpr std::array<std::uint8_t, 16> terrain_label = {
     0x06, 0x0e, 0x2b, 0x34, 0x02, 0x0b, 0x01, 0x01, 0x0f, 'T', 'R', 'N', 'S', 'E', 'G', 0x01};
 inline constexpr std::uint8_t terrain_set_version = 1;
 
-/// Makes units. Keeps its buffers: once it has seen the largest frame it allocates nothing.
+/// Encodes units. Keeps its buffers: no allocation after the largest frame.
 class KlvEncoder {
  public:
-  /// The unit, valid until the next call; empty when the estimate has no mask. Horizon, window and mask lie
-  /// inside the frame and the boundary has a row for every mask column or none, as Estimate says: the decoder
-  /// refuses anything else. `time_us` is the precision time stamp, microseconds. A mask whose runs do not
-  /// fit, or one larger than its frame (the frame was scaled, the mask never is), is halved until it fits, as
-  /// is the boundary: a pixel of the smaller mask has the least of its four values, a column the nearer of
-  /// its two rows, so that halving never adds free space. With a platform the VMTI set lies in a UAS Datalink
-  /// Local Set, which says what is known of the platform.
+  /// Returns the unit, valid until the next call; empty if the estimate has no mask. Requires a valid
+  /// estimate (flaw_of()): the decoder refuses others. `time_us` is the precision time stamp in microseconds.
+  /// A mask whose runs do not fit, or that is larger than its frame (the frame was scaled, masks are not), is
+  /// halved with its boundary until it fits: a pixel gets the lowest of four values, a column the nearer of
+  /// two rows. Halving never adds free space. With `platform` the unit is a UAS Datalink Local Set with the
+  /// known values of the platform.
   std::span<const std::uint8_t> encode(const Estimate& estimate, std::uint64_t time_us,
                                        const UasPlatform* platform = nullptr);
 
@@ -61,29 +61,29 @@ class KlvEncoder {
 
 enum class KlvVerdict : std::uint8_t {
   ok,
-  foreign, ///< whole, but not made by terrainseg, or by a newer one
+  foreign, ///< complete, but not from terrainseg, or from a newer version
   damaged, ///< lengths, checksums or values that no encoder writes
 };
 
-/// A decoded unit. Keeps its buffers when it is decoded into again.
+/// A decoded unit. Keeps its buffers for the next decode().
 class KlvUnit {
  public:
-  /// Reads a unit. On anything but ok the content is unspecified and error() says why. Safe on hostile bytes:
-  /// every length is checked, time and memory are linear in the number of bytes, and drawing is linear in the
-  /// mask, which is no larger than the frame that the unit names.
+  /// Reads a unit. If the result is not ok, the content is unspecified and error() has the reason. Safe for
+  /// untrusted input: every length is checked. Time and memory are linear in the number of bytes; drawing is
+  /// linear in the mask, which is not larger than the frame given in the unit.
   KlvVerdict decode(std::span<const std::uint8_t> bytes);
   const std::string& error() const { return error_; }
 
-  /// All but the mask's pixels (mask.plane.data is null, mask.width and height are set); the boundary is a
-  /// view into this unit.
+  /// Everything but the mask's pixels: mask.plane.data is null, mask.width and height are set. The boundary
+  /// is a view into this unit.
   const Estimate& estimate() const { return estimate_; }
   std::uint64_t time_us() const { return time_us_; }
 
-  // What tests hold the work of a unit to.
-  /// Bytes that draw_mask() writes: at most three times the mask's pixels.
+  // Limits of the work for a unit, for tests.
+  /// Number of bytes that draw_mask() writes: at most three times the mask's pixels.
   std::uint64_t pixels_to_draw() const;
   std::size_t runs() const { return runs_.size(); } ///< at most a quarter of the unit's bytes
-  /// Draws the mask: estimate().mask.height rows of estimate().mask.width bytes.
+  /// Draws the mask: estimate().mask.height rows of estimate().mask.width bytes each.
   void draw_mask(const MutablePlane& target) const;
 
  private:
@@ -104,13 +104,13 @@ class KlvUnit {
   KlvVerdict read_terrain_set(std::span<const std::uint8_t> set);
 
   std::string error_;
-  std::vector<std::uint8_t> head_; ///< of a nested set as it would stand alone
+  std::vector<std::uint8_t> head_; ///< label and length of a nested set as it would stand alone
   Estimate estimate_;
   std::vector<std::uint16_t> boundary_;
   std::vector<Run> runs_;
   std::uint64_t time_us_ = 0;
   std::uint64_t grid_width_ = 0, grid_height_ = 0;
-  std::span<const std::uint8_t> targets_;           ///< into the bytes that decode() reads; not used after it
+  std::span<const std::uint8_t> targets_;           ///< view into the bytes of decode(); not used after it
   std::uint32_t seen_targets_ = 0, seen_masks_ = 0; ///< a bit per target
 };
 

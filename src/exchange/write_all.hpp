@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What every file that must not be lost is written with.
+// write() for files that must not be lost.
 #pragma once
 
 #include <unistd.h>
@@ -10,7 +10,7 @@
 
 namespace terrainseg {
 
-/// Writes all of it, whatever interrupts; 0, or the errno.
+/// Writes all bytes; continues after interruptions and short writes. Returns 0 or the errno.
 inline int write_all(int fd, std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
     const ssize_t count = ::write(fd, bytes.data(), bytes.size());

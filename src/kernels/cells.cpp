@@ -104,6 +104,102 @@ void add_pair_differences(const std::uint8_t* luma, int count, std::uint16_t* su
     sums[i] = static_cast<std::uint16_t>(sums[i] + std::abs(luma[2 * i + 1] - luma[2 * i]));
 }
 
+template <int rows>
+void sums_of(const std::array<const std::uint8_t*, 4>& row, int count, std::uint16_t* __restrict sums,
+             std::uint16_t* __restrict steps) {
+  int x = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const D16 d16;
+  const hn::Rebind<std::uint8_t, D16> d8;
+  const int n = static_cast<int>(hn::Lanes(d16));
+  for (; x + n < count; x += n) {
+    auto sum = hn::Zero(d16), step = hn::Zero(d16);
+    for (std::size_t r = 0; r < rows; ++r) {
+      const auto here = hn::PromoteTo(d16, hn::LoadU(d8, row[r] + x)),
+                 next = hn::PromoteTo(d16, hn::LoadU(d8, row[r] + x + 1));
+      sum = hn::Add(sum, here);
+      step = hn::Add(step, hn::Sub(hn::Max(here, next), hn::Min(here, next)));
+    }
+    hn::StoreU(sum, d16, sums + x);
+    hn::StoreU(step, d16, steps + x);
+  }
+#endif
+  for (; x < count; ++x) {
+    unsigned sum = 0, step = 0;
+    for (std::size_t r = 0; r < rows; ++r) {
+      sum += row[r][x];
+      if (x + 1 < count)
+        step += static_cast<unsigned>(std::abs(row[r][x + 1] - row[r][x]));
+    }
+    sums[x] = static_cast<std::uint16_t>(sum);
+    if (x + 1 < count)
+      steps[x] = static_cast<std::uint16_t>(step);
+  }
+}
+
+void sums_of_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int count, std::uint16_t* sums,
+                  std::uint16_t* steps) {
+  if (rows == 4)
+    sums_of<4>(row, count, sums, steps);
+  else if (rows == 3)
+    sums_of<3>(row, count, sums, steps);
+  else if (rows == 2)
+    sums_of<2>(row, count, sums, steps);
+  else
+    sums_of<1>(row, count, sums, steps);
+}
+
+// Compilers make vectors of it.
+template <int per_cell>
+void largest_steps_of(const std::uint16_t* __restrict columns, int count, std::uint16_t* __restrict out) {
+  int i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  if constexpr (per_cell == 4) {
+    // Each pair of 16-bit lanes, then each pair of 32-bit lanes.
+    const D16 d16;
+    const hn::Repartition<std::uint32_t, D16> d32;
+    const hn::Repartition<std::uint64_t, D16> d64;
+    const hn::Rebind<std::uint16_t, decltype(d64)> quarter;
+    const int n = static_cast<int>(hn::Lanes(d64));
+    for (; i + n <= count; i += n) {
+      const auto here = hn::LoadU(d16, columns + 4 * i), next = hn::LoadU(d16, columns + 4 * i + 1);
+      const auto step = hn::Sub(hn::Max(here, next), hn::Min(here, next));
+      const auto pairs = hn::Max(step, hn::BitCast(d16, hn::ShiftRight<16>(hn::BitCast(d32, step))));
+      const auto fours = hn::Max(pairs, hn::BitCast(d16, hn::ShiftRight<32>(hn::BitCast(d64, pairs))));
+      hn::StoreU(hn::TruncateTo(quarter, hn::BitCast(d64, fours)), quarter, out + i);
+    }
+  }
+#endif
+  for (; i < count; ++i) {
+    int most = 0;
+    for (int k = 0; k < per_cell; ++k)
+      most = std::max(most, std::abs(columns[i * per_cell + k + 1] - columns[i * per_cell + k]));
+    out[i] = static_cast<std::uint16_t>(most);
+  }
+}
+
+void largest_steps_of_cells(const std::uint16_t* columns, int per_cell, int count, std::uint16_t* out) {
+  if (per_cell == 1)
+    largest_steps_of<1>(columns, count, out);
+  else if (per_cell == 2)
+    largest_steps_of<2>(columns, count, out);
+  else
+    largest_steps_of<4>(columns, count, out);
+}
+
+// Compilers make vectors of it.
+void upright_evidence(const std::int16_t* __restrict coherence, const std::uint16_t* __restrict contrast,
+                      const std::uint8_t* __restrict ignored, const UprightRule& rule, int score_weight,
+                      int count, std::int16_t* __restrict score) {
+  const auto [neutral, weight, against, in_favour, most] = rule;
+  for (int i = 0; i < count; ++i) {
+    const int says = within(((neutral - coherence[i]) * weight) >> 8, against, in_favour) * contrast[i] / 32,
+              added = says < most ? says : most;
+    const int weighed = ((score[i] * score_weight) >> 5) + added;
+    score[i] = static_cast<std::int16_t>(ignored[i] ? score[i] : weighed);
+  }
+}
+
 // Compilers make vectors of it.
 template <int per_cell>
 void add_boxes_of(const std::uint16_t* __restrict columns, int shift, int count,
@@ -299,6 +395,9 @@ namespace terrainseg::kernels {
 HWY_EXPORT(weigh_cells);
 HWY_EXPORT(add_pair_differences);
 HWY_EXPORT(add_column_boxes);
+HWY_EXPORT(sums_of_rows);
+HWY_EXPORT(largest_steps_of_cells);
+HWY_EXPORT(upright_evidence);
 HWY_EXPORT(color_steps_between);
 HWY_EXPORT(follow_cells);
 HWY_EXPORT(smooth_cells);
@@ -317,6 +416,20 @@ void add_differences(const std::uint8_t* luma, int count, std::uint16_t* sums) {
 
 void add_boxes(const std::uint16_t* columns, int per_cell, int shift, int count, std::uint16_t* out) {
   HWY_DYNAMIC_DISPATCH(add_column_boxes)(columns, per_cell, shift, count, out);
+}
+
+void sum_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int count, std::uint16_t* sums,
+              std::uint16_t* steps) {
+  HWY_DYNAMIC_DISPATCH(sums_of_rows)(row, rows, count, sums, steps);
+}
+
+void largest_steps(const std::uint16_t* columns, int per_cell, int count, std::uint16_t* out) {
+  HWY_DYNAMIC_DISPATCH(largest_steps_of_cells)(columns, per_cell, count, out);
+}
+
+void weigh_upright(const std::int16_t* coherence, const std::uint16_t* contrast, const std::uint8_t* ignored,
+                   const UprightRule& rule, int score_weight, int count, std::int16_t* score) {
+  HWY_DYNAMIC_DISPATCH(upright_evidence)(coherence, contrast, ignored, rule, score_weight, count, score);
 }
 
 void color_steps(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,

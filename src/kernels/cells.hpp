@@ -20,6 +20,24 @@ void weigh_components(const ComponentRow& in, const std::array<std::int32_t, 3>&
 /// sums[i] += |luma[2i + 1] - luma[2i]|.
 void add_differences(const std::uint8_t* luma, int count, std::uint16_t* sums);
 
+/// Sums over `rows` (1 to 4) rows of pixels: of the pixels, and of |pixel x + 1 - pixel x|, `count` - 1 of
+/// them.
+void sum_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int count, std::uint16_t* sums,
+              std::uint16_t* steps);
+
+/// out[i] = largest |columns[x + 1] - columns[x]| of the `per_cell` (1, 2 or 4) columns from i * per_cell on.
+void largest_steps(const std::uint16_t* columns, int per_cell, int count, std::uint16_t* out);
+
+/// How coherence becomes evidence: clamp((neutral - coherence) * weight >> 8, against, in_favour) * contrast
+/// / 32, at most `most`.
+struct UprightRule {
+  int neutral, weight, against, in_favour, most;
+};
+
+/// score[i] = score[i] * score_weight / 32, rounded down, plus the evidence; ignored cells keep theirs.
+void weigh_upright(const std::int16_t* coherence, const std::uint16_t* contrast, const std::uint8_t* ignored,
+                   const UprightRule& rule, int score_weight, int count, std::int16_t* score);
+
 /// out[i] += sum of the `per_cell` (1, 2 or 4) columns from i * per_cell on, shifted left by `shift`; modulo
 /// 2^16.
 void add_boxes(const std::uint16_t* columns, int per_cell, int shift, int count, std::uint16_t* out);

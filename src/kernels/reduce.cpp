@@ -390,6 +390,74 @@ void reduce(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* 
   }
 }
 
+// The pixels first..last-1 of one row, none of which touches an edge; false when they are fewer than a
+// vector.
+template <int step, int written>
+bool single_pixels([[maybe_unused]] const std::uint8_t* row, [[maybe_unused]] int first,
+                   [[maybe_unused]] int last, [[maybe_unused]] std::ptrdiff_t ahead,
+                   [[maybe_unused]] std::uint8_t* out) {
+#if HWY_TARGET != HWY_SCALAR
+  const hn::CappedTag<std::uint8_t, 32> d8;
+  const hn::Repartition<std::uint16_t, decltype(d8)> d16;
+  const hn::Repartition<std::uint32_t, decltype(d8)> d32;
+  const std::size_t block = hn::Lanes(d8), half = block / 2;
+  const std::size_t count = static_cast<std::size_t>(std::max(0, last - first)) * written;
+  if (count < block)
+    return false;
+  const auto pairing =
+      hn::LoadDup128(d8, step == 2 ? pairing_of_2 : (step == 3 ? pairing_of_3 : pairing_of_4));
+  const auto lower_spread = spreading(d32, 0), upper_spread = spreading(d32, block / 16);
+  const auto rounding = hn::Set(d16, 8);
+  row += 2 * first * step;
+  out += first * written;
+  const auto source = [](std::size_t i) { return i * 2 / written * step; };
+  const std::size_t tail = count - block;
+  for (std::size_t i = 0;; i = std::min(i + block, tail)) {
+    const std::uint8_t* const at = row + source(i);
+    if (ahead != 0)
+      ask_ahead(at + ahead, source(block));
+    const auto low = sums<step>(d8, at, false, pairing, lower_spread),
+               high = sums<step>(d8, row + source(i + half), true, pairing, upper_spread);
+    const auto rounded = [&](auto sum)
+                             HWY_ATTR { return hn::BitCast(d8, hn::ShiftRight<4>(hn::Add(sum, rounding))); };
+    hn::StoreU(hn::ConcatEven(d8, rounded(high), rounded(low)), d8, out + i);
+    if (i == tail)
+      return true;
+  }
+#else
+  return false;
+#endif
+}
+
+template <int step, int written>
+void reduce_single(const std::uint8_t* row, int width, std::ptrdiff_t ahead, std::uint8_t* out) {
+  const int half = (width + 1) / 2, inner = std::max(1, width / 2 - 1);
+  const bool done = single_pixels<step, written>(row, 1, inner, ahead, out);
+  for (int x = 0; x < half; ++x) {
+    if (done && x == 1)
+      x = inner;
+    for (int c = 0; c < step; ++c)
+      out[x * written + c] =
+          static_cast<std::uint8_t>((horizontal_in_narrow<step>(row + c, 2 * x, width) + 8) >> 4);
+    if constexpr (written > step)
+      out[x * written + step] = 0;
+  }
+}
+
+void reduce_one(Interleave interleave, const std::uint8_t* row, int width, std::ptrdiff_t ahead,
+                std::uint8_t* out) {
+  switch (interleave) {
+  case Interleave::one:
+    return reduce_single<1, 1>(row, width, ahead, out);
+  case Interleave::two:
+    return reduce_single<2, 2>(row, width, ahead, out);
+  case Interleave::three:
+    return reduce_single<3, 4>(row, width, ahead, out);
+  case Interleave::four:
+    return reduce_single<4, 4>(row, width, ahead, out);
+  }
+}
+
 void reduce_vertically(const std::uint8_t* odd, const std::uint8_t* even, int bytes, const Waiting& w,
                        std::uint8_t* __restrict out) {
   const std::size_t count = static_cast<std::size_t>(bytes);
@@ -521,6 +589,7 @@ HWY_AFTER_NAMESPACE();
 namespace terrainseg::kernels {
 
 HWY_EXPORT(reduce);
+HWY_EXPORT(reduce_one);
 HWY_EXPORT(reduce_vertically);
 HWY_EXPORT(split);
 HWY_EXPORT(narrow_row);
@@ -530,6 +599,11 @@ HWY_EXPORT(spread_row);
 void reduce_pair(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
                  std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
   HWY_DYNAMIC_DISPATCH(reduce)(interleave, odd, even, width, ahead, waiting, out);
+}
+
+void reduce_horizontally(Interleave interleave, const std::uint8_t* row, int width, std::ptrdiff_t ahead,
+                         std::uint8_t* out) {
+  HWY_DYNAMIC_DISPATCH(reduce_one)(interleave, row, width, ahead, out);
 }
 
 void reduce_pair_vertically(const std::uint8_t* odd, const std::uint8_t* even, int bytes,

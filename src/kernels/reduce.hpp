@@ -34,7 +34,11 @@ struct Waiting {
 void reduce_pair(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
                  std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out);
 
-/// The same in the vertical direction only, for `bytes` bytes: (s + 8) >> 4.
+/// Reduces one row in the horizontal direction only: (s + 8) >> 4, `ahead` as above.
+void reduce_horizontally(Interleave interleave, const std::uint8_t* row, int width, std::ptrdiff_t ahead,
+                         std::uint8_t* out);
+
+/// reduce_pair() in the vertical direction only, for `bytes` bytes: (s + 8) >> 4.
 void reduce_pair_vertically(const std::uint8_t* odd, const std::uint8_t* even, int bytes,
                             const Waiting& waiting, std::uint8_t* out);
 

@@ -38,6 +38,10 @@ TERRAINSEG_TUNED(std::int64_t, motion_obstacles, least_information, 2500);
 TERRAINSEG_TUNED(int, motion_obstacles, contradicting, 24);
 TERRAINSEG_TUNED(int, motion_obstacles, slight_slope, 72);
 TERRAINSEG_TUNED(int, motion_obstacles, retry_after, 8); ///< frames between searches after a failure
+/// Failures in a row after which motion rests, and the frames for which it does before two frames are
+/// compared again, with a search.
+TERRAINSEG_TUNED(int, motion_obstacles, patience, 16);
+TERRAINSEG_TUNED(int, motion_obstacles, rest, 6);
 
 /// Forward motion per frame with which a search starts, Q24 of the camera's height.
 constexpr std::array<std::int64_t, 9> first_guesses{0,       251658,  671089,  1342177, 2348810,
@@ -68,7 +72,7 @@ void MotionObstacles::forget() {
   has_before_ = false;
   step_ = {};
   pts_ = -1;
-  failures_ = frames_passed_ = 0;
+  failures_ = frames_passed_ = frames_to_rest_ = 0;
   result_ = {};
 }
 
@@ -214,10 +218,11 @@ bool MotionObstacles::follow(std::int64_t pts) {
   PlaneMotion step = error_of(straight) < error_of(guess) ? straight : guess;
   alignment_.refine(small_points_, small_passed(small_before_), view_.quarter(), 4, step);
   bool found = alignment_.refine(points_, earlier, view_, 2, step) && good(step);
-  if (!found && (failures_ < 3 || failures_ % retry_after == 0))
+  if (!found && (failures_ < 3 || failures_ % retry_after == 0 || failures_ >= patience))
     found = acquire(step) && good(step);
   if (!found) {
-    ++failures_;
+    if (++failures_ >= patience)
+      frames_to_rest_ = rest;
     step_ = straight;
     return false;
   }
@@ -425,6 +430,12 @@ const MotionView& MotionObstacles::observe(const GrayView& luma, const GrayView&
     return result_;
   }
   frames_passed_ = 0;
+  if (frames_to_rest_ > 0) {
+    --frames_to_rest_;
+    has_before_ = false;
+    pts_ = pts;
+    return result_;
+  }
   result_ = {};
   follow_line(knowledge);
   told_ = knowledge;

@@ -50,7 +50,8 @@ class MotionObstacles {
   /// Processes one frame. `luma` is motion's level. `ground` marks the ground by appearance (any size,
   /// stretched over the level, >= 128 = ground); that of the last frame is sufficient. `pts` is in ns, -1 =
   /// unknown. A frame that follows within 45 ms (without times: every second frame) is skipped and the last
-  /// result returned.
+  /// result returned; likewise three of four frames after the ground's motion was not found 16 times in a
+  /// row.
   const MotionView& observe(const GrayView& luma, const GrayView& ground, std::int64_t pts,
                             const MotionKnowledge& knowledge = {});
   void forget(); ///< after a gap in time: restarts the tracking, keeps the vanishing line
@@ -107,7 +108,7 @@ class MotionObstacles {
   std::vector<KeyFrame> keys_, spare_;
   PlaneMotion step_;
   bool has_before_ = false, moving_ = false;
-  int frames_passed_ = 0, failures_ = 0, coasted_ = 0, line_frames_ = 0;
+  int frames_passed_ = 0, failures_ = 0, frames_to_rest_ = 0, coasted_ = 0, line_frames_ = 0;
   std::uint64_t frame_ = 0;
   std::int64_t pts_ = -1, interval_ = 0;
   std::int64_t line_weight_ = 0, line_sum_ = 0; ///< information, and information times rows (Q8)

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What drawings are made with: areas of a frame of any format that are blended with a colour.
+// Drawing primitives: areas of a frame of any format that are blended with a colour.
 //
-// Everything drawn is a blend: a coverage of 0..256 per pixel and one colour. Frames are walked in tiles, so
-// that the coverage stays in the first cache and nothing is allocated.
+// Everything is drawn as a blend of one colour with a coverage of 0..256 per pixel. Frames are processed in
+// tiles, so that the coverage fits into the L1 cache and no memory is allocated.
 #pragma once
 
 #include <algorithm>
@@ -39,8 +39,8 @@ class Canvas {
   Rectangle bounds() const { return {0, 0, frame_.width, frame_.height}; }
   Ink ink(const Ink& rgb) const { return color_in(frame_.format, frame_.colorimetry, rgb); }
 
-  /// Blends `ink` over an area; `cover(y, x, count, out)` writes the coverage of `count` pixels of row y from
-  /// x on, all inside the area.
+  /// Blends `ink` over an area. `cover(y, x, count, out)` writes the coverage of `count` pixels of row y,
+  /// beginning at column x, all within the area.
   template <class Cover> void blend(const Rectangle& area, const Ink& ink, Cover&& cover) const {
     const Rectangle r = intersection(area, bounds());
     if (r.empty())
@@ -48,7 +48,7 @@ class Canvas {
     const int x_shift = layout_.components[1].x_shift, y_shift = layout_.components[1].y_shift;
     const int block_width = 1 << x_shift, block_height = 1 << y_shift;
     const int left = r.x & -block_width, right = r.x + r.width, bottom = r.y + r.height;
-    // A tile takes in the neighbours that share chroma samples with the area, at coverage 0.
+    // A tile includes the neighbours that share chroma samples with the area, with coverage 0.
     const int end = std::min((right + block_width - 1) & -block_width, frame_.width);
     std::array<std::array<Coverage, tile_width>, 2> rows;
     for (int y = r.y & -block_height; y < bottom; y += block_height) {
@@ -77,11 +77,11 @@ class Canvas {
     });
   }
 
-  /// A frame of `thickness` pixels just inside a rectangle.
+  /// The outline of a rectangle, `thickness` pixels wide, inside it.
   void outline(const Rectangle& r, int thickness, const Ink& ink, int strength) const {
     if (r.empty())
       return;
-    // One blend for all four sides: a chroma sample at a corner is then blended once.
+    // One blend for all four sides, so that the chroma samples of the corners are blended only once.
     blend(r, ink, [&](int y, int x, int count, Coverage* out) {
       const bool edge_row = y < r.y + thickness || y >= r.y + r.height - thickness;
       std::fill_n(out, count, static_cast<Coverage>(edge_row ? strength : 0));
@@ -126,8 +126,8 @@ class Canvas {
 
   bool packed_422() const { return !layout_.rgb && layout_.planes == 1 && layout_.component_count == 3; }
 
-  // One sample a coverage. The ink of deeper samples is the 8-bit one with zeros below it: read again, it is
-  // the same.
+  // One sample per coverage value. Formats with more than 8 bits use the 8-bit ink with zeros as lower bits,
+  // which gives the same value when it is read.
   void blend_component(std::uint8_t* samples, const Coverage* coverage, int count, std::uint8_t ink) const {
     if (layout_.sample_bytes() == 1)
       kernels::blend_plane(samples, coverage, count, ink);
@@ -135,7 +135,7 @@ class Canvas {
       kernels::blend_words(samples, coverage, count, layout_.shift, deep(ink));
   }
 
-  // Chroma of formats that are not packed; grey has none.
+  // The chroma of planar formats; grey has none.
   void blend_chroma(std::uint8_t* u, std::uint8_t* v, const Coverage* coverage, int count,
                     const Ink& ink) const {
     if (layout_.component_count == 1)
@@ -181,13 +181,13 @@ class Canvas {
   const FormatLayout& layout_;
 };
 
-/// Alpha of the style and of its colour together, 0..256.
+/// Product of the alpha of the style and of its colour, 0..256.
 inline int strength_of(const PaintStyle& style) {
   const int opacity = static_cast<int>(style.color >> 24);
   return std::clamp(style.alpha, 0, opaque) * (opacity + (opacity >> 7)) >> 8;
 }
 
-/// Whether there is anything to draw on.
+/// Whether the frame can be drawn on.
 inline bool drawable(const MutableFrame& frame) {
   if (frame.width <= 0 || frame.height <= 0)
     return false;

@@ -18,7 +18,7 @@ constexpr Ink grey_rgb = {120, 120, 120};
 constexpr Ink obstacle_rgb = {255, 72, 40};
 constexpr int glyph_width = 5, glyph_height = 7, glyph_step = glyph_width + 1;
 
-/// Rows of 0..9, '.' and 'm' from the top, the leftmost pixel in bit 4.
+/// Glyphs of 0..9, '.' and 'm': rows from the top, the leftmost pixel is bit 4.
 constexpr std::uint8_t glyphs[12][glyph_height] = {
     {0x0e, 0x11, 0x13, 0x15, 0x19, 0x11, 0x0e}, {0x04, 0x0c, 0x04, 0x04, 0x04, 0x04, 0x0e},
     {0x0e, 0x11, 0x01, 0x06, 0x08, 0x10, 0x1f}, {0x1f, 0x02, 0x04, 0x06, 0x01, 0x11, 0x0e},
@@ -31,7 +31,7 @@ int glyph_of(char letter) {
   return letter == '.' ? 10 : letter == 'm' ? 11 : letter - '0';
 }
 
-/// Metres with or without a decimal, and the unit.
+/// Metres with or without a decimal, followed by the unit.
 struct Label {
   Label(int decimetres, bool with_decimal) {
     decimetres = std::clamp(decimetres, 0, 99999);
@@ -53,7 +53,7 @@ int scale_of(int frame_height) {
   return std::clamp(frame_height / 300, 1, 12);
 }
 
-/// Letters in white on a dark box whose top left corner is given.
+/// White text on a dark box whose top left corner is given.
 void write(const Canvas& canvas, const Label& label, int x, int y, int scale, int strength) {
   const Rectangle box{x, y, label.width(scale), (glyph_height + 2) * scale};
   canvas.fill(box, canvas.ink(black_rgb), strength * 5 / 8);
@@ -86,7 +86,7 @@ void paint_mark(const Canvas& canvas, const MetricMark& mark, int scale, int str
   write(canvas, label, mark.x + half + 2 * size, mark.y - height / 2, size, strength);
 }
 
-/// One blend for each kind of cell: a chroma sample that several share takes its part of each.
+/// One blend for each kind of cell, because a chroma sample may belong to cells of several kinds.
 void paint_map(const Canvas& canvas, const MetricMarks& m, const Ink& color, int strength) {
   const Rectangle area{m.map_x, m.map_y, m.map.width, m.map.height};
   struct Layer {

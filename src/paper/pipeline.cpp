@@ -85,21 +85,30 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
   }
   clock.lap(Stage::update);
 
-  // E: scores of the cells, for the confidence.
-  if (blank || heaviest(terrain.models) < 0) {
-    out.label_unknown();
-    return;
-  }
+  if (blank || heaviest(terrain.models) < 0)
+    return out.label_unknown();
   if (table_is_old_)
     table_.build(terrain.models, settings.threshold_q8, settings.bit_shift);
   table_is_old_ = false;
+  label(task, grid, window_cells, horizon, out, clock);
+}
+
+// E: back-projection of the learned models.
+void PaperPipeline::label(const FrameTask& task, const Grid& grid, const Rectangle& window_cells,
+                          const Horizon& horizon, EstimateWriter& out, StageClock& clock) {
+  const Settings& settings = task.settings;
+  Estimate& estimate = out.estimate();
+
+  const VetoArea veto(task.veto, task.frame.width, task.frame.height);
+
+  // Scores of the cells, for the confidence.
   table_.score(grid, scores_);
   estimate.confidence = mean_closeness(scores_, grid.width, window_cells);
   estimate.horizon_row = horizon.row < 0 ? -1 : horizon.row << grid.level;
   estimate.horizon_confidence = horizon.confidence;
   clock.lap(Stage::scoring);
 
-  // E, continued: back-projection. Each pixel is labelled by its own colour.
+  // Each pixel is labelled by its own colour.
   const GrayView& mask = estimate.mask;
   const int first_row = subsampled(std::max(estimate.horizon_row, 0), settings.mask_level);
   std::uint64_t traversable =
@@ -108,11 +117,11 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
           : table_.label(pyramid_.grid(settings.mask_level), first_row, out.mask(), task.workers);
   traversable -=
       mark_ignored(settings.ignore_regions, settings.mask_level, out.mask(), mask.width, mask.height);
-  traversable -= area.veto.mark(settings.mask_level, out.mask(), mask.width, mask.height);
+  traversable -= veto.mark(settings.mask_level, out.mask(), mask.width, mask.height);
   clock.lap(Stage::mask);
 
   // The free space that is connected to the training window.
-  find_reach(grid, window_cells, horizon, area, settings, out);
+  find_reach(grid, window_cells, horizon, veto, settings, out);
   out.tell_free_space(traversable, settings, grid.level);
   clock.lap(Stage::boundary);
 }
@@ -120,18 +129,18 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
 // An addition to the paper: finds the free cells connected to the window. Replaces the scores by 1 (free) or
 // 0.
 void PaperPipeline::find_reach(const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
-                               const TrainingArea& area, const Settings& settings, EstimateWriter& out) {
+                               const VetoArea& veto, const Settings& settings, EstimateWriter& out) {
   for (std::uint8_t& cell : scores_)
     cell = cell <= kernels::score_limit;
   std::fill_n(scores_.begin(), static_cast<std::ptrdiff_t>(std::max(horizon.row, 0)) * grid.width, 0);
   fill_ignored(settings.ignore_regions, grid.level, grid.width, grid.height, 0, scores_.data());
-  area.veto.fill_cells(grid.level, grid.width, grid.height, 0, scores_.data());
+  veto.fill_cells(grid.level, grid.width, grid.height, 0, scores_.data());
   find_reachable(scores_, grid.width, window_cells, top_);
   const Estimate& estimate = out.estimate();
   refine_reachable(grid, top_, estimate.mask, settings.mask_level, estimate.frame_height, out.boundary());
-  if (area.veto.empty())
+  if (veto.empty())
     return;
-  area.veto.lower(settings.mask_level, out.boundary());
+  veto.lower(settings.mask_level, out.boundary());
   for (std::uint16_t& row : out.boundary())
     if (row >= estimate.window.y + estimate.window.height)
       row = static_cast<std::uint16_t>(estimate.frame_height); // no ground is left in the window's rows

@@ -26,8 +26,10 @@ class PaperPipeline final : public Pipeline {
   void forget_terrain() override { table_is_old_ = true; }
 
  private:
+  void label(const FrameTask& task, const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
+             EstimateWriter& out, StageClock& clock);
   void find_reach(const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
-                  const TrainingArea& area, const Settings& settings, EstimateWriter& out);
+                  const VetoArea& veto, const Settings& settings, EstimateWriter& out);
 
   PyramidPlan plan_;
   Pyramid pyramid_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Values as CDR (XCDR1, little endian), the form of ROS 2 messages on the wire and in recordings.
+// Encodes values as CDR (XCDR1, little-endian), the format of ROS 2 messages on the wire and in recordings.
 #pragma once
 
 #include <bit>
@@ -10,11 +10,11 @@
 
 namespace terrainseg::recording {
 
-/// Appends the members of one message in their order. A number is aligned to its own size, counted from
-/// behind the four bytes that say how the rest is encoded.
+/// Appends the members of one message in order. A number is aligned to its size; the alignment counts from
+/// the end of the 4-byte encapsulation header.
 class CdrWriter {
  public:
-  /// Begins a message in `out`, in place of what was there.
+  /// Begins a message; clears `out`.
   explicit CdrWriter(Bytes& out) : out_(out) { out_.assign({0, 1, 0, 0}); }
 
   void u8(std::uint8_t value) { out_.push_back(value); }
@@ -23,15 +23,15 @@ class CdrWriter {
   void f32(float value) { aligned(std::bit_cast<std::uint32_t>(value)); }
   void f64(double value) { aligned(std::bit_cast<std::uint64_t>(value)); }
   void boolean(bool value) { u8(value ? 1 : 0); }
-  /// A length that counts the end mark, the text, the end mark.
+  /// A length that includes the terminating zero, the text, the zero.
   void string(std::string_view text) {
     u32(static_cast<std::uint32_t>(text.size() + 1));
     append(out_, bytes_of(text));
     out_.push_back(0);
   }
-  /// The number of elements that a sequence begins with; the elements follow. An array has none.
+  /// The number of elements of a sequence; the elements must follow. An array has no count.
   void count(std::size_t elements) { u32(static_cast<std::uint32_t>(elements)); }
-  /// Bytes as they are, without a count.
+  /// Bytes without a count.
   void raw(ByteView bytes) { append(out_, bytes); }
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Reads values of CDR (XCDR1, little endian) from bytes that anybody may have sent.
+// Reads CDR values (XCDR1, little-endian) from untrusted bytes.
 #pragma once
 
 #include <bit>
@@ -10,11 +10,11 @@
 
 namespace terrainseg::recording {
 
-/// Reads the members of one message in their order. A read behind the end, or of what cannot be, gives 0 and
-/// makes the whole reader fail: ask whole() after the last member.
+/// Reads the members of one message in order. A read past the end or of an invalid value returns 0 and marks
+/// the reader as failed. Check whole() after the last member.
 class CdrReader {
  public:
-  /// Refuses other encodings: big endian, parameter lists, XCDR2.
+  /// Refuses other encodings: big-endian, parameter lists, XCDR2.
   explicit CdrReader(ByteView message) : rest_(message) {
     const ByteView header = take(header_size);
     failed_ = failed_ || header[0] != 0 || header[1] != 1;
@@ -30,7 +30,7 @@ class CdrReader {
     failed_ = failed_ || value > 1;
     return value == 1;
   }
-  /// Without its end mark; a view into the message.
+  /// A string without its terminating zero; a view into the message.
   std::string_view string() {
     const ByteView text = take(u32());
     failed_ = failed_ || text.empty() || text.back() != 0;
@@ -38,13 +38,13 @@ class CdrReader {
                    : std::string_view(reinterpret_cast<const char*>(text.data()), text.size() - 1);
   }
   void skip_reals(std::size_t count) {
-    f64(); // for its alignment
+    f64(); // only for its alignment
     take((count - 1) * sizeof(double));
   }
 
-  /// Bytes that are not read yet.
+  /// The bytes that have not been read.
   std::size_t left() const { return rest_.size(); }
-  /// Whether all was there, and nothing follows but the bytes that fill up a submessage.
+  /// Whether all reads succeeded and only padding follows.
   bool whole() const { return !failed_ && rest_.size() < 4; }
 
  private:

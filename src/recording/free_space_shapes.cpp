@@ -13,7 +13,7 @@ constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
 constexpr float free_way = std::numeric_limits<float>::infinity();
 constexpr std::int8_t cell_free = 0, cell_occupied = 100, cell_unknown = -1;
 
-/// The nearer of two, where free is the farthest and unknown is nearer than free.
+/// The nearer of two ranges. Unknown counts as nearer than free.
 float nearer(float a, float b) {
   if (std::isfinite(a) && std::isfinite(b))
     return std::min(a, b);
@@ -66,8 +66,8 @@ void boundary_points(std::vector<BoundaryPoint>& points, const MetricEstimate& m
                         m.low[i], m.high[i]});
 }
 
-/// Around the fan and the body's origin, to whole metres. It depends on nothing that changes from frame to
-/// frame.
+/// The bounding box of the fan and the body's origin, rounded outwards to metres. It is the same for all
+/// frames of a stream.
 FreeSpaceGrid::Box FreeSpaceGrid::box_of(const ScanFan& fan, double range_max, double cell) {
   double low[2] = {0, 0}, high[2] = {0, 0};
   for (std::uint32_t i = 0; i < fan.beams; ++i) {
@@ -87,41 +87,51 @@ FreeSpaceGrid::Box FreeSpaceGrid::box_of(const ScanFan& fan, double range_max, d
   return box;
 }
 
-void FreeSpaceGrid::lay_out(const Box& box) {
+void FreeSpaceGrid::lay_out(const Box& box, const Beams& beams) {
   box_ = box;
+  fan_ = beams.fan();
+  yaw_.reset();
   places_.clear();
   for (int row = 0; row < box.height; ++row)
     for (int column = 0; column < box.width; ++column) {
       const double x = box.x + (column + 0.5) * box.resolution, y = box.y + (row + 0.5) * box.resolution;
-      places_.push_back({static_cast<float>(std::hypot(x, y)), static_cast<float>(std::atan2(y, x))});
+      const auto range = static_cast<float>(std::hypot(x, y)), angle = static_cast<float>(std::atan2(y, x));
+      const std::size_t cell = static_cast<std::size_t>(row) * static_cast<std::size_t>(box.width) +
+                               static_cast<std::size_t>(column);
+      if (const auto beam = beams.beam_of(angle))
+        places_.push_back({cell, *beam, range, angle, 0});
     }
 }
 
+void FreeSpaceGrid::turn(double yaw) {
+  yaw_ = yaw;
+  for (Place& place : places_)
+    place.across = std::cos(place.angle - yaw);
+}
+
 void FreeSpaceGrid::draw(const MetricEstimate& m, const Beams& beams, double cell) {
-  if (const Box box = box_of(beams.fan(), m.range_max, cell); !(box == box_))
-    lay_out(box);
+  if (const Box box = box_of(beams.fan(), m.range_max, cell); !(box == box_ && beams.fan() == fan_))
+    lay_out(box, beams);
+  if (yaw_ != m.yaw)
+    turn(m.yaw);
   const double thickness = 1.5 * box_.resolution; // no gap on a diagonal
-  cells_.clear();
-  for (const Polar& place : places_) {
-    const float* beam = beams.at(place.angle);
+  cells_.assign(static_cast<std::size_t>(box_.width) * static_cast<std::size_t>(box_.height), cell_unknown);
+  for (const Place& place : places_) {
+    const float beam = beams.ranges()[place.beam];
+    if (std::isnan(beam) || place.range > m.range_max)
+      continue;
     // The nearest row that is seen is a line across the way, not a circle.
-    const double across = std::cos(place.angle - m.yaw);
-    const bool in_view =
-        beam && across > 0.05 && place.range * across >= m.range_min && place.range <= m.range_max;
-    std::int8_t value = cell_unknown;
-    if (beam && !std::isnan(*beam) && place.range <= m.range_max) {
-      if (place.range >= *beam)
-        value = place.range < *beam + thickness ? cell_occupied : cell_unknown;
-      else if (in_view)
-        value = cell_free;
-    }
-    cells_.push_back(value);
+    const bool in_view = place.across > 0.05 && place.range * place.across >= m.range_min;
+    if (place.range >= beam)
+      cells_[place.cell] = place.range < beam + thickness ? cell_occupied : cell_unknown;
+    else if (in_view)
+      cells_[place.cell] = cell_free;
   }
   stamp_boundary(m);
 }
 
-/// What is narrower than a cell may lie beside all centres: where a column's free space ends its cell is
-/// occupied.
+/// Marks the cells in which the free space of a column ends as occupied: an obstacle narrower than a cell may
+/// lie between all centres.
 void FreeSpaceGrid::stamp_boundary(const MetricEstimate& m) {
   for (std::size_t i = 0; i < m.ranges.size(); ++i) {
     if (!std::isfinite(m.ranges[i]) || !std::isfinite(m.bearings[i]))

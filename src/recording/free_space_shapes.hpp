@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The boundary in metres in the shapes that robots read: beams of equal angles, points, cells of a grid.
+// Converts the boundary in metres to the shapes of robot messages: beams of equal angles, points, grid cells.
 #pragma once
 
 #include <cstdint>
@@ -11,36 +11,37 @@
 
 namespace terrainseg::recording {
 
-/// Beams of equal angles, by REP 117; each is the least of the columns in it.
+/// Beams of equal angles as REP 117 defines them. A beam has the shortest range of the columns in it.
 class Beams {
  public:
-  /// The fan is that of the first frame, also for all frames after it; all directions where that one states
-  /// none. A beam without a column is NaN, as is one with a column that is not known and no obstacle.
-  /// Columns outside the fan are in no beam.
+  /// All frames use the fan of the first frame, or all directions if that frame gives no fan. A beam is NaN
+  /// if it has no column, or an unknown column and no obstacle. Columns outside the fan are ignored.
   void take(const MetricEstimate& metric);
   const ScanFan& fan() const { return fan_; }
   const std::vector<float>& ranges() const {
     return ranges_;
-  } ///< from right to left; NaN unknown, +infinity free
-  /// The beam of a direction; nullptr outside the fan.
+  } ///< from right to left; NaN = unknown, +infinity = free
+  /// Returns the beam of a direction, or nullptr outside the fan.
   const float* at(double angle) const;
-
- private:
+  /// Its number; nothing outside the fan.
   std::optional<std::size_t> beam_of(double angle) const;
 
+ private:
   ScanFan fan_;
   std::vector<float> ranges_;
 };
 
-/// Where the free space ends at something: columns that are free as far as range_max, or unknown, give none.
+/// The points where the free space ends at an obstacle. Columns that are unknown or free up to range_max give
+/// none.
 void boundary_points(std::vector<BoundaryPoint>& points, const MetricEstimate& metric);
 
-/// The ground in view as cells. The grid holds the whole fan to range_max and moves with the vehicle.
+/// The visible ground as grid cells. The grid covers the whole fan up to range_max and moves with the
+/// vehicle.
 class FreeSpaceGrid {
  public:
-  /// `cell` in metres; doubled until a side has at most most_cells.
+  /// `cell` is the size of a cell in metres. It is doubled until no side has more than most_cells.
   void draw(const MetricEstimate& metric, const Beams& beams, double cell);
-  OccupancyGrid grid() const; ///< without cells before the first draw()
+  OccupancyGrid grid() const; ///< empty before the first draw()
 
   static constexpr int most_cells = 512;
 
@@ -50,15 +51,21 @@ class FreeSpaceGrid {
     int width = 0, height = 0;
     bool operator==(const Box&) const = default;
   };
-  struct Polar {
-    float range, angle;
+  /// A cell whose centre lies in the fan; the others are unknown.
+  struct Place {
+    std::size_t cell, beam;
+    float range, angle; ///< of the centre, from the body's origin
+    double across;      ///< cosine of its angle to the camera's axis
   };
   static Box box_of(const ScanFan& fan, double range_max, double cell);
-  void lay_out(const Box& box);
+  void lay_out(const Box& box, const Beams& beams);
+  void turn(double yaw);
   void stamp_boundary(const MetricEstimate& metric);
 
   Box box_;
-  std::vector<Polar> places_; ///< of the cells' centres, from the body's origin
+  ScanFan fan_;
+  std::optional<double> yaw_; ///< of `across`
+  std::vector<Place> places_;
   std::vector<std::int8_t> cells_;
 };
 

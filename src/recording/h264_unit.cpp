@@ -10,14 +10,14 @@ namespace {
 
 enum Type : std::uint8_t { slice = 1, idr_slice = 5, sequence_set = 7, picture_set = 8, delimiter = 9 };
 
-/// Calls take(type, bytes of the unit without its start code, with the header byte) for every NAL unit.
+/// Calls take(type, bytes without start code, including the header byte) for every NAL unit.
 template <class Take> void for_each_nal(ByteView stream, Take take) {
   constexpr std::array<std::uint8_t, 3> code = {0, 0, 1};
   const auto find = [&](auto from) { return std::search(from, stream.end(), code.begin(), code.end()); };
   for (auto at = find(stream.begin()); at != stream.end();) {
     const auto begin = at + 3, next = find(begin);
     auto end = next;
-    while (end != begin && next != stream.end() && end[-1] == 0) // the next code may be four bytes
+    while (end != begin && next != stream.end() && end[-1] == 0) // the next start code may have four bytes
       --end;
     if (begin != end)
       take(static_cast<Type>(*begin & 31), ByteView(begin, end));
@@ -25,9 +25,9 @@ template <class Take> void for_each_nal(ByteView stream, Take take) {
   }
 }
 
-/// The second number of a slice header (Exp-Golomb): its type; -1 when it is not there.
+/// The slice type: the second Exp-Golomb number of a slice header; -1 if the unit is too short.
 int slice_type(ByteView nal) {
-  std::size_t bit = 8; // behind the NAL header
+  std::size_t bit = 8; // after the NAL header
   const auto next = [&]() -> int {
     if (bit >= nal.size() * 8)
       return -1;
@@ -62,7 +62,7 @@ H264Unit inspect_h264(ByteView unit) {
     kind.idr |= type == idr_slice;
     sequence |= type == sequence_set;
     picture |= type == picture_set;
-    constexpr int b = 1, every = 5; // from 5 on: every slice of the picture is of that type
+    constexpr int b = 1, every = 5; // 5 to 9: all slices of the picture have this type
     if (type == slice)
       kind.b_slice |= slice_type(nal) % every == b;
   });

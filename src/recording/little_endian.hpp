@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Numbers as bytes, least significant first: the order of MCAP and of the CDR that is written here.
+// Numbers as little-endian bytes, the byte order of MCAP and of the CDR that is written here.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace terrainseg::recording {
 using Bytes = std::vector<std::uint8_t>;
 using ByteView = std::span<const std::uint8_t>;
 
-/// The text's bytes, without an end mark.
+/// The bytes of the text without a terminating zero.
 inline ByteView bytes_of(std::string_view text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::uint8_t magic[] = {0x89, 'M', 'C', 'A', 'P', 0x30, '\r', '\n'};
 constexpr int zstd_level =
-    1; ///< masks are runs: higher levels cost three times the time for a tenth of the bytes
+    1; ///< Masks are runs: higher levels take three times as long and save a tenth of the bytes.
 
 enum Opcode : std::uint8_t {
   op_header = 0x01,
@@ -30,7 +30,7 @@ enum Opcode : std::uint8_t {
   op_data_end = 0x0f,
 };
 
-/// A record in `out`, its length filled in when it is complete.
+/// A record in `out`; the destructor fills in its length.
 class Record {
  public:
   Record(Bytes& out, Opcode opcode) : out_(out) {
@@ -48,7 +48,7 @@ class Record {
     append(out_, bytes_of(text));
   }
   void bytes(ByteView data) { append(out_, data); }
-  /// A list, whose length in bytes comes first, of what `items` adds.
+  /// A list of the elements that `items` appends, after its length in bytes.
   template <class Items> void list(Items items) {
     const std::size_t at = out_.size();
     integer(std::uint32_t{0});
@@ -96,7 +96,7 @@ std::uint16_t McapWriter::add_channel(Channel channel) {
   return static_cast<std::uint16_t>(channels_.size());
 }
 
-/// The schema and the channel: every channel has a schema of its own, with its number.
+/// Writes schema and channel. Each channel has its own schema with the same number.
 void McapWriter::append_announcement(Bytes& out, std::uint16_t number) const {
   const Channel& channel = channels_[number - 1U];
   {
@@ -147,7 +147,7 @@ ByteView McapWriter::compress() {
   compressed_.resize(ZSTD_compressBound(chunk_.size()));
   const std::size_t size = ZSTD_compressCCtx(compressor_.get(), compressed_.data(), compressed_.size(),
                                              chunk_.data(), chunk_.size(), zstd_level);
-  if (ZSTD_isError(size)) // no memory: the output has room for the worst
+  if (ZSTD_isError(size)) // out of memory; the output buffer has room for the worst case
     throw std::runtime_error(std::string("zstd: ") + ZSTD_getErrorName(size));
   return {compressed_.data(), size};
 }
@@ -247,7 +247,7 @@ bool McapWriter::finish() {
     if (const std::uint64_t to = begin + summary.size(); to > from)
       groups.push_back({opcode, from, to});
   };
-  // Announcements are pairs of records of two kinds: here each kind stands together.
+  // Schemas and channels are written in pairs; the summary needs them grouped by kind.
   Bytes schemas, channels;
   for (std::size_t i = 0; i < channels_.size(); ++i) {
     if (channels_[i].messages == 0)
@@ -296,7 +296,8 @@ bool McapWriter::finish() {
     footer.integer(offsets);
     footer.integer(std::uint32_t{0});
   }
-  // The checksum ends the footer and covers everything in front of itself: also the length, which is known.
+  // The checksum is the last field of the footer and covers everything before it, including the record's
+  // length.
   constexpr std::size_t crc_size = 4;
   const std::uint32_t crc = crc32(ByteView(summary).first(summary.size() - crc_size));
   summary.resize(summary.size() - crc_size);

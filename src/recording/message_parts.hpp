@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The types that messages are made of, as text.
+// Definitions of the types that messages are composed of, as text.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace terrainseg::recording {
 
-/// A type by its short name, package/Name, and its members.
+/// The short name of a type, package/Name, and its members.
 struct Definition {
   const char* name;
   const char* members;
@@ -24,7 +24,7 @@ inline constexpr Definition point_type{"geometry_msgs/Point", "float64 x\nfloat6
 inline constexpr Definition pose_type{"geometry_msgs/Pose",
                                       "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"};
 
-/// The members, then each part behind a line of 80 equals signs and its name.
+/// The members, then each part after a line of 80 equals signs and its name.
 inline std::string schema(const char* members, std::initializer_list<Definition> parts) {
   std::string text = members;
   for (const Definition& part : parts)

@@ -11,7 +11,7 @@
 namespace terrainseg::recording {
 namespace {
 
-/// Nanoseconds; nothing before 1970 and where the nanoseconds are a second or more.
+/// Nanoseconds. Nothing if the time is before 1970 or the nanoseconds are a second or more.
 std::optional<std::uint64_t> read_header(CdrReader& in) {
   const std::int32_t seconds = in.i32();
   const std::uint32_t nanoseconds = in.u32();
@@ -28,10 +28,10 @@ Quaternion read_quaternion(CdrReader& in) {
   return q;
 }
 
-/// The attitude, when the whole message was read and the quaternion is a rotation: its length 1, or nearly.
+/// The attitude if the whole message was read and the quaternion is a rotation: a length of 1 +- 0.01.
 std::optional<Attitude> checked(const CdrReader& in, std::optional<std::uint64_t> time, Quaternion q) {
   const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  if (!in.whole() || !time || !(std::abs(length - 1) < 0.01)) // NaN fails, too
+  if (!in.whole() || !time || !(std::abs(length - 1) < 0.01)) // refuses NaN too
     return std::nullopt;
   for (double& value : q)
     value /= length;
@@ -115,7 +115,7 @@ std::optional<Attitude> decode_imu(ByteView message) {
   CdrReader in(message);
   const auto time = read_header(in);
   const Quaternion rotation = read_quaternion(in);
-  constexpr double no_orientation = -1; // in the first place of the covariance
+  constexpr double no_orientation = -1; // first element of the covariance, as sensor_msgs/msg/Imu defines it
   if (in.f64() == no_orientation)
     return std::nullopt;
   in.skip_reals(8 + 3 + 9 + 3 + 9);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The ROS 2 messages that come in: the vehicle's attitude and its near-range sensor. Anybody may send them.
+// The ROS 2 messages that are received: the vehicle's attitude and its near-range sensor. They are untrusted.
 #pragma once
 
 #include <array>
@@ -17,27 +17,27 @@ MessageType imu_type();          ///< sensor_msgs/msg/Imu
 MessageType bool_type();         ///< std_msgs/msg/Bool
 MessageType range_type();        ///< sensor_msgs/msg/Range, as of Jazzy
 
-/// The vehicle's orientation at a time.
+/// The orientation of the vehicle at a time.
 struct Attitude {
-  std::uint64_t time = 0;                     ///< nanoseconds since 1970, 0 = not stamped
-  std::array<double, 4> rotation{0, 0, 0, 1}; ///< unit quaternion x, y, z, w: the body in a level frame
+  std::uint64_t time = 0;                     ///< nanoseconds since 1970, 0 = no time stamp
+  std::array<double, 4> rotation{0, 0, 0, 1}; ///< unit quaternion x, y, z, w: from the body to a level frame
 };
 
-/// Each is nothing when the message is cut, too long, big endian, or holds what cannot be: a time before
-/// 1970, a quaternion that is not a rotation, an Imu without an orientation.
+/// Each returns nothing if the message is truncated, too long, big-endian or invalid: a time before 1970, a
+/// quaternion that is not a rotation, an Imu without orientation.
 std::optional<Attitude> decode_odometry(ByteView message);
 std::optional<Attitude> decode_pose_stamped(ByteView message);
 std::optional<Attitude> decode_imu(ByteView message);
 std::optional<bool> decode_bool(ByteView message);
-/// Metres as sensor_msgs/msg/Range has them (REP 117): -infinity = too close to measure, +infinity = nothing
-/// in range; with and without the variance that came with Jazzy.
+/// Range in metres as in sensor_msgs/msg/Range (REP 117): -infinity = too close to measure, +infinity = no
+/// object. The field `variance`, new in Jazzy, is optional.
 std::optional<float> decode_range(ByteView message);
 
-/// No message is longer: names in it may have some hundred letters.
+/// Longest message in bytes. The names in a message may have some hundred characters.
 inline constexpr std::size_t longest_input = 4096;
 
-/// The camera's angles for an attitude of the vehicle: roll and pitch of the vehicle with the mount's angles
-/// on top; yaw counts from the vehicle's nose.
+/// The camera's angles in radians: the vehicle's roll and pitch combined with the mount's rotation. The yaw
+/// is relative to the vehicle.
 struct CameraAngles {
   double roll, pitch, yaw;
 };

@@ -22,7 +22,7 @@ template <class Values> void put_reals(CdrWriter& out, const Values& values) {
     out.f64(value);
 }
 
-/// What a lens model is called in ROS, and how many of its coefficients are told.
+/// The name of a lens model in ROS and the number of its coefficients.
 std::pair<const char*, std::size_t> lens_of(const metric::Camera& camera) {
   if (camera.distortion == metric::Distortion::equidistant)
     return {"equidistant", 4};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The ROS 2 messages that leave: their types as text, and values as CDR.
+// The ROS 2 messages that are sent: type definitions as text, and values as CDR.
 //
-// Frames are those of REP 103: x forward, y left, z up in metres; angles in radians, counter-clockwise.
+// Coordinates as in REP 103: x forward, y left, z up in metres; angles in radians, counter-clockwise.
 #pragma once
 
 #include <array>
@@ -17,33 +17,32 @@
 
 namespace terrainseg::recording {
 
-/// When and where a message is of: nanoseconds since 1970 or since the stream began; a coordinate frame's
-/// name.
+/// Time stamp, in nanoseconds since 1970 or since the start of the stream, and name of the coordinate frame.
 struct Header {
   std::uint64_t time = 0;
   std::string frame;
 };
 
-/// sensor_msgs/msg/LaserScan. Unknown is NaN, free +infinity.
+/// sensor_msgs/msg/LaserScan. NaN = unknown, +infinity = free.
 struct LaserScan {
-  double angle_min = 0, angle_increment = 0; ///< of ranges[0], the rightmost; from one to the next
-  double scan_time = 0;                      ///< seconds since the scan before, 0 = there was none
+  double angle_min = 0, angle_increment = 0; ///< angle of ranges[0], the rightmost; step between ranges
+  double scan_time = 0;                      ///< seconds since the previous scan, 0 = first scan
   double range_min = 0, range_max = 0;
   std::span<const float> ranges;
 };
 
-/// One of sensor_msgs/msg/PointCloud2, as float32 fields x, y, z, low, high.
+/// A point of sensor_msgs/msg/PointCloud2: float32 fields x, y, z, low, high.
 struct BoundaryPoint {
   float x, y, z;
-  float low, high; ///< range one standard deviation nearer and farther, metres
+  float low, high; ///< range minus and plus one standard deviation, metres
 };
 
 /// nav_msgs/msg/OccupancyGrid.
 struct OccupancyGrid {
-  double resolution = 0; ///< metres a cell
+  double resolution = 0; ///< metres per cell
   std::uint32_t width = 0, height = 0;
-  double x = 0, y = 0;                ///< the corner of the first cell
-  std::span<const std::int8_t> cells; ///< rows along x, the first at y: 0 free, 100 occupied, -1 unknown
+  double x = 0, y = 0;                ///< corner of the first cell, metres
+  std::span<const std::int8_t> cells; ///< rows along x, the first one at y: 0 free, 100 occupied, -1 unknown
 };
 
 /// geometry_msgs/msg/TransformStamped, one in tf2_msgs/msg/TFMessage.
@@ -61,7 +60,7 @@ struct DiagnosticStatus {
   std::vector<std::pair<std::string, std::string>> values;
 };
 
-/// A type: its name and its text with all that it is made of, as ros2msg schemas have it.
+/// A message type: its name, and its definition with all types that it uses, as in ros2msg schemas.
 struct MessageType {
   const char* name;
   std::string text;
@@ -76,11 +75,11 @@ MessageType compressed_image_type();
 MessageType tf_message_type();
 MessageType diagnostic_array_type();
 
-/// Each puts one message into `out`, in place of what was there.
+/// Each function encodes one message into `out`; it replaces the content.
 void encode(Bytes& out, const Header& header, const LaserScan& scan);
 void encode(Bytes& out, const Header& header, std::span<const BoundaryPoint> points);
 void encode(Bytes& out, const Header& header, const OccupancyGrid& grid);
-/// sensor_msgs/msg/CameraInfo of the raw picture: no rectification, no binning, no region.
+/// sensor_msgs/msg/CameraInfo of the raw picture: no rectification, no binning, no region of interest.
 void encode(Bytes& out, const Header& header, const metric::Camera& camera);
 /// sensor_msgs/msg/Image, mono8, rows without padding.
 void encode(Bytes& out, const Header& header, const GrayView& picture);

@@ -17,14 +17,14 @@ inline Quaternion product(const Quaternion& a, const Quaternion& b) {
           a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2]};
 }
 
-/// By `angle` about the axis x, y or z: 0, 1, 2.
+/// Rotation by `angle` radians about axis 0 = x, 1 = y, 2 = z.
 inline Quaternion about(int axis, double angle) {
   Quaternion q{0, 0, 0, std::cos(angle / 2)};
   q[static_cast<std::size_t>(axis)] = std::sin(angle / 2);
   return q;
 }
 
-/// Rz(yaw) Ry(pitch) Rx(roll).
+/// Rz(yaw) Ry(pitch) Rx(roll), radians.
 inline Quaternion rotation_of(double yaw, double pitch, double roll) {
   return product(product(about(2, yaw), about(1, pitch)), about(0, roll));
 }

@@ -9,7 +9,7 @@
 namespace terrainseg::recording {
 namespace {
 
-/// From the camera's optical frame (x right, y down, z forward) to the body's.
+/// Rotation from the camera's optical frame (x right, y down, z forward) to the body frame.
 Quaternion camera_rotation(double yaw, double pitch, double roll) {
   constexpr Quaternion optical = {-0.5, 0.5, -0.5, 0.5};
   return product(rotation_of(yaw, pitch, roll), optical);
@@ -19,7 +19,7 @@ const char* text_of(bool value) {
   return value ? "true" : "false";
 }
 
-/// What diagnostics say of an estimate.
+/// The diagnostic status of an estimate.
 DiagnosticStatus status_of(const Estimate& e, bool has_metres, std::optional<bool> near_clear) {
   const auto has = [&](Flag flag) { return (e.flags & flag) != 0; };
   DiagnosticStatus status;
@@ -43,7 +43,8 @@ DiagnosticStatus status_of(const Estimate& e, bool has_metres, std::optional<boo
   return status;
 }
 
-/// Whether a status tells something new before its second is over: confidence changes with every frame.
+/// Whether a status has news that is sent before the second is over. Confidence does not count: it changes
+/// with every frame.
 bool is_new(const DiagnosticStatus& a, const DiagnosticStatus& b) {
   const auto words = [](const DiagnosticStatus& status) {
     std::string text = status.message;
@@ -114,7 +115,7 @@ bool TerrainMessages::add_camera(MessageOutlet& out, const Header& camera, int w
   return out.put(Topic::camera_info, camera.time, message_);
 }
 
-/// The attitude of the moment where metres came with it, else the mount's.
+/// The attitude of the frame if it has metres, otherwise the mount's.
 bool TerrainMessages::add_transform(MessageOutlet& out, const Header& body, const MetricEstimate* m) {
   const Topic topic = m && (m->flags & metric_flag_pose) != 0 ? Topic::tf : Topic::tf_static;
   if (!options_.mount || !out.wants(topic))
@@ -135,7 +136,7 @@ bool TerrainMessages::add_pictures(MessageOutlet& out, const Header& camera, con
     if (!out.put(Topic::picture, camera.time, message_))
       return false;
   }
-  // Parameter sets are kept also while nobody wants the video.
+  // The parameter sets are also stored while the video topic has no reader.
   const ByteView whole =
       frame.video.empty() ? frame.video : parameter_sets_.complete(frame.video, inspect_h264(frame.video));
   if (whole.empty() || !out.wants(Topic::video))
@@ -144,7 +145,7 @@ bool TerrainMessages::add_pictures(MessageOutlet& out, const Header& camera, con
   return out.put(Topic::video, camera.time, message_);
 }
 
-/// With each change of what is learned, and once a second.
+/// After each change of the status that is_new() reports, and once a second.
 bool TerrainMessages::add_diagnostics(MessageOutlet& out, const Header& header, const MessageFrame& frame) {
   DiagnosticStatus status = status_of(*frame.estimate, frame.metric != nullptr, frame.near_clear);
   if (last_status_ && !is_new(status, status_) && header.time >= *last_status_ &&

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Estimates, metres and video as ROS 2 messages: which topics a frame has, for recordings and for DDS.
+// Converts estimates, metres and video to ROS 2 messages, for recordings and for DDS.
 #pragma once
 
 #include <cstdint>
@@ -16,24 +16,24 @@
 namespace terrainseg::recording {
 
 struct MessageOptions {
-  std::string body_frame = "base_link";        ///< of scan, points and grid
-  std::string camera_frame = "camera_optical"; ///< of mask, pictures and camera info
-  double grid_resolution = 0.1;                ///< metres a cell
-  std::optional<metric::Camera> camera;        ///< without it no camera info
-  std::optional<metric::Mount> mount;          ///< without it no transform
+  std::string body_frame = "base_link";        ///< frame id of scan, points and grid
+  std::string camera_frame = "camera_optical"; ///< frame id of mask, pictures and camera info
+  double grid_resolution = 0.1;                ///< metres per cell
+  std::optional<metric::Camera> camera;        ///< nothing = no camera info
+  std::optional<metric::Mount> mount;          ///< nothing = no transform
 };
 
-/// What the messages of one frame are made of.
+/// The data of one frame.
 struct MessageFrame {
-  std::uint64_t time = 0; ///< nanoseconds since 1970, or since the stream began
+  std::uint64_t time = 0; ///< nanoseconds since 1970, or since the start of the stream
   const Estimate* estimate = nullptr;
   const MetricEstimate* metric = nullptr;
   ByteView video;                 ///< an H.264 access unit; empty = none
   ByteView picture;               ///< a JPEG file; empty = none
-  std::optional<bool> near_clear; ///< what the near-range sensor reports; nothing = unknown
+  std::optional<bool> near_clear; ///< report of the near-range sensor; nothing = unknown
 };
 
-/// `tf` is the attitude of the moment, `tf_static` that of the mount.
+/// `tf` has the attitude of the frame, `tf_static` that of the mount.
 enum class Topic : std::uint8_t {
   scan,
   points,
@@ -49,20 +49,20 @@ enum class Topic : std::uint8_t {
 inline constexpr std::size_t topic_count = 10;
 MessageType type_of(Topic topic);
 
-/// Takes the messages.
+/// Receives the messages.
 class MessageOutlet {
  public:
   virtual ~MessageOutlet() = default;
-  /// A topic that is not wanted is not encoded.
+  /// Whether a topic is needed. Other topics are not encoded.
   virtual bool wants(Topic topic) = 0;
-  /// False ends the frame: the message could not be written.
+  /// Returns false if the message could not be written; this ends the frame.
   virtual bool put(Topic topic, std::uint64_t time, ByteView message) = 0;
 };
 
 class TerrainMessages {
  public:
   explicit TerrainMessages(MessageOptions options) : options_(std::move(options)) {}
-  /// Puts the messages of a frame into `out`. False when the outlet returned false.
+  /// Sends the messages of a frame to `out`. Returns false if the outlet did.
   [[nodiscard]] bool add(const MessageFrame& frame, MessageOutlet& out);
 
  private:

@@ -6,7 +6,7 @@
 namespace terrainseg::recording {
 namespace {
 
-/// A recording is played back as it was written: transforms of the mount are in /tf with every frame, too.
+/// Recordings have no /tf_static: /tf contains the transforms of the mount with every frame too.
 struct Channel {
   Topic topic;
   const char* name;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The messages of a stream as a recording: MCAP with ROS 2 topics.
+// Records the messages of a stream: MCAP with ROS 2 topics.
 #pragma once
 
 #include <array>
@@ -15,12 +15,12 @@ class TerrainRecording : private MessageOutlet {
  public:
   TerrainRecording(ByteSink sink, MessageOptions options);
 
-  /// False when it could not be written: as McapWriter.
+  /// Returns false if the file could not be written; see McapWriter.
   [[nodiscard]] bool add(const MessageFrame& frame) { return messages_.add(frame, *this); }
   [[nodiscard]] bool flush() { return writer_.flush(); }
   [[nodiscard]] bool finish() { return writer_.finish(); }
 
-  /// The metadata.yaml of a rosbag2 folder in which this recording is the file `name`.
+  /// Returns the metadata.yaml of a rosbag2 folder with this recording as the file `name`.
   std::string bag_metadata(const std::string& name) const;
   const McapWriter& writer() const { return writer_; }
 

@@ -10,7 +10,7 @@
 namespace terrainseg::ros2 {
 namespace {
 
-constexpr std::uint32_t last_domain = 232; // the ports of a later one are over 65535
+constexpr std::uint32_t last_domain = 232; // larger domains would use ports above 65535
 
 std::string escaped(const std::string& text) {
   gchar* safe = g_markup_escape_text(text.c_str(), -1);
@@ -80,7 +80,7 @@ std::optional<Discovery> discovery_from(const char* (*get)(const char* name), st
 std::string cyclone_config(const Discovery& discovery) {
   std::string general, finding;
   if (discovery.range == DiscoveryRange::off) {
-    // A tag of its own: no other participant has it, so none is found.
+    // A unique tag: participants find only others with the same tag.
     general = "<AllowMulticast>false</AllowMulticast>";
     finding =
         "<ParticipantIndex>none</ParticipantIndex><Tag>terrainseg_" + std::to_string(getpid()) + "</Tag>";
@@ -88,7 +88,7 @@ std::string cyclone_config(const Discovery& discovery) {
     const bool local = discovery.range == DiscoveryRange::localhost;
     if (local)
       general = "<AllowMulticast>false</AllowMulticast>";
-    // Peers are asked at the ports of so many participants.
+    // Peers are queried at the ports of this many participants.
     finding = "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
               "<SPDPInterval>1s</SPDPInterval><Peers>";
     finding += local ? "<Peer address=\"localhost\"/>" : "";

@@ -19,13 +19,13 @@ const std::map<std::string_view, int> primitive_types = {
 constexpr int nested_type = 1, bounded_string = 21;
 constexpr int array_offset = 48, bounded_sequence_offset = 96, sequence_offset = 144;
 
-/// std_msgs/msg/Header for std_msgs/Header.
+/// Returns std_msgs/msg/Header for std_msgs/Header.
 std::string long_name(const std::string& name) {
   const std::size_t slash = name.find('/');
   return name.substr(0, slash) + "/msg" + name.substr(slash);
 }
 
-/// `=256` behind a mark, or 0.
+/// Returns the number after `mark`, or 0.
 int number_behind(std::string_view text, std::string_view mark) {
   const std::size_t at = text.find(mark);
   int number = 0;
@@ -73,7 +73,7 @@ std::string full_name(const std::string& name_space, const std::string& name) {
 }
 
 std::string flaw_of_name(const std::string& name) {
-  if (name.size() < 2 || name[0] != '/' || name.size() > 247) // DDS has 256 letters, with rt/ in front
+  if (name.size() < 2 || name[0] != '/' || name.size() > 247) // DDS allows 256 characters, including rt/
     return "a name has 1 to 246 letters";
   char before = 0;
   for (const char c : name) {
@@ -97,7 +97,7 @@ std::string dds_type(const std::string& type) {
 }
 
 std::string type_hash(const recording::MessageType& type) {
-  std::map<std::string, std::string> parts; // descriptions of what the type is made of, by name
+  std::map<std::string, std::string> parts; // descriptions of the used types, by name
   std::string name = type.name, fields, main;
   const auto finish = [&] {
     std::string& into = main.empty() ? main : parts[name];
@@ -111,7 +111,7 @@ std::string type_hash(const recording::MessageType& type) {
     } else if (line.starts_with("MSG: ")) {
       name = long_name(line.substr(5));
     } else if (const std::size_t space = line.find(' ');
-               space != std::string::npos && line.find('=', space) == std::string::npos) { // no constant
+               space != std::string::npos && line.find('=', space) == std::string::npos) { // not a constant
       fields += (fields.empty() ? "" : ", ") + field_of(line.substr(0, space), line.substr(space + 1));
     }
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Names and types of ROS 2 as DDS has them.
+// Maps ROS 2 names and types to those of DDS.
 #pragma once
 
 #include <string>
@@ -8,19 +8,19 @@
 
 namespace terrainseg::ros2 {
 
-/// A topic's whole name: `name` itself when it begins with a slash, else below `name_space`.
+/// Returns the absolute name of a topic: `name` if it begins with a slash, otherwise `name_space` + `name`.
 std::string full_name(const std::string& name_space, const std::string& name);
-/// What is wrong with a whole name (/terrain/scan), or an empty text. ROS 2 allows letters, digits and _
-/// between slashes; no part begins with a digit.
+/// Checks an absolute name such as /terrain/scan; returns the error, or an empty text. ROS 2 allows letters,
+/// digits and _ between slashes; no part may begin with a digit.
 std::string flaw_of_name(const std::string& name);
 
-/// rt/terrain/scan for /terrain/scan.
+/// Returns rt/terrain/scan for /terrain/scan.
 std::string dds_topic(const std::string& name);
-/// sensor_msgs::msg::dds_::LaserScan_ for sensor_msgs/msg/LaserScan.
+/// Returns sensor_msgs::msg::dds_::LaserScan_ for sensor_msgs/msg/LaserScan.
 std::string dds_type(const std::string& type);
 
-/// RIHS01_..., the hash of the type's description that ROS 2 announces since Iron (REP 2011, REP 2016). It
-/// depends on names and types of the members only, not on comments or constants.
+/// Returns RIHS01_..., the hash of the type description that ROS 2 announces since Iron (REP 2011, REP 2016).
+/// It depends on the names and types of the members, not on comments or constants.
 std::string type_hash(const recording::MessageType& type);
 
 } // namespace terrainseg::ros2

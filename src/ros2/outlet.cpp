@@ -15,7 +15,7 @@ bool Outlet::open(Topic topic, const std::string& name, std::string& error) {
     return false;
   }
   const bool late = topic == Topic::grid || topic == Topic::tf_static;
-  // Decoding video misses every picture that is gone.
+  // A decoder needs every picture.
   const int depth = late ? 1 : topic == Topic::video ? 30 : 5;
   auto writer =
       std::make_unique<Writer>(participant_, name, recording::type_of(topic),

@@ -26,21 +26,21 @@ struct ListenerDeleter {
 };
 using Listener = std::unique_ptr<dds_listener_t, ListenerDeleter>;
 
-/// What ROS 2 since Iron announces of an endpoint.
+/// The user data of an endpoint that ROS 2 announces since Iron.
 std::string user_data_of(const recording::MessageType& type) {
   return "typehash=" + type_hash(type) + ";";
 }
 
 } // namespace
 
-/// Other users of Cyclone DDS in the process may have made the domain: then theirs is used as it is.
+/// If other code of the process has already created the domain, it is used as it is.
 class Domain {
  public:
   static std::shared_ptr<Domain> use(const Discovery& discovery, std::string& error) {
     const std::lock_guard lock(mutex);
     Made& made = domains[discovery.domain];
     if (made.users == 0) {
-      const char* own = std::getenv("CYCLONEDDS_URI"); // later parts win
+      const char* own = std::getenv("CYCLONEDDS_URI"); // later parts have priority
       const std::string config = cyclone_config(discovery) + "," + (own ? own : "");
       made.entity = dds_create_domain(discovery.domain, config.c_str());
       if (made.entity < 0 && made.entity != DDS_RETCODE_PRECONDITION_NOT_MET) {
@@ -63,7 +63,7 @@ class Domain {
 
  private:
   struct Made {
-    dds_entity_t entity = 0; ///< of DDS, or an error where somebody else made it
+    dds_entity_t entity = 0; ///< negative = another user of Cyclone DDS created the domain
     int users = 0;
   };
   const std::uint32_t id_;
@@ -90,7 +90,7 @@ std::unique_ptr<Participant> Participant::join(const Discovery& discovery, bool 
 Participant::Participant(std::shared_ptr<Domain> domain, dds_entity_t entity)
     : domain_(std::move(domain)), entity_(entity) {}
 
-// The participant goes before its domain.
+// The participant must be destroyed before its domain.
 Participant::~Participant() {
   dds_delete(entity_);
 }
@@ -164,7 +164,7 @@ Reader::Reader(const Participant& participant, const std::string& topic, const r
 
 Reader::~Reader() {
   if (entity_ > 0)
-    dds_delete(entity_); // waits for a listener that runs
+    dds_delete(entity_); // waits for a running listener
   if (topic_.entity > 0)
     dds_delete(topic_.entity);
 }

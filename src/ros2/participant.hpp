@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A participant of DDS with writers and readers of ROS 2 topics.
+// A DDS participant with writers and readers of ROS 2 topics.
 #pragma once
 
 #include <dds/dds.h>
@@ -17,13 +17,13 @@
 
 namespace terrainseg::ros2 {
 
-/// The domain's configuration lives as long as somebody in this process uses it.
+/// The configuration of a domain exists as long as the process has a user of it.
 class Domain;
 
 class Participant {
  public:
-  /// Joins the domain. nullptr on an error, which `error` tells. `enclave`: whether nodes of ROS 2 since Iron
-  /// may list it.
+  /// Joins the domain. Returns nullptr and sets `error` on an error. `enclave`: whether nodes of ROS 2 Iron
+  /// and later may list the participant.
   static std::unique_ptr<Participant> join(const Discovery& discovery, bool enclave, std::string& error);
   ~Participant();
   Participant(const Participant&) = delete;
@@ -39,11 +39,11 @@ class Participant {
 
 enum class Durability : std::uint8_t { volatile_data, transient_local };
 
-/// Writes a topic reliably. A message replaces the oldest of `depth` that readers have not acknowledged; one
-/// that DDS does not take within 5 ms is dropped.
+/// Writes a topic with reliable delivery. A message replaces the oldest of `depth` messages that readers have
+/// not acknowledged. A message that DDS does not accept within 5 ms is dropped.
 class Writer {
  public:
-  /// `depth` messages are kept for readers that are slow, and for late ones of a transient local topic.
+  /// Keeps `depth` messages for slow readers, and for late readers of a transient local topic.
   Writer(const Participant& participant, const std::string& topic, const recording::MessageType& type,
          Durability durability, int depth);
   /// Writes ros_discovery_info.
@@ -52,10 +52,10 @@ class Writer {
   Writer(const Writer&) = delete;
   Writer& operator=(const Writer&) = delete;
 
-  /// Why it could not be made, or an empty text.
+  /// The error of the constructor, or an empty text.
   const std::string& error() const { return error_; }
   std::uint32_t readers() const { return readers_; }
-  /// False when it was dropped, which dropped() counts.
+  /// Returns false if the message was dropped; dropped() counts these.
   bool write(recording::ByteView message);
   std::uint64_t written() const { return written_; }
   std::uint64_t dropped() const { return dropped_; }
@@ -71,11 +71,10 @@ class Writer {
   std::atomic<std::uint64_t> written_ = 0, dropped_ = 0;
 };
 
-/// Reads a topic, best effort: it matches writers of every kind.
+/// Reads a topic with best-effort delivery, which matches writers of every kind.
 class Reader {
  public:
-  /// `on_message` runs on a thread of DDS. It is given an empty message for one that is longer than
-  /// `longest`.
+  /// `on_message` runs in a thread of DDS. For a message longer than `longest` bytes it gets an empty one.
   using OnMessage = std::function<void(recording::ByteView message)>;
   Reader(const Participant& participant, const std::string& topic, const recording::MessageType& type,
          std::size_t longest, OnMessage on_message);
@@ -96,8 +95,8 @@ class Reader {
   recording::Bytes message_;
 };
 
-/// The message of ros_discovery_info that lists a participant's readers and writers as those of a node.
-/// `gid_size`: bytes of an identifier, 24 in Humble, 16 since Iron.
+/// Returns the message for ros_discovery_info that lists the readers and writers of a participant as a
+/// node's. `gid_size` is the size of an identifier in bytes: 24 in Humble, 16 since Iron.
 recording::Bytes participant_entities(const Participant& participant, std::size_t gid_size,
                                       const std::string& name_space, const std::string& node,
                                       const std::vector<dds_entity_t>& readers,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// DDSI's interface for types: sertype is the type, serdata one message. Its functions are C and must not let
-// an exception through: out of memory they return nullptr, which Cyclone takes for a message that is lost.
+// Implements DDSI's interface for types: sertype is a type, serdata a message. Its functions are called from
+// C and must not throw. When memory is exhausted they return nullptr, which Cyclone DDS handles as a lost
+// message.
 #include "ros2/raw_type.hpp"
 
 #include <dds/ddsi/ddsi_keyhash.h>
@@ -16,7 +17,7 @@
 namespace terrainseg::ros2 {
 namespace {
 
-/// One message. Its bytes follow, filled up with zeros to whole words: the protocol sends such.
+/// One message. Its bytes follow, padded with zeros to a multiple of 4 as the protocol requires.
 struct RawData : ddsi_serdata {
   std::uint32_t size;
   std::uint8_t* bytes() { return reinterpret_cast<std::uint8_t*>(this + 1); }
@@ -36,7 +37,7 @@ RawData* new_data(const ddsi_sertype* type, ddsi_serdata_kind kind, std::size_t 
     return nullptr;
   auto* data = new (memory) RawData;
   ddsi_serdata_init(data, type, kind);
-  data->hash = type->serdata_basehash; // without a key all are one instance
+  data->hash = type->serdata_basehash; // a type without a key has one instance
   data->size = static_cast<std::uint32_t>(size);
   return data;
 }
@@ -55,7 +56,7 @@ ddsi_serdata* from_fragments(const ddsi_sertype* type, ddsi_serdata_kind kind, c
   if (!data)
     return nullptr;
   std::size_t done = 0;
-  for (; fragment; fragment = fragment->nextfrag) { // they may overlap
+  for (; fragment; fragment = fragment->nextfrag) { // fragments may overlap
     if (fragment->maxp1 <= done || fragment->min > done)
       continue;
     const std::size_t end = std::min<std::size_t>(fragment->maxp1, size);
@@ -170,7 +171,7 @@ const ddsi_sertype_ops& type_operations() {
       std::fill_n(samples, count, nullptr);
     };
     ops.free_samples = [](const ddsi_sertype*, void**, std::size_t, dds_free_op_t) {};
-    ops.equal = [](const ddsi_sertype*, const ddsi_sertype*) { return true; }; // names were compared
+    ops.equal = [](const ddsi_sertype*, const ddsi_sertype*) { return true; }; // names are compared before
     ops.hash = [](const ddsi_sertype*) -> std::uint32_t { return 0; };
     return ops;
   }();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The arithmetic of the renderer: only operations that IEEE 754 rounds in one way, so that every machine
-// draws the same picture. This folder is built without contraction to fused multiply-add.
+// The renderer's arithmetic: only operations whose rounding IEEE 754 defines, so every machine renders the
+// same picture. This folder is compiled without contraction to fused multiply-add.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +28,7 @@ constexpr float dot(const Vec3& a, const Vec3& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-/// Linear light.
+/// Linear RGB.
 struct Color {
   float r = 0, g = 0, b = 0;
 };
@@ -51,7 +51,7 @@ constexpr float mix(float a, float b, float k) {
 constexpr float clamp01(float v) {
   return v < 0 ? 0 : v > 1 ? 1 : v;
 }
-/// 0 below a, 1 above b, smooth between.
+/// 0 below a, 1 above b, a smooth cubic between.
 constexpr float smooth(float a, float b, float v) {
   const float k = clamp01((v - a) / (b - a));
   return k * k * (3 - 2 * k);
@@ -64,7 +64,7 @@ constexpr float fraction(float v) {
   return v - static_cast<float>(floor_of(v));
 }
 
-/// Mixes bits so that neighbouring keys give unrelated numbers.
+/// Mixes bits: neighbouring keys give unrelated numbers.
 constexpr std::uint32_t hash(std::uint32_t a) {
   a ^= a >> 16;
   a *= 0x7feb352dU;
@@ -80,7 +80,7 @@ constexpr float unit(std::uint32_t h) {
   return static_cast<float>(h >> 8) * (1.0F / 16777216.0F);
 }
 
-/// A stream of numbers from one key.
+/// A random number generator with a key as seed.
 class Dice {
  public:
   explicit constexpr Dice(std::uint32_t key) : key_(key) {}

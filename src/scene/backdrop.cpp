@@ -13,21 +13,22 @@ constexpr int run_length = 16; // pixels that share one footprint
 
 constexpr float corridor_height = 2.7F;
 
-/// A point of the ground under a pixel, and how large the pixel is there.
+/// A point of the ground under a pixel, and the pixel's footprint there.
 struct Spot {
   float x, z;     ///< world
-  float distance; ///< along the view, metres
+  float distance; ///< distance along the view, metres
 };
 
-/// What is left of each octave when a pixel averages over its footprint: the mean of k independent cells
-/// varies by 1/sqrt(k) as much. It is not aliasing that makes far ground grainy but this remainder.
+/// Remaining amplitude of each octave in a pixel that averages over its footprint: the mean of k independent
+/// cells varies 1/sqrt(k) times as much. Distant ground is grainy because of this remainder, not because of
+/// aliasing.
 struct Footprint {
-  float x = 0, z = 0; ///< metres that one pixel covers
+  float x = 0, z = 0; ///< metres that a pixel covers
   std::array<float, octave_count> amplitude{};
-  /// Octaves that hardly change along the run are taken at its ends only.
+  /// Octaves that hardly change along the run are computed only at its ends.
   std::array<bool, octave_count> slow{};
   std::array<float, octave_count> first{}, step{};
-  float position = 0; ///< pixels from the run's start
+  float position = 0; ///< pixels from the start of the run
 
   void set(float across, float along) {
     x = across;
@@ -38,7 +39,7 @@ struct Footprint {
       amplitude[k] = a < 0.03F ? 0 : a;
     }
   }
-  /// Share of a pixel at `offset` from the middle of a stripe that the stripe covers.
+  /// Share of a pixel that a stripe covers; the pixel is `offset` away from the stripe's middle.
   static float stripe(float offset, float half_width, float size) {
     const float inside = clamp01((half_width - std::abs(offset)) / size + 0.5F);
     return inside * std::min(1.0F, 2 * half_width / size);
@@ -51,16 +52,16 @@ class Ground {
  public:
   explicit Ground(const Stage& stage) : s_(stage) {}
 
-  /// Thin clouds, as an octave of their own.
+  /// Thin clouds, as one more octave.
   float cloud_shadow(const Spot& spot, const Footprint& foot) const {
     return octave(octave_count - 1, spot, foot);
   }
 
-  /// What the pixels of a row from x on share.
+  /// Values that are the same for a run of pixels that begins at x.
   Footprint measure(int x, int y) const {
     const Camera& c = s_.moment.camera;
     Footprint foot;
-    // The derivatives of the point that a ray hits.
+    // Derivatives of the point on the ground by the pixel's column and row.
     const Vec3 ray = c.ray(static_cast<float>(x) + 0.5F * (run_length - 1), static_cast<float>(y));
     const float drop = std::max(-ray.y, 1e-3F), t = c.position.y / drop, k = t / drop;
     const float ax = (c.right.x * t + ray.x * c.right.y * k) / c.focal,
@@ -105,7 +106,8 @@ class Ground {
   }
 
  private:
-  // Octave k of the ground's texture, sheared where the world's period allows it, so that no grid shows.
+  // Octave k of the ground's texture, sheared as far as the world's period allows, so that its grid is not
+  // visible.
   float octave(int k, const Spot& spot, const Footprint& foot) const {
     if (foot.amplitude[k] == 0)
       return 0;
@@ -143,7 +145,7 @@ class Ground {
       // Tyres darken two tracks in each lane, 0.75 m from its middle.
       const float lane = std::abs(side - 1.8F), track = smooth(0.6F, 0.1F, std::abs(lane - 0.78F));
       v *= 1 - 0.1F * track;
-      // A resurfaced strip now and then, and joints.
+      // Resurfaced strips and joints.
       const float repair = s_.noise.at(spot.z * 0.03125F, 9.5F + (s > 0 ? 3.0F : 0.0F));
       v *= repair > 0.35F ? 0.82F : 1;
       v *= 1 -
@@ -225,12 +227,12 @@ class Ground {
     const float patch = octave(3, spot, foot), wide = octave(4, spot, foot), far = octave(5, spot, foot);
     float v = 1 + 0.22F * grit + 0.2F * stone +
               p.clumps * (0.16F * lumps + 0.12F * patch + 0.12F * wide + 0.1F * far);
-    // Wind ripples, where the sand lies deep.
+    // Wind ripples in deep sand.
     const float deep = smooth(-0.1F, 0.4F, wide + 0.4F * far);
     const float phase = fraction((spot.z + 0.35F * spot.x + 0.25F * lumps + 0.6F * patch) * 4);
     const float crest = std::abs(phase - 0.5F) * 4 - 1;
     v += 0.14F * deep * crest * clamp01(1.2F - 6 * foot.z);
-    // Pebbles, too small to mind.
+    // Pebbles, too small to be obstacles.
     const float pebble = smooth(0.45F, 0.7F, stone + 0.3F * lumps) * foot.amplitude[1];
     const Color dust = mix(p.surface, p.surface * Color{0.8F, 0.9F, 1.05F}, clamp01(0.5F + 0.8F * wide));
     label = driven_terrain;
@@ -279,13 +281,13 @@ class Ground {
   const Stage& s_;
 };
 
-/// How wet a point of the ground is: dark with water, and covered by it.
+/// Wetness of a point of the ground: damp ground is darker, a puddle reflects.
 struct Water {
   float damp = 0, puddle = 0;
 };
 
 Water water_at(const Stage& stage, const Spot& spot, const Footprint& foot) {
-  // Puddles are longer along the way; those much smaller than a pixel are gone.
+  // Puddles are longer in the direction of driving. Those much smaller than a pixel are left out.
   const float scale = stage.settings.kind == Kind::corridor ? 3.0F : 1.0F;
   const float level = stage.noise.at(spot.x * 0.4F * scale + 57.1F, spot.z * 0.16F * scale + 23.7F) +
                       0.3F * stage.noise.at(spot.x * 1.6F * scale + 11.9F, spot.z * 0.8F * scale) +
@@ -294,19 +296,21 @@ Water water_at(const Stage& stage, const Spot& spot, const Footprint& foot) {
   return {seen * smooth(0.1F, 0.24F, level), seen * smooth(0.24F, 0.26F, level)};
 }
 
-/// Share of light that water mirrors, by the slope at which the view meets it (1 = straight down).
+/// Reflectance of water (Schlick's approximation). `slope`: cosine of the angle of incidence, 1 = straight
+/// down.
 float mirrored_share(float slope) {
   const float graze = 1 - slope, g2 = graze * graze;
   return 0.03F + 0.97F * g2 * g2 * graze;
 }
 
-/// A direction around the rover in -2..2 that grows like an angle; 0 = forward. Cheaper than an angle.
+/// A measure of the direction around the rover that grows with the angle, -2..2; 0 = forward. Cheaper than
+/// atan2().
 float bearing(const Vec3& ray) {
   const float a = ray.x / (std::abs(ray.x) + std::abs(ray.z) + 1e-9F);
   return ray.z >= 0 ? a : (a >= 0 ? 2 - a : -2 - a);
 }
 
-/// What both kinds of place draw from.
+/// Common part of all kinds of place.
 class Surroundings {
  public:
   Surroundings(const Stage& stage, const Canvas& mirror, const Canvas& canvas)
@@ -320,7 +324,8 @@ class Surroundings {
   Ground ground_;
 };
 
-/// What no thing covers is Where's: pixel(ray, footprint, at, light, label); at = index of the pixel.
+/// Where::pixel(ray, footprint, at, light, label) computes the pixels that no object covers. `at` is the
+/// pixel's index.
 template <class Where> void draw_open_pixels(const Stage& stage, const Canvas& mirror, Canvas& canvas) {
   const Where where(stage, mirror, canvas);
   const Camera& c = stage.moment.camera;
@@ -386,7 +391,7 @@ class Outdoors : public Surroundings {
     return mirror_.light[at] + behind * mirror_.open[at];
   }
 
-  // How far open ground reaches: the view closes sideways and stays open along the way.
+  // Distance up to which open ground is visible: shorter to the sides than along the path.
   float clearing(const Vec3& ray) const {
     if (s_.settings.kind == Kind::plain)
       return 1e9F;
@@ -397,7 +402,7 @@ class Outdoors : public Surroundings {
 
   void far_away(const Vec3& ray, float elevation, Color& light, std::uint8_t& label) const {
     const Place& p = s_.place;
-    if (elevation > 2.3F * p.skyline) { // above the highest that closes the view
+    if (elevation > 2.3F * p.skyline) { // above the highest part of the skyline
       light = sky_at(ray, elevation);
       label = sky;
       return;
@@ -461,7 +466,7 @@ class Outdoors : public Surroundings {
   Color horizontal_light_;
 };
 
-/// Straight and endless: floor, two walls with doors, or with windows to the sun, a ceiling with lamps.
+/// Straight and endless: floor, ceiling with lamps, and two walls with doors or sunny windows.
 class Indoors : public Surroundings {
  public:
   Indoors(const Stage& stage, const Canvas& mirror, const Canvas& canvas)
@@ -475,7 +480,8 @@ class Indoors : public Surroundings {
     const float to_ceiling = ray.y > 1e-5F ? (corridor_height - c.position.y) / ray.y : 1e9F;
     const float to_wall =
         std::abs(ray.x) > 1e-5F ? ((ray.x > 0 ? half : -half) - c.position.x) / ray.x : 1e9F;
-    // How far inside the walls the pixel's floor lies, in pixels: both are drawn where they meet.
+    // Distance of the pixel's floor point from the nearer wall, in pixels. Floor and wall are both drawn
+    // where they meet.
     float on_floor = 0;
     if (to_floor < 1e8F && to_floor <= to_ceiling) {
       const float inside = half - std::abs(c.position.x + to_floor * ray.x);
@@ -491,7 +497,7 @@ class Indoors : public Surroundings {
   }
 
  private:
-  // Lamps hang every 4 m; the light pools under them.
+  // A lamp every 4 m, with a pool of light below it.
   float pool(float z) const {
     const float phase = std::abs(fraction(z * 0.25F) - 0.5F) * 2; // 0 under a lamp
     return 1 - 0.42F * phase * phase * (3 - 2 * phase);
@@ -502,7 +508,7 @@ class Indoors : public Surroundings {
     return mix(color, s_.light.haze, d * d / (1 + d * d));
   }
 
-  // The sun through a window, 1.3 m wide in each stretch of 4 m.
+  // Sunlight through the windows, 1.3 m wide in each stretch of 4 m.
   float window(float z, float height, float along, float size) const {
     const float u = std::abs(fraction(z * 0.25F) - 0.5F) * 4;
     return clamp01((0.65F - u) / along + 0.5F) * clamp01((0.5F - std::abs(height - 1.5F)) / size + 0.5F) *
@@ -522,7 +528,7 @@ class Indoors : public Surroundings {
     const Spot spot = {c.position.x + t * ray.x, c.position.z + t * ray.z, t};
     std::uint8_t label = 0;
     const float inside = std::max(s_.place.half_width - std::abs(spot.x), 0.0F);
-    const float corner = 1 - 0.35F / (1 + 12 * inside); // light that the wall takes away
+    const float corner = 1 - 0.35F / (1 + 12 * inside); // light that the wall blocks
     Color surface = ground_.at(spot, foot, label);
     Water water;
     if (s_.settings.wet) {
@@ -533,13 +539,14 @@ class Indoors : public Surroundings {
     if (sunny_)
       color = color + surface * sun_on({spot.x, 0, spot.z}, {0, 1, 0}, foot.z);
     if (s_.place.gloss > 0 || water.puddle > 0) {
-      // What the mirrored ray meets, the stronger the flatter it comes in.
+      // The light that the floor reflects; flatter rays are reflected more.
       const Vec3 mirrored = {ray.x, -ray.y, ray.z};
       const float slope = -ray.y / std::sqrt(dot(ray, ray)), graze = 1 - slope;
       const float gloss = s_.place.gloss * (0.06F + 0.94F * graze * graze * graze);
       const float strength = water.puddle > 0 ? mix(gloss, mirrored_share(slope), water.puddle) : gloss;
       const float rough = 1 + 0.25F * s_.noise.at(spot.x * 16, spot.z * 4) * foot.amplitude[1];
-      const float to_ceiling = (c.position.y + corridor_height) / -ray.y; // from below the floor
+      const float to_ceiling =
+          (c.position.y + corridor_height) / -ray.y; // from the mirrored camera below the floor
       const Color seen = to_wall < to_ceiling ? wall_from(mirrored, to_wall, -c.position.y)
                                               : ceiling_from(mirrored, to_ceiling);
       if (water.puddle > 0)
@@ -565,12 +572,13 @@ class Indoors : public Surroundings {
     Color color = mix(p.wall, p.dado, low) *
                   (1 + 0.06F * s_.noise.at(z * 2 + 100.0F * static_cast<float>(side), height * 2) +
                    0.1F * detail * s_.noise.at(z * 32, height * 32));
-    const float rail = clamp01((0.05F - std::abs(height - 0.92F)) / size + 0.5F); // against carts and beds
+    const float rail =
+        clamp01((0.05F - std::abs(height - 0.92F)) / size + 0.5F); // protects the wall from carts and beds
     color = mix(color, p.wall * 0.55F, 0.8F * rail);
-    // A door in most stretches of 4 m, 0.95 m wide, framed; its place differs from stretch to stretch.
+    // A framed door, 0.95 m wide, in most stretches of 4 m. Its position varies.
     const int stretch = floor_of(z * 0.25F);
     const std::uint32_t key = hash(s_.settings.seed, side + 61, static_cast<std::uint32_t>(stretch & 511));
-    Color glow; // of windows, and of the sun that comes through those opposite
+    Color glow; // light of the windows, and of the sun through the opposite ones
     if (has_windows(ray.x)) {
       const float frame = window(z, height, along + 0.12F, size + 0.12F),
                   pane = window(z, height, along, size);
@@ -592,7 +600,7 @@ class Indoors : public Surroundings {
       const float behind = 0.25F + 0.6F * clamp01(s_.noise.at(z * 7, height * 5));
       panel = mix(panel, p.wall * behind, pane * (unit(hash(key, 2)) < 0.6F ? 1.0F : 0.0F));
       color = mix(color, panel, leaf);
-    } else if (unit(key) < 0.85F) { // a notice board with its papers
+    } else if (unit(key) < 0.85F) { // a notice board with papers
       const float middle = 1 + 2 * unit(hash(key, 1)), u = z - 4 * static_cast<float>(stretch) - middle;
       const float board = clamp01((0.62F - std::abs(u)) / along + 0.5F) *
                           clamp01((0.42F - std::abs(height - 1.5F)) / size + 0.5F);
@@ -623,7 +631,7 @@ class Indoors : public Surroundings {
     const Camera& c = s_.moment.camera;
     const float x = c.position.x + t * ray.x, z = c.position.z + t * ray.z;
     const float size = t / c.focal;
-    const float u = std::abs(fraction(z * 0.25F) - 0.5F) * 4; // metres from the lamp's middle
+    const float u = std::abs(fraction(z * 0.25F) - 0.5F) * 4; // metres from the lamp's centre
     const float lamp = clamp01((0.6F - u) / (size * 3) + 0.5F) * clamp01((0.15F - std::abs(x)) / size + 0.5F);
     const Color panel =
         Color{0.7F, 0.7F, 0.68F} * s_.light.ambient * (0.85F + 0.1F * s_.noise.at(x * 1.5F, z * 1.5F));

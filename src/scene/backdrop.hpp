@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What fills the view behind all things: the ground with its texture, the sky, and a corridor's walls.
+// Draws the background: the ground with its texture, the sky, and the walls of a corridor.
 #pragma once
 
 #include "scene/camera.hpp"
@@ -18,7 +18,7 @@ struct Stage {
   const Moment& moment;
 };
 
-/// Fills what is still open. `mirror` holds what water on the ground shows of things, where there is any.
+/// Fills the pixels that no object covers. `mirror` has the reflections of objects in water; may be empty.
 void draw_backdrop(const Stage& stage, const Canvas& mirror, Canvas& canvas);
 
 } // namespace terrainseg::scene

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Upright boxes, and the outline of what they keep the light from.
+// Upright boxes and the outlines of their shadows.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace terrainseg::scene {
 
-// A box that stands upright, turned about its middle.
+// An upright box, rotated about its vertical axis.
 struct Box {
   Vec3 base;
   float half_x, half_z, low, high;
@@ -25,13 +25,13 @@ inline Box box_of(const Thing& thing, float low, float high) {
   return {thing.base, thing.half_x, thing.half_z, low, high, thing.cos_yaw, thing.sin_yaw};
 }
 
-/// Where the light that comes past `point` meets the ground; `along` is its way over the ground per metre of
-/// height.
+/// Returns the point where light that passes `point` meets the ground. `along` is the horizontal distance
+/// that light travels per metre of height.
 inline Vec3 cast_of(const Vec3& point, const Vec3& along) {
   return Vec3{point.x, 0, point.z} + along * point.y;
 }
 
-/// The convex hull of points of the ground, which are put in order. Returns the number of corners.
+/// Computes the convex hull of ground points; reorders the points. Returns the number of corners.
 inline int hull_of(std::span<Vec3> points, std::array<Vec3, 16>& corners) {
   const int last = static_cast<int>(points.size()) - 1;
   std::sort(points.begin(), points.end(),
@@ -48,12 +48,12 @@ inline int hull_of(std::span<Vec3> points, std::array<Vec3, 16>& corners) {
         --count;
       corners[count++] = point;
     }
-    --count; // the last point begins the next pass
+    --count; // the next pass begins with the last point
   }
   return count;
 }
 
-/// The ground that a box keeps the light from.
+/// The outline of a box's shadow on the ground.
 inline int cast_hull(const Box& box, const Vec3& along, std::array<Vec3, 16>& corners) {
   std::array<Vec3, 8> points;
   for (int i = 0; i < 8; ++i)

@@ -9,11 +9,11 @@ namespace {
 struct Rover {
   double height;  // of the camera above the ground, metres
   double speed;   // metres a second
-  double horizon; // fraction of the picture's height
-  double offset;  // metres right of the path's line
-  double swing;   // turning in place, turns to either side
-  double winding; // metres that a winding path strays
-  int windings;   // of it per world length
+  double horizon; // row as a fraction of the picture's height
+  double offset;  // metres to the right of the path's line
+  double swing;   // amplitude of turning in place, turns
+  double winding; // amplitude of a winding path, metres
+  int windings;   // periods of it per length of the world
 };
 
 constexpr Rover rover_of(Kind kind) {
@@ -87,7 +87,8 @@ Moment moment_of(const Settings& settings, const Path& path, std::uint64_t numbe
   z -= world_length * static_cast<double>(static_cast<std::int64_t>(z / world_length));
 
   double pitch = 0, roll = 0, bounce = 0;
-  const double sway = settings.motion == Motion::still ? 0 : 1; // a hint of suspension everywhere
+  const double sway =
+      settings.motion == Motion::still ? 0 : 1; // a small suspension movement in all other motions
   const double rough = settings.motion == Motion::bumpy ? 1 : 0.07 * sway;
   const auto wave = [&](double hertz, std::uint32_t which) {
     return sine(t * hertz + phase_of(settings, which));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Where the rover is and what its camera sees: the pose over time and the pinhole projection.
+// Pose of the rover over time, and the pinhole projection of its camera.
 #pragma once
 
 #include <algorithm>
@@ -10,10 +10,10 @@
 
 namespace terrainseg::scene {
 
-/// The world repeats after this many metres forward; textures and places do so without a seam.
+/// The world repeats after this many metres forward, without a seam in textures and objects.
 inline constexpr float world_length = 2048;
 
-/// The line that the rover follows, x = at(z).
+/// The line that the rover follows: x = at(z), metres.
 class Path {
  public:
   Path(const Settings& settings);
@@ -30,22 +30,22 @@ class Path {
 
 struct Camera {
   Vec3 position;
-  Vec3 right, down, forward; ///< unit vectors of the picture
+  Vec3 right, down, forward; ///< unit vectors of the picture's axes
   float focal = 1;           ///< pixels
-  Vec3 step_x, step_y;       ///< what a ray changes by from pixel to pixel
+  Vec3 step_x, step_y;       ///< difference between the rays of neighbouring pixels
   float center_x = 0, center_y = 0;
 
-  Vec3 ray(float x, float y) const { ///< through a pixel, with a forward part of 1
+  Vec3 ray(float x, float y) const { ///< ray through a pixel; its forward component is 1
     return forward + step_x * (x - center_x) + step_y * (y - center_y);
   }
   float depth(const Vec3& point) const { return dot(point - position, forward); }
-  /// The view of what the ground mirrors, pixel by pixel: from below, upwards.
+  /// The camera of the reflection in the ground: below the ground, looking up.
   Camera mirrored() const;
-  /// Row of level rays at the middle of the width, rounded; -1 outside the picture.
+  /// Row of horizontal rays at the middle of the width, rounded; -1 outside the picture.
   int horizon_row(int height) const;
 };
 
-/// Seconds into the world and the pose then.
+/// Seconds since the start of the world, and the pose at that time.
 struct Moment {
   double seconds = 0;
   Camera camera;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The picture while it is drawn: linear light and labels; convex polygons with soft edges.
+// The picture during drawing: linear light and labels; convex polygons with antialiased edges.
 #pragma once
 
 #include <algorithm>
@@ -12,16 +12,16 @@
 
 namespace terrainseg::scene {
 
-/// Filled from the front to the back, so that nothing hidden is ever computed: first things, then their
-/// shadows, then the backdrop.
+/// Pixels are drawn from front to back, so hidden ones are never computed: objects, their shadows, then the
+/// background.
 struct Canvas {
   static constexpr std::uint8_t unset = 254; ///< no label yet
-  static constexpr float hidden = 0.015F;    ///< less than this share of a pixel is not worth drawing
+  static constexpr float hidden = 0.015F;    ///< smaller shares of a pixel are not drawn
 
   int width = 0, height = 0;
   std::vector<Color> light;
-  std::vector<float> open;  ///< share of each pixel that is not covered yet
-  std::vector<Color> shade; ///< what shadows leave of the ground's light
+  std::vector<float> open;  ///< share of each pixel that is not covered yet, 0..1
+  std::vector<Color> shade; ///< share of the ground's light that shadows leave, 0..1
   std::vector<std::uint8_t> labels;
 
   Canvas(int w, int h)
@@ -34,7 +34,7 @@ struct Canvas {
     std::fill(shade.begin(), shade.end(), Color{1, 1, 1});
     std::fill(labels.begin(), labels.end(), unset);
   }
-  /// Lays `color` under what is there already.
+  /// Adds `color` behind the existing content of a pixel.
   void under(std::size_t pixel, const Color& color, float alpha, std::uint8_t label) {
     light[pixel] = light[pixel] + color * (alpha * open[pixel]);
     open[pixel] *= 1 - alpha;
@@ -45,13 +45,13 @@ struct Canvas {
   std::size_t at(int x, int y) const { return static_cast<std::size_t>(y) * width + x; }
 };
 
-/// A convex polygon of the world on the picture: clipped to what lies ahead, as edges in pixels.
+/// The projection of a convex polygon, clipped to the space in front of the camera, as edges in pixels.
 class Outline {
  public:
   static constexpr int max_corners = 20;
 
   Outline(const Camera& camera, std::span<const Vec3> corners) {
-    constexpr float nearest = 0.08F; // metres
+    constexpr float nearest = 0.08F; // near plane, metres
     std::array<Vec3, max_corners + 1> ahead;
     int count = 0;
     for (std::size_t i = 0; i < corners.size() && count < max_corners; ++i) {
@@ -97,8 +97,8 @@ class Outline {
     }
   }
 
-  /// Calls `visit(x, y, distance)` for the pixels whose distance inward from the nearest edge exceeds
-  /// -margin; `deep` stands for every distance from there on.
+  /// Calls `visit(x, y, distance)` for the pixels whose distance to the nearest edge, positive inside,
+  /// exceeds -margin. `deep` is reported for all larger distances.
   template <class Visit>
   void each_pixel(int width, int height, float margin, float deep, Visit&& visit) const {
     if (edge_count_ == 0)
@@ -138,7 +138,7 @@ class Outline {
     float a, b, c;
   };
 
-  /// Keeps of low..high where a x + rest > 0.
+  /// Restricts low..high to a x + rest > 0.
   static void narrow(float a, float rest, float& low, float& high) {
     if (a > 1e-6F)
       low = std::max(low, -rest / a);

@@ -33,16 +33,16 @@ Conversion conversion_of(const Colorimetry& colorimetry) {
 } // namespace
 
 Developer::Developer() {
-  // A camera's curve: a square root with a soft shoulder.
+  // Tone curve of a camera: a square root with a soft shoulder.
   for (int i = 0; i <= tone_steps; ++i) {
     const float v = static_cast<float>(i) / tone_steps * 2; // up to twice white
     const float shoulder = v * (1 + v * 0.16F) / (1 + v * 0.42F);
     const float bright = std::min(std::sqrt(shoulder), 1.0F);
-    // Half of the way to an S: cameras like their pictures crisp.
+    // Half an S-curve, for the higher contrast of typical cameras.
     const float crisp = mix(bright, bright * bright * (3 - 2 * bright), 0.55F);
     tone_[i] = static_cast<std::uint16_t>(crisp * (255 * 64));
   }
-  // The sum of four even numbers is close to a bell.
+  // The sum of four uniform numbers is nearly normal.
   for (std::uint32_t i = 0; i < grain_.size(); ++i) {
     const std::uint32_t h = hash(i, 0x6e6f6973);
     const int sum = static_cast<int>((h & 255) + (h >> 8 & 255) + (h >> 16 & 255) + (h >> 24)) - 510;
@@ -54,7 +54,7 @@ void Developer::expose_row(const Canvas& canvas, int y, const Lighting& light, s
                            std::uint8_t* rgb) const {
   const Color* source = canvas.light.data() + static_cast<std::size_t>(y) * canvas.width;
   const Color gain = light.exposure * (0.5F * tone_steps);
-  // grain_ has a standard deviation of 32; times noise_q gives Q6 steps in the end.
+  // grain_ has a standard deviation of 32; multiplied by noise_q it is in Q6 steps.
   const int noise_q = static_cast<int>(light.sensor_noise * 64);
   const std::uint32_t row_key = hash(key, static_cast<std::uint32_t>(y));
   const auto step = [&](float v, std::uint32_t pick) {
@@ -83,7 +83,7 @@ void Developer::develop(const Canvas& canvas, const Lighting& light, std::uint32
     return static_cast<std::uint8_t>(std::clamp(
         ((w[0] * rgb[0] + w[1] * rgb[1] + w[2] * rgb[2] + 32768) >> 16) + conversion.offsets[c], 0, 255));
   };
-  // The upper 8 bits of a sample; 0 below them.
+  // Writes the upper 8 bits of a sample; the lower ones are 0.
   const auto put = [&](std::uint8_t* at, std::uint8_t value) {
     if (layout.sample_bytes() == 1) {
       *at = value;
@@ -112,7 +112,7 @@ void Developer::develop(const Canvas& canvas, const Lighting& light, std::uint32
             put(out + x * l.step, component(c, rgb + 3 * x));
         }
       }
-      // Bytes that stand for nothing or for opacity.
+      // Bytes that are unused or hold opacity.
       if (layout.rgb && layout.components[0].step == 4) {
         const int used =
             layout.components[0].offset + layout.components[1].offset + layout.components[2].offset;
@@ -129,7 +129,7 @@ void Developer::develop(const Canvas& canvas, const Lighting& light, std::uint32
       const auto& w = conversion.weights[c];
       const int samples = subsampled(width, 1);
       for (int x = 0; x < samples; ++x) {
-        // At the right and bottom edge the last pixel stands for the missing one.
+        // At the right and bottom edge the last pixel replaces the missing one.
         const int next = std::min(2 * x + 1, width - 1);
         int sum = 0;
         for (int k = 0; k < 3; ++k) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// From linear light to the bytes of a camera: exposure, tone, sensor noise, and the frame's format.
+// Converts linear light to the pixels of a camera: exposure, tone curve, sensor noise, and the frame's
+// format.
 #pragma once
 
 #include <array>
@@ -15,7 +16,7 @@ namespace terrainseg::scene {
 class Developer {
  public:
   Developer();
-  /// Writes `canvas` into `frame`. The noise depends on `key` alone.
+  /// Writes `canvas` into `frame`. The noise depends only on `key`.
   void develop(const Canvas& canvas, const Lighting& light, std::uint32_t key, const MutableFrame& frame);
 
  private:

@@ -72,7 +72,7 @@ class Caster {
     });
   }
 
-  // What has no flat faces throws the shadow of a picture that is turned to the sun.
+  // Objects without flat faces cast the shadow of a picture that faces the sun.
   void grown(const Thing& thing, float wide, float high) {
     const Vec3 side = across_ * (thing.half_x * wide), tip = along_ * (thing.height * high);
     const std::array<Vec3, 4> corners = {thing.base - side, thing.base + side, thing.base + side + tip,
@@ -88,7 +88,7 @@ class Caster {
       const float t = camera_.position.y / -ray.y;
       const Vec3 from = camera_.position + ray * t - thing.base;
       const float u = dot(from, across_), v = dot(from, ahead_) / stretch_;
-      // A pixel is as wide as t / focal and, on the ground, as long as that over the ray's slope.
+      // A pixel is t / focal wide; on the ground it is longer by the inverse of the ray's slope.
       const float size = t / camera_.focal,
                   length =
                       size * std::max(t / camera_.position.y * std::abs(dot(ray, ahead_)), 1.0F) / stretch_;
@@ -96,7 +96,7 @@ class Caster {
     });
   }
 
-  /// Metres inside the outline, about; u across and v up from the ground.
+  /// Approximate distance inside the outline, metres; u across, v up from the ground.
   float inside(const Thing& thing, float u, float v) const {
     const auto shift = static_cast<float>(thing.key & 255);
     const float rx = thing.half_x;
@@ -128,7 +128,7 @@ class Caster {
   const Stage& s_;
   Canvas& canvas_;
   const Camera& camera_;
-  Vec3 along_, ahead_, across_; ///< ground metres a shadow runs per metre of height; unit vectors
+  Vec3 along_, ahead_, across_; ///< shadow on the ground per metre of height, metres; unit vectors
   float stretch_ = 1;           ///< length of along_
   Color kept_;
 };

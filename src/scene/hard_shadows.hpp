@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The shadows of a low sun in a clear sky: where a thing stands in the way of the light, to the pixel.
+// Hard shadows of a low sun in a clear sky, computed per pixel.
 #pragma once
 
 #include <vector>
@@ -8,8 +8,8 @@
 
 namespace terrainseg::scene {
 
-/// Leaves in the canvas what the shadows of `things` and of the rover itself keep of the ground's light.
-/// Where several fall on one another it is no darker than in one.
+/// Multiplies the light of the canvas' ground by the shadows of `things` and of the rover. Overlapping
+/// shadows are as dark as one.
 void cast_hard_shadows(const Stage& stage, const std::vector<Thing>& things, Canvas& canvas);
 
 } // namespace terrainseg::scene

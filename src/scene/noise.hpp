@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Value noise from a table, and how much of it survives the size of a pixel.
+// Value noise from a table, and its attenuation for the size of a pixel.
 #pragma once
 
 #include <array>
@@ -11,14 +11,14 @@ namespace terrainseg::scene {
 
 class Noise {
  public:
-  static constexpr int period = 256; ///< cells after which it repeats
+  static constexpr int period = 256; ///< period in cells
 
   explicit Noise(std::uint32_t seed) {
     for (std::uint32_t i = 0; i < table_.size(); ++i)
       table_[i] = static_cast<std::int8_t>(static_cast<int>(hash(seed, i) >> 24) - 128);
   }
 
-  /// About -1..1, one cell per unit.
+  /// Noise in about -1..1 with one cell per unit.
   float at(float u, float v) const {
     const int iu = floor_of(u), iv = floor_of(v);
     const float fu = ease(u - static_cast<float>(iu)), fv = ease(v - static_cast<float>(iv));
@@ -29,7 +29,7 @@ class Noise {
     return mix(a, b, fv) * (1.0F / 128);
   }
 
-  /// Three octaves.
+  /// Sum of three octaves.
   float cloudy(float u, float v) const {
     return at(u, v) * 0.57F + at(u * 2 + 17.3F, v * 2 + 5.1F) * 0.29F +
            at(u * 4 + 71.7F, v * 4 + 33.9F) * 0.14F;

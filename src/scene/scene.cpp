@@ -20,7 +20,7 @@ struct Renderer::State {
   Noise noise;
   Place place;
   Canvas canvas;
-  Canvas mirror; ///< what still water shows
+  Canvas mirror; ///< the reflections in still water
   Developer developer;
   std::vector<Thing> things;
 };

@@ -9,7 +9,7 @@
 namespace terrainseg::scene {
 namespace {
 
-/// What a point of a surface looks like; alpha 0 = nothing there.
+/// Colour of a point of a surface; alpha 0 = transparent.
 struct Sample {
   Color light;
   float alpha = 1;
@@ -59,7 +59,7 @@ class Painter {
     }
   }
 
-  /// Where a thing stands little light gets under it.
+  /// The ground under an object gets little light.
   void contact(const Thing& thing) {
     std::array<Vec3, 16> corners;
     const float rim = thing.kind == Thing::Kind::car ? 0.12F : 0.06F;
@@ -127,7 +127,7 @@ class Painter {
         [&](int x, int y, float distance) {
           const std::size_t pixel = canvas_.at(x, y);
           if (canvas_.open[pixel] < Canvas::hidden || canvas_.shade[pixel].g < kept.g * 0.8F)
-            return; // hidden, or in the shade of several already
+            return; // hidden, or already dark from several shadows
           float k = clamp01(distance / soft + 0.5F);
           if (dappled) {
             const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
@@ -138,7 +138,7 @@ class Painter {
             const float gaps =
                 0.66F * s_.noise.at(u * 2.3F, v * 2.3F) + 0.34F * s_.noise.at(u * 5.1F, v * 5.1F);
             k *= 1 - 0.85F * smooth(0.05F, 0.3F, gaps);
-            // The rim of a crown is ragged.
+            // The edge of a crown is ragged.
             if (distance < 3 * soft)
               k *= smooth(-0.1F, 0.35F,
                           distance / soft * 0.25F + 0.4F * s_.noise.at(u * 1.7F + 9, v * 1.7F) + 0.1F);
@@ -152,7 +152,7 @@ class Painter {
     return mix(color, s_.light.haze, s_.settings.kind == Kind::corridor ? d * d / (1 + d * d) : d / (1 + d));
   }
 
-  // In a corridor light comes from above and a little from the rover's side.
+  // In a corridor light comes from above and slightly from the rover's side.
   Color lit(const Vec3& normal) const {
     if (s_.settings.kind == Kind::corridor)
       return s_.light.on(normal) +
@@ -160,12 +160,13 @@ class Painter {
     return s_.light.on(normal);
   }
 
-  /// Draws a flat convex face; `shade(u, v, size)` in metres along the plane's axes, size = metres per pixel.
+  /// Draws a flat convex face. `shade(u, v, size)`: u and v in metres along the plane's axes, size = metres
+  /// per pixel.
   template <class Shade>
   void face(std::span<const Vec3> corners, const Plane3& plane, std::uint8_t label, Shade&& shade) {
     const float offset = dot(plane.normal, plane.origin - camera_.position);
     const Outline outline(camera_, corners);
-    // Half a pixel over the rim: adjoining faces leave no gap.
+    // Extends the face by half a pixel, so that neighbouring faces leave no gap.
     outline.each_pixel(canvas_.width, canvas_.height, 1, 0, [&](int x, int y, float distance) {
       const std::size_t pixel = canvas_.at(x, y);
       if (canvas_.open[pixel] < Canvas::hidden)
@@ -186,8 +187,8 @@ class Painter {
     });
   }
 
-  /// The faces of a box that the camera sees. `shade(face, normal, u, v, size)`: u from the middle of the
-  /// face, v up from the ground (on the top: u across, v along).
+  /// Draws the visible faces of a box. `shade(face, normal, u, v, size)`: u from the middle of the face, v up
+  /// from the ground (top face: u across, v along), metres.
   template <class Shade> void box(const Box& b, std::uint8_t label, Shade&& shade) {
     const Vec3 to_eye = camera_.position - b.base;
     for (const float sign : {-1.0F, 1.0F}) {
@@ -228,7 +229,7 @@ class Painter {
     box(body, not_traversable, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
       Color color = paint;
       if (f == Face::side) {
-        // Wheels, and daylight between them.
+        // Wheels, and the gap between them.
         const float wheel = std::abs(u) - 0.62F * length,
                     r = std::sqrt(wheel * wheel + (v - 0.31F) * (v - 0.31F));
         const float on_wheel = clamp01((0.31F - r) / size + 0.5F), hub = clamp01((0.17F - r) / size + 0.5F);
@@ -275,7 +276,7 @@ class Painter {
       if (f == Face::top)
         return {light + glint * 0.8F, 1};
       const float half = f == Face::side ? cabin.half_z : cabin.half_x;
-      // The cabin narrows towards the roof.
+      // The cabin is narrower at the roof.
       const float edge = half * (1 - (f == Face::side ? 0.34F : 0.12F) * rise) - std::abs(u);
       const float alpha = clamp01(edge / size + 0.5F);
       float glass = clamp01((edge - 0.07F) / size + 0.5F) * clamp01((0.86F - rise) / (size / 0.6F) + 0.5F);
@@ -289,7 +290,7 @@ class Painter {
   void house(const Thing& thing) {
     const float storey = 2.9F;
     Box walls = box_of(thing, 0, thing.height);
-    // A saddle roof, ridge along the road; its eaves hide part of the walls.
+    // A gable roof with its ridge along the road; the eaves hide a part of the walls.
     const float eave = 0.4F, rise = 0.7F * thing.half_x;
     const auto at = [&](float x, float y, float z) { return walls.corner(x, y, z); };
     const Color tile = mix(Color{0.22F, 0.09F, 0.06F}, Color{0.1F, 0.1F, 0.11F}, unit(hash(thing.key, 5)));
@@ -359,7 +360,7 @@ class Painter {
     });
   }
 
-  /// An upright picture that faces the camera: `shade(u, v, size)` with u across and v up, metres.
+  /// An upright picture that faces the camera. `shade(u, v, size)`: u across, v up, metres.
   template <class Shade> void cutout(const Vec3& base, float half_width, float height, Shade&& shade) {
     Vec3 toward = {camera_.position.x - base.x, 0, camera_.position.z - base.z};
     const float length = std::sqrt(toward.x * toward.x + toward.z * toward.z);
@@ -376,7 +377,7 @@ class Painter {
     face(corners, {base, across, {0, 1, 0}, toward}, not_traversable, shade);
   }
 
-  // Crowns are lit from the sun's side and dark inside.
+  // Crowns are bright on the sun's side and dark inside.
   Color foliage(const Color& leaf, float u, float v, float radius, float size, std::uint32_t key) const {
     const auto shift = static_cast<float>(key & 255);
     const float fine = clamp01(1.1F - 4 * size), finer = clamp01(0.9F - 12 * size);
@@ -404,7 +405,7 @@ class Painter {
       const float wood =
           v < cy ? clamp01((trunk * (1.2F - v / thing.height) - std::abs(u)) / size + 0.5F) : 0;
       const float rim = std::max(size * 1.5F, 0.16F);
-      // Coarse first: most pixels are well inside or well outside.
+      // Low frequencies first: most pixels are far from the outline.
       float body = 0.88F - radius;
       if (body < -0.62F - 0.5F * rim && wood <= 0)
         return {{}, 0};
@@ -416,7 +417,7 @@ class Painter {
         if (size < 0.05F)
           body += 0.12F * s_.noise.at(u * 15, v * 15);
       }
-      // Gaps through which the sky shows.
+      // Gaps through which the sky is visible.
       if (size < 0.05F)
         body -= 0.9F * smooth(0.3F, 0.6F, s_.noise.at(u * 3.3F + shift, v * 3.3F)) * clamp01(0.8F + y);
       const float alpha = clamp01(body / rim + 0.5F);
@@ -460,7 +461,7 @@ class Painter {
              const float alpha = clamp01(body * rx / size + 0.5F) * ground;
              if (alpha <= 0)
                return {{}, 0};
-             // The side of an egg, roughened.
+             // The side of a rough ellipsoid.
              const float facing = std::sqrt(std::max(1 - r2, 0.05F));
              const float nx = x + 0.8F * lumps, ny = y + 0.9F * chips + 0.5F * lumps;
              const Vec3 normal = across_ * nx + Vec3{0, ny, 0} + toward_ * facing;
@@ -506,7 +507,7 @@ class Painter {
                                          clamp01((0.006F - middle) / size + 0.5F));
           }
           if (f != Face::top && v < 0.07F)
-            shade *= 0.35F; // the recess of the plinth
+            shade *= 0.35F; // the recessed plinth
           return {thing.color * shade * lit(normal), 1};
         });
   }
@@ -528,7 +529,7 @@ void draw_things(const Stage& stage, std::vector<Thing>& things, Canvas& canvas)
   if (!stage.light.clear)
     std::erase_if(things,
                   [&](const Thing& thing) { return camera.depth(thing.base) < -reach_of(thing) - 3; });
-  // The key settles ties, so that the order does not hang on the sort's own habits.
+  // Equal distances are ordered by key, so that the order does not depend on the sort algorithm.
   std::sort(things.begin(), things.end(), [&](const Thing& a, const Thing& b) {
     const float da = camera.depth(a.base), db = camera.depth(b.base);
     return da != db ? da < db : a.key < b.key;

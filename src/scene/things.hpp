@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Draws the things that stand in the world, and the shadows that they throw on the ground.
+// Draws the objects of the world and their soft shadows on the ground.
 #pragma once
 
 #include <vector>
@@ -11,7 +11,7 @@ namespace terrainseg::scene {
 /// Sorts `things` from near to far and draws them.
 void draw_things(const Stage& stage, std::vector<Thing>& things, Canvas& canvas);
 
-/// Leaves the shadows of `things` in the canvas for the backdrop.
+/// Multiplies the canvas' shade by the shadows of `things`, for the background.
 void draw_shadows(const Stage& stage, const std::vector<Thing>& things, Canvas& canvas);
 
 } // namespace terrainseg::scene

@@ -15,7 +15,7 @@ Vec3 toward_sun(float elevation_turns, float azimuth_turns) {
           along * static_cast<float>(cosine(azimuth_turns))};
 }
 
-/// Visits the cells of `length` metres between two z; the key of a cell repeats with the world.
+/// Visits the cells of `length` metres between two z. Keys of cells repeat with the world's period.
 template <class Visit> void each_cell(float from, float to, float length, std::uint32_t key, Visit&& visit) {
   const int cells = static_cast<int>(world_length / length);
   for (int i = floor_of(from / length); i <= floor_of(to / length); ++i)
@@ -23,7 +23,7 @@ template <class Visit> void each_cell(float from, float to, float length, std::u
           Dice(hash(key, static_cast<std::uint32_t>((i % cells + cells) % cells))));
 }
 
-// Obstacles come in two sorts: of a colour of their own, and of a colour close to the ground's.
+// Obstacles have either their own colour or one close to the ground's.
 Color obstacle_color(Dice& dice, const Color& own, const Color& ground, float likeness) {
   if (!dice.chance(likeness))
     return own;
@@ -31,7 +31,7 @@ Color obstacle_color(Dice& dice, const Color& own, const Color& ground, float li
   return ground * brightness;
 }
 
-/// How far behind the rover something may stand whose shadow is in sight.
+/// How far behind the rover an object may cast a visible shadow, metres.
 float shadow_reach(const Settings& s) {
   return s.light == Light::sun ? 48 : 0;
 }
@@ -100,108 +100,156 @@ void add_rock(std::vector<Thing>& things, float x, float z, float size, Dice& di
   things.push_back(rock);
 }
 
+/// A road with the objects along it.
+class Road {
+ public:
+  Road(const Settings& settings, const Place& place, const Path& path, const Moment& moment,
+       std::vector<Thing>& things)
+      : s_(settings), place_(place), path_(path), moment_(moment), z0_(moment.camera.position.z),
+        filled_(static_cast<float>(settings.obstacles) / 100), things_(things) {}
+
+  void roadside() {
+    each_cell(z0_ - 14 - shadow_reach(s_), z0_ + 130, 16, hash(s_.seed, 1), [&](float z, Dice dice) {
+      for (const float side : {-1.0F, 1.0F}) {
+        if (place_.urban && dice.chance(0.85F))
+          house(z, side, dice);
+        const int trees = place_.urban ? dice.chance(0.35F) : static_cast<int>(dice.next() % 3);
+        for (int i = 0; i < trees; ++i) {
+          const float tz = z + dice.roll(0, 16);
+          const float x = place_.urban ? place_.pavement - 0.6F : place_.half_width + dice.roll(2.5F, 14);
+          add_tree(things_, path_.at(tz) + side * x, tz, dice, 5, 10);
+        }
+        if (!place_.urban)
+          for (int i = 0; i < 2; ++i)
+            if (dice.chance(filled_)) {
+              const float bz = z + dice.roll(0, 16);
+              const float away = place_.half_width + dice.roll(1.0F, 6), size = dice.roll(0.4F, 1);
+              const Color leaves = mix(place_.beside, Color{0.05F, 0.09F, 0.02F}, dice.roll());
+              add_bush(things_, path_.at(bz) + side * away, bz, size, dice, leaves);
+            }
+      }
+    });
+  }
+
+  void poles() {
+    each_cell(z0_ - 6 - shadow_reach(s_), z0_ + 110, 32, hash(s_.seed, 2), [&](float z, Dice dice) {
+      Thing pole;
+      pole.kind = Thing::Kind::pole;
+      const float x = dice.chance(0.5F) ? 1.0F : -1.0F;
+      pole.base = {path_.at(z) + x * (place_.half_width + 0.7F), 0, z};
+      pole.half_x = pole.half_z = 0.07F;
+      pole.height = 6;
+      pole.color = grey(0.25F);
+      things_.push_back(pole);
+    });
+  }
+
+  /// Parked cars, and concrete blocks, half of which have the asphalt's colour.
+  void parked() {
+    each_cell(z0_ - 4 - shadow_reach(s_), z0_ + 90, 8, hash(s_.seed, 3), [&](float z, Dice dice) {
+      for (const float side : {-1.0F, 1.0F}) {
+        const bool there = dice.chance(filled_), is_car = dice.chance(place_.urban ? 0.8F : 0.25F);
+        const float middle = z + 4 + dice.roll(-0.6F, 0.6F);
+        Dice own(dice.next());
+        if (!there)
+          continue;
+        if (is_car)
+          parked_car(middle, side, own);
+        else
+          block(middle, side, own);
+      }
+    });
+  }
+
+  /// Oncoming traffic: placed on a line that moves towards the rover.
+  void oncoming() {
+    const double driven = moment_.seconds * 9;
+    const auto shift =
+        static_cast<float>(driven - 2048.0 * static_cast<double>(static_cast<std::int64_t>(driven / 2048.0)));
+    each_cell(z0_ + shift - 8, z0_ + shift + 120, 32, hash(s_.seed, 4), [&](float w, Dice dice) {
+      if (!dice.chance(filled_))
+        return;
+      const float z = w + dice.roll(4, 28) - shift;
+      const Heading h = heading_at(path_, z);
+      things_.push_back(car_at(path_.at(z) - 1.75F, z, -h.cos, -h.sin, dice, car_color(dice)));
+    });
+  }
+
+  /// A car ahead in the rover's lane.
+  void lead() {
+    Dice dice(hash(s_.seed, 5));
+    if (!dice.chance(0.3F + 0.7F * filled_))
+      return;
+    const auto gap = static_cast<float>(18 + 8 * sine(moment_.seconds * 0.05 + dice.roll()));
+    const float z = z0_ + gap;
+    const Heading h = heading_at(path_, z);
+    const Color paint = obstacle_color(dice, car_color(dice), place_.surface, 0.3F);
+    things_.push_back(car_at(path_.at(z) + 1.75F, z, h.cos, h.sin, dice, paint));
+  }
+
+ private:
+  void house(float z, float side, Dice& dice) {
+    Thing house;
+    house.kind = Thing::Kind::house;
+    house.half_x = dice.roll(3.5F, 5);
+    house.half_z = dice.roll(6, 7.8F);
+    house.height = dice.roll(6, 11);
+    const float middle = z + 8, x = side * (place_.pavement + dice.roll(1, 4) + house.half_x);
+    house.base = {path_.at(middle) + x, 0, middle};
+    const Heading h = heading_at(path_, middle);
+    house.cos_yaw = h.cos;
+    house.sin_yaw = h.sin;
+    constexpr Color walls[] = {{0.42F, 0.2F, 0.13F},
+                               {0.55F, 0.5F, 0.4F},
+                               {0.3F, 0.28F, 0.26F},
+                               {0.6F, 0.57F, 0.52F},
+                               {0.35F, 0.15F, 0.1F}};
+    house.color = walls[dice.next() % 5];
+    house.color = house.color * dice.roll(0.7F, 1.1F);
+    house.key = dice.next();
+    things_.push_back(house);
+  }
+
+  void parked_car(float middle, float side, Dice& dice) {
+    const Heading h = heading_at(path_, middle);
+    const float kerb = place_.half_width - (place_.urban ? 1.1F : -1.6F);
+    const Color paint = obstacle_color(dice, car_color(dice), place_.surface, 0.25F);
+    things_.push_back(car_at(path_.at(middle) + side * kerb, middle, h.cos, h.sin, dice, paint));
+  }
+
+  void block(float middle, float side, Dice& dice) {
+    const Heading h = heading_at(path_, middle);
+    Thing block;
+    block.kind = Thing::Kind::crate;
+    block.base = {path_.at(middle) + side * (place_.half_width - 0.5F), 0, middle};
+    block.half_x = dice.roll(0.2F, 0.45F);
+    block.half_z = dice.roll(0.3F, 1);
+    block.height = dice.roll(0.4F, 0.9F);
+    block.cos_yaw = h.cos;
+    block.sin_yaw = h.sin;
+    block.color = obstacle_color(dice, {0.5F, 0.16F, 0.02F}, place_.surface, 0.5F);
+    block.key = dice.next();
+    things_.push_back(block);
+  }
+
+  const Settings& s_;
+  const Place& place_;
+  const Path& path_;
+  const Moment& moment_;
+  const float z0_, filled_;
+  std::vector<Thing>& things_;
+};
+
 void road(const Settings& s, const Place& place, const Path& path, const Moment& moment,
           std::vector<Thing>& things) {
-  const float z0 = moment.camera.position.z, filled = static_cast<float>(s.obstacles) / 100;
-  each_cell(z0 - 14 - shadow_reach(s), z0 + 130, 16, hash(s.seed, 1), [&](float z, Dice dice) {
-    for (const float side : {-1.0F, 1.0F}) {
-      if (place.urban && dice.chance(0.85F)) {
-        Thing house;
-        house.kind = Thing::Kind::house;
-        house.half_x = dice.roll(3.5F, 5);
-        house.half_z = dice.roll(6, 7.8F);
-        house.height = dice.roll(6, 11);
-        const float middle = z + 8, x = side * (place.pavement + dice.roll(1, 4) + house.half_x);
-        house.base = {path.at(middle) + x, 0, middle};
-        const Heading h = heading_at(path, middle);
-        house.cos_yaw = h.cos;
-        house.sin_yaw = h.sin;
-        constexpr Color walls[] = {{0.42F, 0.2F, 0.13F},
-                                   {0.55F, 0.5F, 0.4F},
-                                   {0.3F, 0.28F, 0.26F},
-                                   {0.6F, 0.57F, 0.52F},
-                                   {0.35F, 0.15F, 0.1F}};
-        house.color = walls[dice.next() % 5];
-        house.color = house.color * dice.roll(0.7F, 1.1F);
-        house.key = dice.next();
-        things.push_back(house);
-      }
-      const int trees = place.urban ? dice.chance(0.35F) : static_cast<int>(dice.next() % 3);
-      for (int i = 0; i < trees; ++i) {
-        const float tz = z + dice.roll(0, 16);
-        const float x = place.urban ? place.pavement - 0.6F : place.half_width + dice.roll(2.5F, 14);
-        add_tree(things, path.at(tz) + side * x, tz, dice, 5, 10);
-      }
-      if (!place.urban)
-        for (int i = 0; i < 2; ++i)
-          if (dice.chance(filled)) {
-            const float bz = z + dice.roll(0, 16);
-            const float away = place.half_width + dice.roll(1.0F, 6), size = dice.roll(0.4F, 1);
-            const Color leaves = mix(place.beside, Color{0.05F, 0.09F, 0.02F}, dice.roll());
-            add_bush(things, path.at(bz) + side * away, bz, size, dice, leaves);
-          }
-    }
-  });
-  each_cell(z0 - 6 - shadow_reach(s), z0 + 110, 32, hash(s.seed, 2), [&](float z, Dice dice) {
-    Thing pole;
-    pole.kind = Thing::Kind::pole;
-    const float x = dice.chance(0.5F) ? 1.0F : -1.0F;
-    pole.base = {path.at(z) + x * (place.half_width + 0.7F), 0, z};
-    pole.half_x = pole.half_z = 0.07F;
-    pole.height = 6;
-    pole.color = grey(0.25F);
-    things.push_back(pole);
-  });
-  // Parked cars and, as often of the asphalt's own colour, concrete blocks.
-  each_cell(z0 - 4 - shadow_reach(s), z0 + 90, 8, hash(s.seed, 3), [&](float z, Dice dice) {
-    for (const float side : {-1.0F, 1.0F}) {
-      const bool there = dice.chance(filled), is_car = dice.chance(place.urban ? 0.8F : 0.25F);
-      const float middle = z + 4 + dice.roll(-0.6F, 0.6F);
-      const Heading h = heading_at(path, middle);
-      const float kerb = place.half_width - (place.urban ? 1.1F : -1.6F);
-      Dice own(dice.next());
-      if (!there)
-        continue;
-      if (is_car) {
-        const Color paint = obstacle_color(own, car_color(own), place.surface, 0.25F);
-        things.push_back(car_at(path.at(middle) + side * kerb, middle, h.cos, h.sin, own, paint));
-      } else {
-        Thing block;
-        block.kind = Thing::Kind::crate;
-        block.base = {path.at(middle) + side * (place.half_width - 0.5F), 0, middle};
-        block.half_x = own.roll(0.2F, 0.45F);
-        block.half_z = own.roll(0.3F, 1);
-        block.height = own.roll(0.4F, 0.9F);
-        block.cos_yaw = h.cos;
-        block.sin_yaw = h.sin;
-        block.color = obstacle_color(own, {0.5F, 0.16F, 0.02F}, place.surface, 0.5F);
-        block.key = own.next();
-        things.push_back(block);
-      }
-    }
-  });
+  Road road(s, place, path, moment, things);
+  road.roadside();
+  road.poles();
+  road.parked();
   if (s.obstacles == 0)
     return;
-  // Oncoming traffic, laid out along a line that comes towards the rover.
-  const double oncoming = moment.seconds * 9;
-  const auto shift = static_cast<float>(
-      oncoming - 2048.0 * static_cast<double>(static_cast<std::int64_t>(oncoming / 2048.0)));
-  each_cell(z0 + shift - 8, z0 + shift + 120, 32, hash(s.seed, 4), [&](float w, Dice dice) {
-    if (!dice.chance(filled))
-      return;
-    const float z = w + dice.roll(4, 28) - shift;
-    const Heading h = heading_at(path, z);
-    things.push_back(car_at(path.at(z) - 1.75F, z, -h.cos, -h.sin, dice, car_color(dice)));
-  });
-  // Somebody ahead in the rover's own lane.
-  Dice lead(hash(s.seed, 5));
-  if (lead.chance(0.3F + 0.7F * filled)) {
-    const auto gap = static_cast<float>(18 + 8 * sine(moment.seconds * 0.05 + lead.roll()));
-    const float z = z0 + gap;
-    const Heading h = heading_at(path, z);
-    const Color paint = obstacle_color(lead, car_color(lead), place.surface, 0.3F);
-    things.push_back(car_at(path.at(z) + 1.75F, z, h.cos, h.sin, lead, paint));
-  }
+  road.oncoming();
+  road.lead();
 }
 
 void trail(const Settings& s, const Place& place, const Path& path, const Moment& moment,
@@ -297,7 +345,7 @@ void plain(const Settings& s, const Place& place, const Path& path, const Moment
                     z = (static_cast<float>(j) + dice.roll()) * cell;
         const float r = dice.roll(), size = low + (high - low) * r * r * r;
         if (std::abs(x - path.at(z)) < 0.75F + size)
-          continue; // the rover's own way
+          continue; // keeps the rover's path free
         add_rock(things, x, z, size, dice,
                  obstacle_color(dice, mix(grey(0.13F), place.surface, 0.25F), place.surface, 0.5F));
       }
@@ -316,7 +364,7 @@ Lighting lighting_of(const Settings& settings, double seconds) {
   light.clouds = dice.roll(0.15F, 0.75F);
   const bool sun = settings.light == Light::sun;
   if (settings.kind == Kind::corridor) {
-    if (sun) { // from the side, or nothing of it came in
+    if (sun) { // from the side, so that it shines into the corridor
       const float across = dice.roll(0.17F, 0.33F);
       light.window_sun = toward_sun(dice.roll(0.09F, 0.13F), azimuth < 0.5F ? across : -across);
       light.window_light = {2.4F, 2.2F, 1.9F};
@@ -348,7 +396,7 @@ Lighting lighting_of(const Settings& settings, double seconds) {
     light.exposure = grey(1.6F / light.on({0, 1, 0}).g);
   } else {
     light.sun = toward_sun(dice.roll(0.09F, 0.17F), azimuth);
-    const float veil = smooth(0.55F, 0.75F, light.clouds); // overcast: weak shadows
+    const float veil = smooth(0.55F, 0.75F, light.clouds); // clouds: weak shadows
     light.sun_light = Color{1.25F, 1.15F, 0.98F} * (1 - 0.75F * veil);
     light.ambient = mix(Color{0.38F, 0.44F, 0.54F}, Color{0.62F, 0.65F, 0.7F}, veil);
     light.haze = mix(Color{0.66F, 0.74F, 0.86F}, Color{0.78F, 0.79F, 0.8F}, veil);
@@ -445,7 +493,7 @@ void parts_of_the_rover(const Settings& settings, const Moment& moment, std::vec
     parts.push_back(part);
   };
   parts.clear();
-  if (settings.kind == Kind::road) { // a car, its camera behind the windscreen
+  if (settings.kind == Kind::road) { // a car with the camera behind the windscreen
     add(0.9F, 0.88F, 2.1F, 0.2F, 0.65F * height);
     add(0.9F, 0.75F, 1.0F, 0.6F * height, height + 0.15F);
     return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the tools read their command lines with, on top of GLib's options.
+// Command-line parsing for the tools, on top of GLib's options.
 #pragma once
 
 #include <glib.h>
@@ -11,7 +11,7 @@
 
 namespace terrainseg::tools {
 
-/// A command line that makes no sense.
+/// An invalid command line.
 class UsageError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -22,7 +22,7 @@ struct FreeContext {
 };
 using OptionContext = std::unique_ptr<GOptionContext, FreeContext>;
 
-/// A list that GLib writes into; owns its strings.
+/// A list for GLib to write; owns its strings.
 struct Words {
   Words() = default;
   ~Words() { g_strfreev(list); }
@@ -37,7 +37,7 @@ struct Words {
   char** list = nullptr;
 };
 
-/// A word that GLib writes into; owns its string.
+/// A string for GLib to write; owns it.
 struct Word {
   Word() = default;
   ~Word() { g_free(text); }
@@ -47,7 +47,7 @@ struct Word {
   char* text = nullptr;
 };
 
-/// Reads words; throws UsageError.
+/// Parses the arguments; throws UsageError.
 inline void parse(GOptionContext* context, const std::vector<std::string>& words, const char* name) {
   GStrvBuilder* builder = g_strv_builder_new();
   g_strv_builder_add(builder, name);

@@ -10,23 +10,14 @@ cd "$(dirname "$0")/../.."
 by_line=0
 [ "${1:-}" != --by-line ] || { by_line=1; shift; }
 root=${1:-/var/tmp/terrainseg-container}
-passed=0
-failed=0
+log=$root.log
 finish() {
   if [ "$by_line" = 1 ]; then leave_root "$root"; else clear_image; fi
   echo "$passed passed, $failed failed"
   [ "$failed" -eq 0 ] && [ "$passed" -gt 0 ]
   exit
 }
-check() { # check NAME COMMAND...
-  local name=$1 begin=$SECONDS
-  shift
-  if heartbeat "$root.log" "$@"; then
-    passed=$((passed + 1)); echo "ok: $name ($((SECONDS - begin)) s)"
-  else
-    failed=$((failed + 1)); echo "FAILED: $name"; tail -n 20 "$root.log"; finish
-  fi
-}
+must() { check "$@" || finish; }
 # What the image must be able to do: a scene is rendered, and the entry point filters it.
 trial() {
   echo "cd /tmp && rm -rf out && gst-launch-1.0 -q -e terrainscenesrc num-buffers=10 ! video/x-raw,format=I420,width=160,height=96 \
@@ -68,10 +59,10 @@ fi
 if [ "$by_line" = 0 ]; then
   mkdir "$root.image/source"
   copy_source "$root.image/source" || exit 1
-  check "buildah builds it" built -t terrainseg -f Containerfile "$root.image/source"
+  must "buildah builds it" built -t terrainseg -f Containerfile "$root.image/source"
   entry=$(builder inspect --type image --format '{{index .OCIv1.Config.Entrypoint 0}}' terrainseg)
-  check "a container of the image" builder from --name terrainseg-trial terrainseg
-  check "the entry point runs the filter" builder run --isolation chroot terrainseg-trial -- sh -c "$(trial "$entry")"
+  must "a container of the image" builder from --name terrainseg-trial terrainseg
+  must "the entry point runs the filter" builder run --isolation chroot terrainseg-trial -- sh -c "$(trial "$entry")"
   finish
 fi
 
@@ -80,12 +71,12 @@ workdir=/ entry=
 while read -r word rest; do
   case "$word" in
     "" | \#*) ;;
-    FROM) check "FROM $rest is what the root is" [ "$rest" = debian:12 ] ;;
+    FROM) must "FROM $rest is what the root is" [ "$rest" = debian:12 ] ;;
     WORKDIR) workdir=$rest; rm -rf "${root:?}$rest" "${root:?}/build"; mkdir -p "$root$rest" ;;
-    COPY) check "COPY $rest" copy_source "$root${rest#. }" ;;
-    RUN) check "RUN $rest" in_root "$root" sh -c "cd $workdir && $rest" ;;
+    COPY) must "COPY $rest" copy_source "$root${rest#. }" ;;
+    RUN) must "RUN $rest" in_root "$root" sh -c "cd $workdir && $rest" ;;
     ENTRYPOINT) entry=$(tr -d '[]",' <<<"$rest") ;;
-    *) check "a line that this script knows: $word" false ;;
+    *) must "a line that this script knows: $word" false ;;
   esac
 done <Containerfile
 check "the entry point runs the filter" in_root "$root" sh -c "$(trial "$entry")"

@@ -3,6 +3,20 @@
 # Sourced by the slow checks that need a clean Debian: a root made by debootstrap from this machine's own mirror.
 . examples/heartbeat.sh
 
+passed=0
+failed=0
+# check NAME COMMAND...: runs the command and counts it in $passed or $failed. Its output goes to the file $log.
+check() {
+  local name=$1 begin=$SECONDS
+  shift
+  if heartbeat "$log" "$@"; then
+    passed=$((passed + 1)); echo "ok: $name ($((SECONDS - begin)) s)"
+  else
+    failed=$((failed + 1)); echo "FAILED: $name"; tail -n 20 "$log"
+    return 1
+  fi
+}
+
 debian_mirror() {
   echo "${DEBIAN_MIRROR:-$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' 2>/dev/null | grep -E '/debian/?$' | head -n 1)}"
 }

@@ -34,17 +34,6 @@ steps=(
   "metres to an autopilot|env SCENE='terrainscenesrc num-buffers=20 ! video/x-raw,width=320,height=180' examples/ardupilot.sh --scene"
   "tuning without a display|./install-dependencies.sh tune && examples/tune.sh \$out/drive.mp4 --picture \$out/look.png && test -s \$out/look.png"
 )
-passed=0
-failed=0
-check() { # check NAME COMMAND...
-  local name=$1
-  shift
-  if heartbeat "$log" "$@"; then
-    passed=$((passed + 1)); echo "ok: $name"
-  else
-    failed=$((failed + 1)); echo "FAILED: $name"; tail -n 15 "$log"
-  fi
-}
 here() { in_root "$root" sh -c "cd $source && $1"; }
 # walk WAY PREFIX: each step, by a shell that PREFIX starts.
 walk() {

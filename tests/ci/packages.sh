@@ -7,18 +7,8 @@ set -uo pipefail
 cd "$(dirname "$0")/../.."
 . tests/ci/debian_root.sh
 root=${1:-/var/tmp/terrainseg-debian12}
-passed=0
-failed=0
-check() { # check NAME COMMAND...
-  local name=$1
-  shift
-  if heartbeat "$work/check.log" "$@"; then
-    passed=$((passed + 1)); echo "ok: $name"
-  else
-    failed=$((failed + 1)); echo "FAILED: $name"; tail -n 15 "$work/check.log"
-  fi
-}
 work=$(mktemp -d)
+log=$work/check.log
 cleanup() { leave_root "$root"; rm -rf "$work"; }
 trap cleanup EXIT
 

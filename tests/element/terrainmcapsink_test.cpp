@@ -3,12 +3,15 @@
 #include <gst/gst.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <vector>
 
+#include "../support/mcap_messages.hpp"
 #include "owned.hpp"
 
 namespace {
@@ -109,13 +112,12 @@ TEST_F(McapSink, AFileHasItsNameWhenItIsWholeAndIsNeverReplaced) {
   EXPECT_EQ(statistics_of(bytes).messages, 82u) << "mask and video, diagnostics of two seconds";
   EXPECT_FALSE(fs::exists(at("drive.mcap.part")));
   const std::string error = run(pipeline).error;
-  EXPECT_NE(error.find("drive.mcap\" is there already, and a recording replaces nothing"), std::string::npos)
-      << error;
+  EXPECT_NE(error.find("drive.mcap\" already exists"), std::string::npos) << error;
   EXPECT_EQ(bytes_of(at("drive.mcap")), bytes);
   // Nor what a killed recorder left.
   fs::rename(at("drive.mcap"), at("drive.mcap.part"));
   const std::string left = run(pipeline).error;
-  EXPECT_NE(left.find("drive.mcap.part\" is there already"), std::string::npos) << left;
+  EXPECT_NE(left.find("drive.mcap.part\" already exists"), std::string::npos) << left;
   EXPECT_EQ(bytes_of(at("drive.mcap.part")), bytes);
 }
 
@@ -186,30 +188,106 @@ class Recorder {
     g_object_set(sink_.get(), "async", FALSE, nullptr);
   }
   ~Recorder() { gst_element_set_state(sink_.get(), GST_STATE_NULL); }
+  GstElement* sink() const { return sink_.get(); }
   /// One frame to a location, or to a descriptor where that is nullptr. False when it could not be whole.
-  bool record(const char* location, int fd) {
+  bool record(const char* location, int fd) { return begin(location, fd) && push(0) && end(); }
+  bool begin(const char* location, int fd) {
     g_object_set(sink_.get(), "location", location, "fd", fd, nullptr);
     if (gst_element_set_state(sink_.get(), GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE)
       return false;
-    const Owned<GstPad> pad(gst_element_get_static_pad(sink_.get(), "sink"));
-    const Owned<GstCaps> caps(
-        gst_caps_from_string("video/x-raw,format=GRAY8,width=1,height=1,framerate=30/1"));
+    const Owned<GstCaps> caps(gst_caps_from_string("image/jpeg,width=1,height=1,framerate=30/1"));
     GstSegment segment;
     gst_segment_init(&segment, GST_FORMAT_TIME);
-    gst_pad_send_event(pad.get(), gst_event_new_stream_start("x"));
-    gst_pad_send_event(pad.get(), gst_event_new_caps(caps.get()));
-    gst_pad_send_event(pad.get(), gst_event_new_segment(&segment));
+    return send(gst_event_new_stream_start("x")) && send(gst_event_new_caps(caps.get())) &&
+           send(gst_event_new_segment(&segment));
+  }
+  /// A frame, with its time of day where `utc` is one.
+  bool push(GstClockTime time, GstClockTime utc = GST_CLOCK_TIME_NONE) {
     GstBuffer* frame = gst_buffer_new_allocate(nullptr, 4, nullptr);
-    GST_BUFFER_PTS(frame) = 0;
-    const bool taken =
-        gst_pad_chain(pad.get(), frame) == GST_FLOW_OK && gst_pad_send_event(pad.get(), gst_event_new_eos());
+    GST_BUFFER_PTS(frame) = time;
+    if (GST_CLOCK_TIME_IS_VALID(utc)) {
+      const Owned<GstCaps> day(gst_caps_new_empty_simple("timestamp/x-unix"));
+      gst_buffer_add_reference_timestamp_meta(frame, day.get(), utc, GST_CLOCK_TIME_NONE);
+    }
+    const Owned<GstPad> pad(gst_element_get_static_pad(sink_.get(), "sink"));
+    return gst_pad_chain(pad.get(), frame) == GST_FLOW_OK;
+  }
+  bool end() {
+    const bool whole = send(gst_event_new_eos());
     gst_element_set_state(sink_.get(), GST_STATE_NULL);
-    return taken;
+    return whole;
   }
 
  private:
+  bool send(GstEvent* event) const {
+    const Owned<GstPad> pad(gst_element_get_static_pad(sink_.get(), "sink"));
+    return gst_pad_send_event(pad.get(), event);
+  }
   Owned<GstElement> sink_;
 };
+
+/// The times of all messages of a recording, in milliseconds since `start`, as they stand in it.
+std::vector<std::int64_t> times_of(const std::string& bytes, std::uint64_t start) {
+  std::vector<std::int64_t> times;
+  terrainseg::test::each_mcap_message(bytes, [&](const std::string&, std::uint64_t time, const auto&) {
+    times.push_back(static_cast<std::int64_t>(time - start) / 1'000'000);
+  });
+  return times;
+}
+
+/// A recording of five frames, 100 ms apart but for what `clock` makes of their time of day.
+std::vector<std::int64_t> recorded(const std::string& path, std::array<GstClockTimeDiff, 5> clock,
+                                   std::string& warning) {
+  constexpr GstClockTime day = 1'700'000'000 * GST_SECOND;
+  Recorder recorder;
+  const Owned<GstBus> bus(gst_bus_new());
+  gst_element_set_bus(recorder.sink(), bus.get());
+  EXPECT_TRUE(recorder.begin(path.c_str(), -1));
+  for (std::size_t i = 0; i < clock.size(); ++i)
+    EXPECT_TRUE(
+        recorder.push(i * 100 * GST_MSECOND, day + static_cast<GstClockTime>(clock[i]) * GST_MSECOND));
+  EXPECT_TRUE(recorder.end());
+  warning.clear();
+  if (const Owned<GstMessage> message{gst_bus_pop_filtered(bus.get(), GST_MESSAGE_WARNING)}) {
+    GError* error = nullptr;
+    gst_message_parse_warning(message.get(), &error, nullptr);
+    warning = error->message;
+    g_clear_error(&error);
+  }
+  gst_element_set_bus(recorder.sink(), nullptr);
+  return times_of(bytes_of(path), day);
+}
+
+TEST_F(McapSink, AClockThatIsSetNeitherTurnsNorBreaksTheTimeOfARecording) {
+  using Times = std::vector<std::int64_t>;
+  const Times even = {0, 100, 200, 300, 400};
+  std::string warning;
+  EXPECT_EQ(recorded(at("even.mcap"), {0, 100, 200, 300, 400}, warning), even);
+  EXPECT_EQ(warning, "No frame had terrain metadata, so the recording holds none. Put terrainseg in front of "
+                     "terrainmcapsink, and no element between them that drops metadata (videocrop, videobox, "
+                     "videoflip, compositor).");
+  EXPECT_EQ(recorded(at("back.mcap"), {0, 100, -4800, -4700, -4600}, warning), even);
+  EXPECT_NE(warning.find("The frames' time of day jumped by -5.000 s"), std::string::npos) << warning;
+  EXPECT_EQ(recorded(at("forth.mcap"), {0, 100, 3'600'200, 3'600'300, 3'600'400}, warning), even);
+  EXPECT_NE(warning.find("jumped by 3600.000 s"), std::string::npos) << warning;
+  EXPECT_EQ(recorded(at("both.mcap"), {0, 100, 1200, 300, 400}, warning), even);
+  EXPECT_EQ(recorded(at("slewed.mcap"), {0, 110, 220, 330, 440}, warning), (Times{0, 110, 220, 330, 440}));
+  EXPECT_NE(warning.find("No frame had terrain metadata"), std::string::npos) << warning;
+}
+
+TEST_F(McapSink, APauseIsInTheTimeOfARecordingAndAStreamThatStartsAgainIsNot) {
+  constexpr GstClockTime day = 1'700'000'000 * GST_SECOND, tenth = 100 * GST_MSECOND;
+  Recorder recorder;
+  ASSERT_TRUE(recorder.begin(at("pause.mcap").c_str(), -1));
+  EXPECT_TRUE(recorder.push(0, day) && recorder.push(tenth, day + tenth));
+  gst_element_set_base_time(recorder.sink(), 30 * GST_SECOND);
+  EXPECT_TRUE(recorder.push(2 * tenth, day + 2 * tenth + 30 * GST_SECOND) && recorder.end());
+  EXPECT_EQ(times_of(bytes_of(at("pause.mcap")), day), (std::vector<std::int64_t>{0, 100, 30'200}));
+  ASSERT_TRUE(recorder.begin(at("again.mcap").c_str(), -1));
+  EXPECT_TRUE(recorder.push(0) && recorder.push(tenth) && recorder.push(0) && recorder.push(tenth) &&
+              recorder.end());
+  EXPECT_EQ(times_of(bytes_of(at("again.mcap")), 0), (std::vector<std::int64_t>{0, 100, 101, 201}));
+}
 
 TEST_F(McapSink, ADescriptorAfterALocationIsLeftToItsOwner) {
   Recorder recorder;

@@ -117,7 +117,7 @@ def the_newest_build_is_found_and_named(folder):
     shutil.copytree(EXAMPLES, 'tree/examples')
     for program in ['tree/examples/camera.sh', '--self-test'], [PYTHON, 'tree/examples/python/steer.py']:
         result = run(*program, code=1, env=plain)
-        contains(result.stderr, 'knows no terrainseg')
+        contains(result.stderr, 'run examples/quickstart.sh')
     for name, age in (('build', 100), ('build-release', 50), ('build-quickstart', 200)):
         os.makedirs(f'tree/{name}/gst')
         plugin = pathlib.Path(f'tree/{name}/gst/libgstterrainseg.so')
@@ -210,7 +210,7 @@ def numbers_that_are_wrong_are_refused_and_not_replaced(folder):
             result = run(EXAMPLES / f'{script}.sh', *arguments, code=1, env={**os.environ, 'SOURCE': 'videotestsrc num-buffers=1'})
             contains(result.stderr.lower(), 'port')
             assert 'GLib' not in result.stderr, result.stderr
-    contains(run(PYTHON, EXAMPLES / 'python/mqtt_publish.py', '--port', '99999', code=2).stderr, '99999 is no port')
+    contains(run(PYTHON, EXAMPLES / 'python/mqtt_publish.py', '--port', '99999', code=2).stderr, '99999')
     for name, value in (('SYSTEM_ID', '300'), ('SYSTEM_ID', '0'), ('LAYOUT', 'fien')):
         result = run(EXAMPLES / 'ardupilot.sh', '--scene', code=1, env={**os.environ, name: value})
         contains(result.stderr, f"{name} '{value}'")
@@ -449,7 +449,7 @@ def supervising_wants_its_arguments(folder):
 def nothing_in_an_address_or_a_name_is_run(folder):
     for uri in ('udp://:$(touch run)7000', 'srt://a;touch run:7001', 'srt://`touch run`:7001', 'udp://:7000 ! filesink location=run',
                 'srt://rover', 'http://rover:80'):
-        contains(run(EXAMPLES / 'ground_station.sh', uri, code=1).stderr, 'is no srt://ROVER:PORT')
+        contains(run(EXAMPLES / 'ground_station.sh', uri, code=1).stderr, 'srt://ROVER:PORT')
     name = 'a  $(touch run) \\ "b".mp4'
     run(EXAMPLES / 'file.sh', scene('drive.mp4'), name)
     assert os.path.getsize(name) > 1000

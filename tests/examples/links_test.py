@@ -277,14 +277,14 @@ def rtsp_refuses_what_it_cannot_do(folder):
     if not os.environ['RTSP_SERVER']:
         raise Skip('built without gstreamer-rtsp-server-1.0')
     contains(run(os.environ['RTSP_SERVER'], '--no-such', code=2).stderr, 'no-such')
-    contains(run(os.environ['RTSP_SERVER'], '--port', '99999', code=2).stderr, '99999 is no port')
+    contains(run(os.environ['RTSP_SERVER'], '--port', '99999', code=2).stderr, '99999')
     with socket.socket() as taken:
         taken.bind(('0.0.0.0', 0))
         taken.listen()
         contains(run(os.environ['RTSP_SERVER'], '--port', taken.getsockname()[1], code=1).stderr, 'in use')
     bare = {**os.environ, 'GST_PLUGIN_SYSTEM_PATH': str(folder), 'GST_REGISTRY': str(folder / 'registry')}
     contains(run(os.environ['RTSP_SERVER'], code=3, env=bare).stderr, 'gstreamer1.0-plugins-ugly')
-    contains(run(os.environ['RTSP_SERVER'], code=3, env={**bare, 'GST_PLUGIN_PATH': ''}).stderr, 'knows no terrainseg: install it')
+    contains(run(os.environ['RTSP_SERVER'], code=3, env={**bare, 'GST_PLUGIN_PATH': ''}).stderr, 'terrainseg: install it')
 
 
 @case

@@ -277,12 +277,12 @@ def decoder_crashes(folder):
     made_anew('raw.nut', 'raw.nut: the decoder crashed (signal ')
 
 
-@row('`terrainseg-process`: `GStreamer knows no codec')
+@row('`terrainseg-process`: `GStreamer does not know the codec')
 def unknown_codec(folder):
     ffmpeg('-f', 'lavfi', '-i', 'testsrc=size=64x48', '-frames:v', 5, '-c:v', 'utvideo', '-pix_fmt', 'yuv420p', 'unread.avi')
     if not processed('unread.avi').returncode:
         raise Skip('this GStreamer reads it')
-    made_anew('unread.avi', "unread.avi: GStreamer knows no codec '")
+    made_anew('unread.avi', "unread.avi: GStreamer does not know the codec '")
 
 
 @row('the result differs between two machines')

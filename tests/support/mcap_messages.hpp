@@ -14,9 +14,9 @@ namespace terrainseg::test {
 
 using Payload = std::vector<std::uint8_t>;
 
-inline std::map<std::string, std::vector<Payload>> mcap_messages(const std::string& file) {
+/// Calls `visit` with the topic, the time and the content of each message, in the order of the file.
+template <class Visit> void each_mcap_message(const std::string& file, const Visit& visit) {
   std::map<std::uint16_t, std::string> topics;
-  std::map<std::string, std::vector<Payload>> messages;
   const auto number = [](const char* at, auto value) {
     std::memcpy(&value, at, sizeof value);
     return value;
@@ -29,7 +29,8 @@ inline std::map<std::string, std::vector<Payload>> mcap_messages(const std::stri
       if (kind == 4) { // channel
         topics[number(body, std::uint16_t{})] = std::string(body + 8, number(body + 4, std::uint32_t{}));
       } else if (kind == 5) { // message
-        messages[topics[number(body, std::uint16_t{})]].emplace_back(body + 22, body + size);
+        visit(topics[number(body, std::uint16_t{})], number(body + 6, std::uint64_t{}),
+              Payload(body + 22, body + size));
       } else if (kind == 6) { // chunk
         const auto whole = static_cast<std::size_t>(number(body + 16, std::uint64_t{}));
         const std::size_t records_at = 28 + 4 + number(body + 28, std::uint32_t{}) + 8;
@@ -41,6 +42,13 @@ inline std::map<std::string, std::vector<Payload>> mcap_messages(const std::stri
     }
   };
   read(read, file, 8);
+}
+
+inline std::map<std::string, std::vector<Payload>> mcap_messages(const std::string& file) {
+  std::map<std::string, std::vector<Payload>> messages;
+  each_mcap_message(file, [&](const std::string& topic, std::uint64_t, const Payload& message) {
+    messages[topic].push_back(message);
+  });
   return messages;
 }
 

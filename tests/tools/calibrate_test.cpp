@@ -165,7 +165,7 @@ std::string error_of(const std::vector<MeasuredPoint>& points, const Known& know
 
 TEST(MountFit, SaysWhatIsWrong) {
   EXPECT_NE(error_of({{320, 400, 1}}).find("two points are needed"), std::string::npos);
-  EXPECT_NE(error_of({{320, 400, 1}, {100, 400, 1.05}}).find("do not tell height and pitch apart"),
+  EXPECT_NE(error_of({{320, 400, 1}, {100, 400, 1.05}}).find("do not determine height and pitch"),
             std::string::npos);
   EXPECT_NE(error_of({{320, 400, 1}, {320, 480, 3}}).find("outside the picture of 640x480"),
             std::string::npos);

@@ -88,7 +88,7 @@ def a_chessboard_gives_the_lens(folder):
     pathlib.Path('views/notes.txt').write_text('no picture')
     text = calibrate('camera', 'views', '--board', '8x6', '--out', 'lens.yaml')
     contains(text, '10 views')
-    contains(text, 'empty.png: no whole board found')
+    contains(text, 'empty.png: no complete board found')
     lens = numbers('lens.yaml')
     equal((lens['image_width'], lens['image_height'], lens['distortion_model']), (640, 480, 'plumb_bob'))
     found = np.array(lens['camera_matrix']['data']).reshape(3, 3)

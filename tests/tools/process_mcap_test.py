@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """`terrainseg-process --outputs mcap` as scripts use it, read by a small reader of MCAP's summary that stands here."""
+import ctypes
 import errno
 import json
 import os
@@ -13,7 +14,7 @@ import time
 import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from process_test import PROCESS, left, ok, run, video  # noqa: E402
+from process_test import FULL, PROCESS, colours, differences, drive, left, ok, probe, run, video  # noqa: E402
 from tap import Skip, contains, equal, main  # noqa: E402
 
 MAGIC = b'\x89MCAP0\r\n'
@@ -106,6 +107,41 @@ def without_a_calibration_it_has_mask_and_video(folder):
     assert not os.path.exists('all/odd.bag')
 
 
+def recorded_video(path):
+    """The H.264 of a recording; its chunks are unpacked by the library that packed them."""
+    zstd, data, video = ctypes.CDLL('libzstd.so.1'), pathlib.Path(path).read_bytes(), b''
+    topics = {}
+    for opcode, content in records(data, len(MAGIC)):
+        if opcode != 6:
+            continue
+        size, = struct.unpack_from('<Q', content, 16)
+        name, = struct.unpack_from('<I', content, 28)
+        packed, chunk = content[40 + name:], ctypes.create_string_buffer(size)
+        if name:
+            zstd.ZSTD_decompress(chunk, ctypes.c_size_t(size), packed, ctypes.c_size_t(len(packed)))
+        for inner, message in records((chunk.raw if name else packed) + MAGIC, 0):
+            if inner == 4:
+                topics[struct.unpack_from('<H', message)[0]] = message[8:8 + struct.unpack_from('<I', message, 4)[0]]
+            elif inner == 5 and topics[struct.unpack_from('<H', message)[0]] == b'/camera/video':
+                video += message[message.index(b'\0\0\0\1', 22):]
+    return video
+
+
+@case
+def the_video_of_a_bag_has_the_colours_of_its_input(folder):
+    os.mkdir('greys')
+    drive('greys/%03d.png', '-vf', 'format=gray', frames=5)
+    drive('full.mp4', *FULL, *colours('bt709', 'scale=out_range=full'), frames=5)
+    drive('rgb.mkv', '-c:v', 'ffv1', '-pix_fmt', 'bgr0', frames=5)
+    for name, space in ('greys', 'pc'), ('full.mp4', 'pc'), ('rgb.mkv', 'tv'):
+        ok('-q', '-o', 'out', '--outputs', 'mcap', '--quality', '5', name)
+        stem = pathlib.Path(name).stem
+        pathlib.Path(f'{stem}.h264').write_bytes(recorded_video(f'out/{stem}.bag/terrain.mcap'))
+        equal(probe(f'{stem}.h264')['color_range'], space, f'range of {name}')
+        worst = max(differences('greys/%03d.png' if name == 'greys' else name, f'{stem}.h264', '320x180'))
+        assert worst < 5, (name, worst)
+
+
 @case
 def another_calibration_is_another_setting(folder):
     pathlib.Path('camera.yaml').write_text(CALIBRATION)
@@ -127,11 +163,11 @@ def wrong_calibrations_touch_nothing(folder):
     pathlib.Path('other.yaml').write_text('a: 1\n')
     video('clip.mp4', frames=3)
     for arguments, said in (
-            (METRES[:2], 'metres take both'), (METRES[2:], 'metres take both'),
+            (METRES[:2], '--camera-info and --mount'), (METRES[2:], '--camera-info and --mount'),
             (('--camera-info', 'absent.yaml', *METRES[2:]), '"absent.yaml" of property camera-info'),
             (('--camera-info', 'other.yaml', *METRES[2:]), '"other.yaml" of property camera-info'),
             ((*METRES[:2], '--mount', 'height=0'), '"height=0" of property mount'),
-            (('--outputs', 'mcap-metadata'), "'mcap-metadata' is none of annotated, masks, json, csv, mcap")):
+            (('--outputs', 'mcap-metadata'), "'mcap-metadata' is not one of annotated, masks, json, csv, mcap")):
         contains(ok('-q', '-o', 'out', *arguments, 'clip.mp4', code=2).stderr, said)
     assert not os.path.exists('out')
 
@@ -147,7 +183,7 @@ def a_damaged_input_gives_a_partial_bag(folder):
     check_bag('out/cut.partial.bag', frames, {'/terrain/mask', '/camera/video'})
     video('cut.mkv', frames=20, size='160x120')
     os.remove('out/cut.partial.summary.json')
-    contains(ok('-q', '-o', 'out', '--outputs', 'mcap', 'cut.mkv', code=2).stderr, 'cut.partial.bag/terrain.mcap is there already')
+    contains(ok('-q', '-o', 'out', '--outputs', 'mcap', 'cut.mkv', code=2).stderr, 'cut.partial.bag/terrain.mcap already exists')
 
 
 @case

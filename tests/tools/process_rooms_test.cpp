@@ -444,7 +444,7 @@ TEST_F(Conflicts, WhatLiesInTheFolderMustBeOfThisInput) {
   write("a/drive.mp4", "first");
   write("b/drive.mp4", "second");
   write("out/drive.csv", "somebody's figures");
-  expect_one(of({"a/drive.mp4"}), "out/drive.csv is there already", "a/drive.mp4");
+  expect_one(of({"a/drive.mp4"}), "out/drive.csv already exists", "a/drive.mp4");
 
   Record record;
   const Input first = find_inputs({(folder / "a/drive.mp4").string()}).inputs[0];

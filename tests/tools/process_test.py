@@ -238,7 +238,7 @@ def an_output_of_one_input_is_never_another_input(folder):
     result = ok('drive.mp4', 'drive.annotated.mp4', code=2)
     contains(result.stderr, 'drive.annotated.mp4 of drive.mp4 would replace the input drive.annotated.mp4')
     # Named or not, what this tool did not make from this input stays.
-    contains(ok('drive.mp4', code=2).stderr, 'drive.annotated.mp4 is there already')
+    contains(ok('drive.mp4', code=2).stderr, 'drive.annotated.mp4 already exists')
     os.mkdir('out')
     os.link('drive.annotated.mp4', 'out/other.annotated.mp4')
     os.rename('drive.mp4', 'other.mp4')
@@ -426,7 +426,7 @@ def a_folder_of_videos(folder):
         check_outputs(f'rec/v{index}', 3 + index, (64, 48))
     # The outputs of the first run, in the same folder, are no inputs of the second.
     result = ok('-o', 'rec', '--resume', 'rec')
-    equal(result.stdout.count('skipped'), 3, 'skipped')
+    equal(result.stdout.count('already complete'), 3, 'skipped')
     equal(len(result.stdout.splitlines()), 4, 'lines with the tally')
 
 
@@ -493,6 +493,102 @@ def every_camera_that_was_turned_is_turned_back(folder):
             equal(len(ours), len(theirs), 'bytes')
             difference = sum(abs(a - b) for a, b in zip(ours, theirs)) / len(ours)
             assert difference < 12, (name, angle, difference)
+
+
+def with_exif(picture, orientation, to):
+    """A copy of a JPEG, PNG or WebP picture that says how the camera was turned."""
+    data = pathlib.Path(picture).read_bytes()
+    exif = b'MM\0*' + struct.pack('>IHHHIHHI', 8, 1, 0x112, 3, 1, orientation, 0, 0)
+    if data.startswith(b'\xff\xd8'):
+        data = data[:2] + b'\xff\xe1' + struct.pack('>H', len(exif) + 8) + b'Exif\0\0' + exif + data[2:]
+    elif data.startswith(b'RIFF'):
+        data += b'EXIF' + struct.pack('<I', len(exif)) + exif
+        data = b'RIFF' + struct.pack('<I', len(data) - 8) + data[8:]
+    else:
+        chunk = b'eXIf' + exif
+        data = data[:33] + struct.pack('>I', len(exif)) + chunk + struct.pack('>I', zlib.crc32(chunk)) + data[33:]
+    pathlib.Path(to).write_bytes(data)
+
+
+@case
+def pictures_are_turned_upright_on_every_way_in(folder):
+    turns = ('null', 'hflip', 'hflip,vflip', 'vflip', 'transpose=0', 'transpose=1', 'transpose=3', 'transpose=2')
+    drive('flat.png', '-c:v', 'png', frames=1)
+    for pixels in 'yuvj420p', 'yuvj422p':
+        drive(f'{pixels}.jpg', '-q:v', '1', '-pix_fmt', pixels, frames=1)
+        for number, turn in enumerate(turns, 1):
+            with_exif(f'{pixels}.jpg', number, 'turned.jpg')
+            ffmpeg('-i', f'{pixels}.jpg', '-vf', turn, 'upright.png')
+            shutil.rmtree('out', ignore_errors=True)
+            ok('-q', '-o', 'out', '--outputs', 'annotated', '--quality', '5', '--set', 'overlay-alpha=0', 'turned.jpg')
+            size = '320x180' if number < 5 else '180x320'
+            equal('{width}x{height}'.format(**probe('out/turned.annotated.mp4')), size, f'size of {number}')
+            difference, = differences('upright.png', 'out/turned.annotated.mp4', size)
+            assert difference < 8, (number, difference)
+    ffmpeg('-i', 'flat.png', 'flat.webp')
+    for suffix in 'png', 'webp':
+        with_exif(f'flat.{suffix}', 6, f'one.{suffix}')
+        ok('-q', '-o', suffix, '--outputs', 'masks', f'one.{suffix}')
+        equal(probe(f'{suffix}/one.masks.mkv')['height'], 320, suffix)
+    os.mkdir('frames')
+    for index, number in enumerate((6, 1, 8)):  # the first decides the size, and all are upright
+        with_exif('yuvj420p.jpg', number, f'frames/{index}.jpg')
+    os.symlink('frames', 'link')
+    os.symlink('frames/0.jpg', 'one.jpg')
+    pathlib.Path('list.txt').write_text(f'one.jpg\n{(folder / "frames").as_uri()}\n')
+    uri = (folder / 'frames').as_uri()
+    for way, arguments, base in (('folder', ['frames'], 'frames'), ('pattern', ['frames/%d.jpg'], 'frames'), ('link', ['link'], 'link'),
+                                 ('file', ['one.jpg'], 'one'), ('uri', [uri], 'frames'), ('short', [uri.replace('///', '/')], 'frames'),
+                                 ('list', ['--inputs-from', 'list.txt', '--names', 'base'], 'one'), ('list', [], 'frames')):
+        if arguments:
+            ok('-q', '-o', way, '--outputs', 'masks,json', *arguments)
+        stream = probe(f'{way}/{base}.masks.mkv')
+        equal((stream['width'], stream['height']), (180, 320), way)
+    equal([(line['width'], line['height']) for line in lines_of('folder/frames.jsonl')], [(180, 320), (320, 180), (180, 320)], 'frames')
+
+@case
+def a_link_to_nothing_is_not_left_out(folder):
+    os.mkdir('rec')
+    video('rec/there.mp4', frames=3)
+    os.symlink('/nowhere/absent.mp4', 'rec/absent.mp4')
+    contains(ok('-q', '-o', 'out', 'rec', code=75).stderr, 'absent.mp4')
+    check_outputs('out/there', 3, (64, 48))
+    os.remove('rec/absent.mp4')
+    images(folder / 'frames', 3)
+    os.remove('frames/0001.png')
+    os.symlink('/nowhere/absent.png', 'frames/0001.png')
+    contains(ok('-q', '-o', 'out', 'frames', code=75).stderr, '0001.png')
+
+
+@case
+def a_file_that_lists_frames_and_shows_none_says_so(folder):
+    drive('whole.mp4')
+    ffmpeg('-ss', '2.3', '-i', 'whole.mp4', '-t', '0.04', '-c', 'copy', 'cut.mp4')
+    data = bytearray(pathlib.Path('cut.mp4').read_bytes())
+    at = data.index(b'elst') + 12  # one edit of no length, which begins behind the last frame
+    data[at:at + 8] = struct.pack('>Ii', 40, 1 << 30)
+    pathlib.Path('cut.mp4').write_bytes(data)
+    contains(ok('-q', '-o', 'out', 'cut.mp4', code=1).stderr, ', of which its edit list shows none')
+
+
+@case
+def a_recorder_that_is_not_there_or_does_not_load_says_why(folder):
+    video('clip.mp4', frames=3)
+    os.makedirs('bin')
+    build = pathlib.Path(os.environ['TERRAINSEG_BUILD'])
+    shutil.copy(PROCESS, 'bin/terrainseg-process')
+    shutil.copy(build / 'gst/libgstterrainseg.so', 'bin')
+    environment = dict(os.environ, GST_PLUGIN_PATH=str(folder / 'bin'), GST_REGISTRY=str(folder / 'registry'))
+
+    def said():
+        return subprocess.run(['bin/terrainseg-process', '-o', 'out', '--outputs', 'mcap', 'clip.mp4'], env=environment,
+                              capture_output=True, text=True, check=False)
+
+    missing = said()
+    equal(missing.returncode, 3, missing.stderr)
+    contains(missing.stderr, 'bin/libgstterrainmcap.so is not there')
+    pathlib.Path('bin/libgstterrainmcap.so').write_text('no library')
+    contains(said().stderr, 'libgstterrainmcap.so is there and does not load (')
 
 
 @case
@@ -582,7 +678,7 @@ def a_truncated_file_is_kept_in_part_and_the_rest_goes_on(folder):
     # Repaired, it is done again and the partial files go.
     pathlib.Path('cut.mp4').write_bytes(whole)
     result = ok('-o', 'out', '--resume', 'cut.mp4', 'good.mp4')
-    contains(result.stdout, 'good.mp4: complete already')
+    contains(result.stdout, 'good.mp4: already complete')
     equal(left('out'), outputs_of('cut', 'good'), 'after the repair')
 
 
@@ -621,6 +717,28 @@ def a_damaged_image_is_named(folder):
     result = ok('-o', 'out', 'frames', code=1)
     contains(result.stderr, '0005.png')
     check_outputs('out/frames', 5, (64, 48), partial=True)
+
+
+@case
+def pictures_that_are_cut_off_or_lost_are_not_whole(folder):
+    """A decoder of JPEG fills what is missing with grey, and says nothing."""
+    images(folder / 'frames', 5, suffix='jpg')
+    for name in '0001.jpg', '0003.jpg':
+        data = pathlib.Path('frames', name).read_bytes()
+        pathlib.Path('frames', name).write_bytes(data[:len(data) // 2])
+    contains(ok('-q', '-o', 'out', 'frames', code=1).stderr, 'frames/0001.jpg: the picture is cut off')
+    check_outputs('out/frames', 5, (64, 48), partial=True)
+    video('drive.avi', frames=8, extra=('-c:v', 'mjpeg'))
+    whole = pathlib.Path('drive.avi').read_bytes()
+    for number in 0, 7:
+        data, at = bytearray(whole), 0
+        for _ in range(number + 1):
+            at = data.index(b'\xff\xd8\xff', at + 1)
+        data[at:at + 400] = b'\xa8\x0a' * 200
+        pathlib.Path('bad.avi').write_bytes(data)
+        shutil.rmtree('out')
+        ok('-q', '-o', 'out', '--outputs', 'json', 'bad.avi', code=1)
+        equal(len(lines_of('out/bad.partial.jsonl')), 7, f'without frame {number}')
 
 
 @case
@@ -692,7 +810,7 @@ def a_codec_that_nobody_decodes_is_named_and_nothing_is_to_be_installed(folder):
     pathlib.Path('odd.mp4').write_bytes(pathlib.Path('clip.mp4').read_bytes().replace(b'avc1', b'QQ8Z'))
     for name in 'odd.avi', 'odd.mp4':
         error = ok('-q', '-o', 'out', name, code=1).stderr
-        contains(error, f"{name}: GStreamer knows no codec 'QQ8Z'")
+        contains(error, f"{name}: GStreamer does not know the codec 'QQ8Z'")
         contains(error, 'ffmpeg -i INPUT')
         assert 'install gst' not in error, error
     # Where a package that has it is missing, that one is to be installed, and no other.
@@ -706,7 +824,7 @@ def an_element_that_gave_up_says_why(folder):
     """Its error message alone is 'Internal data stream error.'"""
     video('screen.flv', frames=3, extra=('-c:v', 'flashsv2', '-pix_fmt', 'bgr24'))
     result = ok('-q', '-o', 'out', 'screen.flv', code=1)
-    contains(result.stderr, 'screen.flv: flvdemux gave up: unsupported video codec tag 6; make it anew')
+    contains(result.stderr, 'screen.flv: flvdemux gave up: unsupported video codec tag 6; convert it')
     contains(result.stderr, 'ffmpeg -i INPUT')
     equal(len(result.stderr.splitlines()), 1, f'the log is not for the screen: {result.stderr}')
     for wish in ({'GST_DEBUG': 'flvdemux:2'}, ()), ({}, ('--gst-debug=flvdemux:2',)):  # unless somebody asks for it
@@ -742,7 +860,7 @@ def a_run_has_a_tally(folder):
     ok('-q', '-o', 'out', 'rec/v0.mp4')
     result = ok('-o', 'out', '--resume', 'rec', 'absent.mp4', code=75)
     line = result.stdout.splitlines()[-1]
-    contains(line, '5 inputs: 2 whole, 1 complete already, 2 failed (1 may succeed when tried again); 8 frames in 0:')
+    contains(line, '5 inputs: 2 complete, 1 skipped, 2 failed (1 may succeed when tried again); 8 frames in 0:')
     contains(result.stderr, 'rec: left out 1 member')
     contains(result.stderr, 'notes.txt')
 
@@ -792,7 +910,7 @@ def shards_together_make_what_one_run_makes(folder):
     # The list on standard input, ended by NUL, and with what a run from a folder is called.
     listed = subprocess.run([PROCESS, '-o', 'all', '--resume', '--inputs-from', '-'], input='\0'.join(names), text=True,
                             capture_output=True, timeout=100)
-    equal((listed.returncode, listed.stdout.count('complete already, skipped')), (0, len(names)), listed.stderr)
+    equal((listed.returncode, listed.stdout.count('already complete, skipped')), (0, len(names)), listed.stderr)
     contains(ok('--inputs-from', os.devnull, code=2).stderr, 'the list is empty')
     contains(ok('--inputs-from', 'absent', code=2).stderr, 'cannot read absent')
     contains(ok('--inputs-from', 'list', '--shard', '7/3', code=2).stderr, '7/3')
@@ -811,7 +929,7 @@ def a_check_names_what_is_missing_or_damaged(folder):
         shards.append(pathlib.Path(f'm{index}').read_text())
     pathlib.Path('all').write_text(''.join(shards))
     result = ok('--check', 'all', '--inputs-from', 'list', code=1)
-    contains(result.stdout, '3 whole, 1 damaged for good, 0 to try again')
+    contains(result.stdout, '3 complete, 1 permanently damaged, 0 to try again')
     contains(result.stderr, f'{names[3]}: partial: the file is cut off')
     pathlib.Path('half').write_text(shards[0])
     contains(ok('--check', 'half', code=75).stderr, 'shard 2/2 has no manifest')
@@ -822,7 +940,7 @@ def a_check_names_what_is_missing_or_damaged(folder):
     result = ok('--check', 'all', code=75)
     for text in ('v0.csv has 10 bytes', 'v1.jsonl is missing', 'v2.masks.mkv is not the file that was written'):
         contains(result.stderr, text)
-    contains(result.stdout, '0 whole, 1 damaged for good, 3 to try again')
+    contains(result.stdout, '0 complete, 1 permanently damaged, 3 to try again')
     with open('list', 'a') as file:
         file.write('rec/new.mp4\n')
     contains(ok('--check', 'all', '--inputs-from', 'list', code=75).stderr, 'rec/new.mp4: has no line')
@@ -844,7 +962,7 @@ def a_manifest_replaces_no_other_file(folder):
     for name in 'clip.mp4', './clip.mp4', 'out/clip.csv':
         contains(ok('-q', '-o', 'out', '--manifest', name, 'clip.mp4', code=2).stderr, 'the manifest')
     pathlib.Path('notes').write_text('mine\n')
-    contains(ok('-q', '-o', 'out', '--manifest', 'notes', 'clip.mp4', code=2).stderr, 'would replace a file that is none')
+    contains(ok('-q', '-o', 'out', '--manifest', 'notes', 'clip.mp4', code=2).stderr, 'would replace a file')
     assert not os.path.exists('out')
     for _ in range(2):
         ok('-q', '-o', 'out', '--manifest', 'm', '--resume', 'clip.mp4')
@@ -1002,9 +1120,9 @@ def a_crashing_decoder_takes_one_input_with_it(folder):
     good = outputs_of('first', 'last')
     for jobs, again in (1, ()), (2, ()), (1, ('--resume',)):  # the crash comes again, and takes nothing with it
         result = crashing('crash:/bad.', *again, '--jobs', jobs, *names, code=1)
-        contains(result.stderr, 'bad.mp4: the decoder crashed (signal 11, Segmentation fault); nothing of it is kept')
+        contains(result.stderr, 'bad.mp4: the decoder crashed (signal 11, Segmentation fault)')
         contains(result.stderr, 'ffmpeg -i')
-        contains(result.stdout, '3 inputs: 0 whole, 2 complete already, 1 failed' if again else '3 inputs: 2 whole, 1 failed')
+        contains(result.stdout, '3 inputs: 0 complete, 2 skipped, 1 failed' if again else '3 inputs: 2 complete, 1 failed')
         equal([name for name in left('out') if not name.endswith('.bag')], good, 'outputs')
         lines = manifest('m')[1]
         equal({name: lines[name]['status'] for name in names},
@@ -1019,7 +1137,7 @@ def a_crashing_decoder_takes_one_input_with_it(folder):
     # Ended from outside: for want of memory, which may pass.
     shutil.rmtree('out')
     result = crashing('kill:/bad.', *names, code=75)
-    contains(result.stderr, 'bad.mp4: the process that decoded it was ended from outside (signal 9, Killed)')
+    contains(result.stderr, '(signal 9, Killed)')
     equal(manifest('m')[1]['bad.mp4']['cause'], 'resources', 'cause')
     equal([name for name in left('out') if not name.endswith('.bag')], good, 'outputs')
 
@@ -1144,7 +1262,7 @@ def resume_skips_only_what_is_whole_and_the_same(folder):
     ok('-q', '-o', 'out', 'a.mp4', 'b.mp4')
 
     def skipped(*arguments):
-        return ok('-o', 'out', '--resume', *arguments, 'a.mp4', 'b.mp4').stdout.count('skipped')
+        return ok('-o', 'out', '--resume', *arguments, 'a.mp4', 'b.mp4').stdout.count('already complete')
 
     equal(skipped(), 2, 'unchanged')
     equal(skipped('--set', 'caution=4'), 0, 'other settings')
@@ -1175,7 +1293,7 @@ def an_output_folder_that_cannot_be_written(folder):
         result = ok('-o', place, 'clip.mp4', code=4)
         contains(result.stderr, place)
     os.makedirs('out/clip.masks.mkv')
-    contains(ok('-o', 'out', 'clip.mp4', code=2).stderr, 'clip.masks.mkv is there already')
+    contains(ok('-o', 'out', 'clip.mp4', code=2).stderr, 'clip.masks.mkv already exists')
     equal(left('out'), ['clip.masks.mkv'], 'nothing else')
 
 
@@ -1399,21 +1517,61 @@ def one_of_two_video_tracks_is_taken_and_named(folder):
     equal(ok('-o', 'out', 'only.avi').stderr.count('track'), 0, 'one track of pictures is a video')
 
 
+FULL = ('-c:v', 'libx264', '-crf', '10', '-pix_fmt', 'yuvj420p', '-color_range', 'pc')
+
+
+def colours(space, scale):
+    """Tags of ffmpeg for one colour space, behind samples that have them."""
+    return ('-colorspace', space, '-color_primaries', space, '-color_trc', space, '-vf', f'{scale}:out_color_matrix={space}')
+
+
 @case
 def full_range_is_converted(folder):
+    """Whoever tells it: the codec alone (AVI, MOV, TS, and MP4 without a colr box), or the container (MKV, MP4)."""
     drive('full.avi', '-c:v', 'mjpeg', '-q:v', '2')
-    for space, name in ('bt709', 'full709.mkv'), ('smpte170m', 'full601.mkv'):
-        drive(name, '-c:v', 'libx264', '-crf', '10', '-pix_fmt', 'yuvj420p', '-colorspace', space, '-color_primaries', space,
-              '-color_trc', space, filters=('-vf', f'scale=out_range=full:out_color_matrix={space.replace("smpte170m", "bt601")}'))
+    for name in 'full709.mkv', 'full709.mov', 'full709.mp4':
+        drive(name, *FULL, *colours('bt709', 'scale=out_range=full'))
+    drive('nocolr.mp4', *FULL, *colours('bt709', 'scale=out_range=full'), '-movflags', '-write_colr')
+    drive('full601.mkv', *FULL, *colours('smpte170m', 'scale=out_range=full'))
+    drive('container.mp4', '-c:v', 'mpeg4', '-q:v', '2', '-color_range', 'pc', *colours('smpte170m', 'scale=out_range=full'))
+    drive('rangeonly.ts', *FULL, '-vf', 'scale=out_range=full', '-bsf:v',
+          'h264_metadata=colour_primaries=2:transfer_characteristics=2:matrix_coefficients=2')
+    drive('hevc.mp4', '-c:v', 'libx265', '-crf', '10', '-pix_fmt', 'yuvj420p', '-x265-params', 'log-level=error:range=full')
+    drive('grey.mp4', '-c:v', 'libx264', '-crf', '10', '-color_range', 'pc', '-vf', 'scale=out_range=full,format=gray')
     os.mkdir('frames')
     drive('frames/%03d.jpg', '-q:v', '2', frames=10)
-    for name in 'full.avi', 'full709.mkv', 'full601.mkv', 'frames/%03d.jpg':
+    os.mkdir('greys')
+    drive('greys/%03d.png', '-vf', 'format=gray', frames=10)
+    for name in ('full.avi', 'full709.mkv', 'full709.mov', 'full709.mp4', 'nocolr.mp4', 'full601.mkv', 'container.mp4',
+                 'rangeonly.ts', 'hevc.mp4', 'grey.mp4', 'frames/%03d.jpg', 'greys/%03d.png'):
         stem = pathlib.Path(name).parent.name or pathlib.Path(name).stem
-        ok('-q', '-o', 'out', '--fps', '25', '--quality', '5', '--set', 'overlay-alpha=0', name)
+        shutil.rmtree('out', ignore_errors=True)
+        ok('-q', '-o', 'out', '--outputs', 'annotated', '--fps', '25', '--quality', '5', '--set', 'overlay-alpha=0', name)
         made = f'out/{stem}.annotated.mp4'
         equal(probe(made).get('color_range'), 'tv', f'range of {name}')
         worst = max(differences(name, made, '320x180'))
         assert worst < 5, (name, worst)
+
+
+@case
+def colours_keep_their_tags(folder):
+    """Also where a side is odd, and those of HDR, whose samples mean nothing without them."""
+    tags = ('color_space', 'color_transfer', 'color_primaries')
+    hdr = ('-c:v', 'libx265', '-pix_fmt', 'yuv420p10le', '-x265-params', 'log-level=error')
+    for name, size, wanted, encoder in (
+            ('bt709.mp4', '320x180', ('bt709',) * 3, ('-c:v', 'libx264')),
+            ('bt601.mkv', '319x179', ('smpte170m',) * 3, ('-c:v', 'libx264', '-pix_fmt', 'yuv444p')),
+            ('pq.mp4', '320x180', ('bt2020nc', 'smpte2084', 'bt2020'), hdr),
+            ('hlg.mkv', '320x180', ('bt2020nc', 'arib-std-b67', 'bt2020'), hdr)):
+        space, transfer, primaries = wanted
+        drive(name, *encoder, '-colorspace', space, '-color_trc', transfer, '-color_primaries', primaries,
+              '-vf', f'scale={size.replace("x", ":")}:out_color_matrix={space.replace("bt2020nc", "bt2020")}', frames=5)
+        ok('-q', '-o', 'out', '--outputs', 'annotated', '--quality', '5', '--set', 'overlay-alpha=0', name)
+        made = f'out/{pathlib.Path(name).stem}.annotated.mp4'
+        equal(tuple(probe(made).get(tag) for tag in tags), wanted, f'tags of {name}')
+        if size == '320x180':
+            worst = max(differences(name, made, size))
+            assert worst < 5, (name, worst)
 
 
 @case

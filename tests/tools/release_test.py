@@ -91,7 +91,7 @@ def the_tag(folder):
     git('config', 'user.email', 'test@localhost')
     release('--tag', folder / 'out')
     equal(git('rev-parse', f'v{version}^{{commit}}'), git('rev-parse', 'HEAD'), 'what the tag names')
-    contains(release('--tag', folder / 'again', code=1), 'is there already')
+    contains(release('--tag', folder / 'again', code=1), 'already exists')
 
 
 if __name__ == '__main__':

@@ -134,6 +134,35 @@ TEST(Kernels, ReducePairAhead) {
   });
 }
 
+TEST(Kernels, ReduceHorizontally) {
+  on_every_target([] {
+    std::mt19937 random(5);
+    for (int step = 1; step <= 4; ++step)
+      for (int width = 1; width <= 300; ++width)
+        for (const bool at_end : {false, true}) {
+          const int written = step == 3 ? 4 : step, half = (width + 1) / 2;
+          const Guarded<std::uint8_t> row(static_cast<std::size_t>(width * step), at_end),
+              out(static_cast<std::size_t>(half * written), at_end);
+          fill(row, all_fills[width % 5], random);
+          reduce_horizontally(static_cast<Interleave>(step), row.data(), width, width % 2 ? 0 : 4096,
+                              out.data());
+          constexpr int weights[5] = {1, 4, 6, 4, 1};
+          for (int x = 0; x < half; ++x)
+            for (int c = 0; c < written; ++c) {
+              int sum = c < step ? 8 : 0;
+              for (int k = 0; k < 5 && c < step; ++k) {
+                int from = width == 1 ? 0 : std::abs(2 * x + k - 2);
+                if (from >= width)
+                  from = std::abs(2 * width - 2 - from);
+                sum += weights[k] * row[static_cast<std::size_t>(from * step + c)];
+              }
+              ASSERT_EQ(out[static_cast<std::size_t>(x * written + c)], sum / 16)
+                  << "step " << step << " width " << width << " at " << x;
+            }
+        }
+  });
+}
+
 TEST(Kernels, ReducePairVertically) {
   on_every_target([] {
     std::mt19937 random(2);
@@ -590,6 +619,71 @@ TEST(Kernels, AddDifferencesAndBoxes) {
       for (int k = 0; k < per_cell; ++k)
         sum += columns[i * per_cell + k];
       ASSERT_EQ(boxes[static_cast<std::size_t>(i)], (40000 + (sum << shift)) % 65536) << count << " at " << i;
+    }
+  });
+}
+
+TEST(Kernels, SumRowsAndLargestSteps) {
+  on_every_row(14, [](int count, bool at_end, Fill how, std::mt19937& random) {
+    const auto size = static_cast<std::size_t>(count);
+    const int rows = between(1, 4, random);
+    const Guarded<std::uint8_t> a(size, at_end), b(size, at_end), c(size, at_end), d(size, at_end);
+    std::array<const std::uint8_t*, 4> row{a.data(), b.data(), c.data(), d.data()};
+    for (const Guarded<std::uint8_t>* one : {&a, &b, &c, &d})
+      fill(*one, how, random);
+    for (int r = rows; r < 4; ++r)
+      row[static_cast<std::size_t>(r)] = nullptr;
+    const Guarded<std::uint16_t> sums(size, at_end), steps(size - 1, at_end);
+    sum_rows(row, rows, count, sums.data(), steps.data());
+    for (std::size_t x = 0; x < size; ++x) {
+      int sum = 0, step = 0;
+      for (int r = 0; r < rows; ++r) {
+        sum += row[static_cast<std::size_t>(r)][x];
+        step += x + 1 < size
+                    ? std::abs(row[static_cast<std::size_t>(r)][x + 1] - row[static_cast<std::size_t>(r)][x])
+                    : 0;
+      }
+      ASSERT_EQ(sums[x], sum) << count << " at " << x;
+      if (x + 1 < size) {
+        ASSERT_EQ(steps[x], step) << count << " at " << x;
+      }
+    }
+
+    const int per_cell = 1 << random() % 3, cells = (count - 1) / per_cell;
+    const Guarded<std::uint16_t> most(static_cast<std::size_t>(cells), at_end);
+    for (std::size_t x = 0; x < size; ++x)
+      sums[x] = static_cast<std::uint16_t>(between(0, 65535, random));
+    const std::uint16_t* columns = sums.data() + (count - 1 - cells * per_cell);
+    largest_steps(columns, per_cell, cells, most.data());
+    for (int i = 0; i < cells; ++i) {
+      int largest = 0;
+      for (int k = i * per_cell; k < (i + 1) * per_cell; ++k)
+        largest = std::max(largest, std::abs(columns[k + 1] - columns[k]));
+      ASSERT_EQ(most[static_cast<std::size_t>(i)], largest) << count << " at " << i;
+    }
+  });
+}
+
+TEST(Kernels, WeighUpright) {
+  on_every_row(15, [](int count, bool at_end, Fill, std::mt19937& random) {
+    const auto size = static_cast<std::size_t>(count);
+    const Guarded<std::int16_t> coherence(size, at_end), score(size, at_end);
+    const Guarded<std::uint16_t> contrast(size, at_end);
+    const Guarded<std::uint8_t> ignored(size, at_end);
+    std::vector<int> before(size);
+    for (std::size_t i = 0; i < size; ++i) {
+      coherence[i] = static_cast<std::int16_t>(between(-4000, 4000, random));
+      contrast[i] = static_cast<std::uint16_t>(between(0, 32, random));
+      ignored[i] = random() % 4 == 0;
+      score[i] = static_cast<std::int16_t>(before[i] = between(-8000, 8000, random));
+    }
+    const UprightRule rule{-40, 336, -320, 160, random() % 2 ? 160 : -64};
+    weigh_upright(coherence.data(), contrast.data(), ignored.data(), rule, 25, count, score.data());
+    for (std::size_t i = 0; i < size; ++i) {
+      const std::int64_t full = std::clamp(floor_shift((-40 - coherence[i]) * 336, 8), -320, 160);
+      const std::int64_t added = std::min<std::int64_t>(full * contrast[i] / 32, rule.most);
+      ASSERT_EQ(score[i], ignored[i] ? before[i] : floor_shift(before[i] * 25, 5) + added)
+          << count << " at " << i;
     }
   });
 }

@@ -462,6 +462,25 @@ TEST(MotionObstaclesTest, ACutForgets) {
   }
 }
 
+/// Cuts at every frame.
+TEST(MotionObstaclesTest, RestsWhereNothingAligns) {
+  Drive d(World{.board = false});
+  for (int n = 0; n < 60; ++n) {
+    d.show(d.world.picture(100.3 * n));
+    EXPECT_FALSE(n > 0 && d.last.steady) << n;
+  }
+  int first = -1, steady = 0;
+  for (int n = 0; n < 24; ++n) {
+    d.show(d.world.picture(n * 0.05));
+    steady += d.last.steady;
+    if (d.last.steady && first < 0)
+      first = n;
+  }
+  EXPECT_GT(first, 1) << "it rests";
+  EXPECT_LE(first, 9) << "and looks again";
+  EXPECT_EQ(steady, 24 - first) << "then follows every frame";
+}
+
 TEST(MotionObstaclesTest, ACoveredLensSaysNothing) {
   Drive d;
   d.drive(0, 3, 60);

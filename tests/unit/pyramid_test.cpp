@@ -84,7 +84,19 @@ cv::Mat column_reduced(const cv::Mat& source) {
   return out;
 }
 
-std::vector<cv::Mat> oracle(const Frame& frame, int component, int coarsest) {
+cv::Mat every_second_row(const cv::Mat& source) {
+  cv::Mat out((source.rows + 1) / 2, source.cols, CV_8U);
+  for (int y = 0; y < out.rows; ++y)
+    source.row(2 * y).copyTo(out.row(y));
+  return out;
+}
+
+// A sparse level: the row filter of cv::pyrDown alone, in every second row.
+cv::Mat row_reduced(const cv::Mat& source) {
+  return column_reduced(every_second_row(source).t()).t();
+}
+
+std::vector<cv::Mat> oracle(const Frame& frame, int component, int coarsest, int sparse) {
   const ComponentLayout& l = layout_of(frame.format).components[component];
   const cv::Mat own = component_of(frame, component);
   std::vector<cv::Mat> levels;
@@ -101,7 +113,9 @@ std::vector<cv::Mat> oracle(const Frame& frame, int component, int coarsest) {
     if (level == 1 && l.x_shift && l.y_shift)
       next = own;
     else if (level == 1 && l.x_shift)
-      next = column_reduced(own);
+      next = level <= sparse ? every_second_row(own) : column_reduced(own);
+    else if (level <= sparse)
+      next = row_reduced(levels.back());
     else
       cv::pyrDown(levels.back(), next);
     levels.push_back(next);
@@ -113,9 +127,9 @@ std::vector<cv::Mat> oracle(const Frame& frame, int component, int coarsest) {
 struct Oracle {
   std::array<std::vector<cv::Mat>, 3> levels;
 
-  Oracle(const Frame& frame, int coarsest) {
+  Oracle(const Frame& frame, int coarsest, int sparse_luma = 0, int sparse_color = 0) {
     for (int c = 0; c < 3; ++c)
-      levels[c] = oracle(frame, c, coarsest);
+      levels[c] = oracle(frame, c, coarsest, c == 0 ? sparse_luma : sparse_color);
   }
 };
 
@@ -137,7 +151,7 @@ void expect_same(const Pyramid& pyramid, const Frame& frame, const PyramidPlan& 
 }
 
 void expect_same(const Pyramid& pyramid, const Frame& frame, const PyramidPlan& plan) {
-  expect_same(pyramid, frame, plan, Oracle(frame, plan.coarsest));
+  expect_same(pyramid, frame, plan, Oracle(frame, plan.coarsest, plan.sparse_luma, plan.sparse_color));
 }
 
 TEST(Pyramid, EverySizeUpTo64) {
@@ -200,6 +214,31 @@ TEST(Pyramid, BandsGiveTheSameBytes) {
             return;
         }
     }
+}
+
+TEST(Pyramid, SparseLevelsUseEverySecondRow) {
+  Pyramid pyramid;
+  Workers two(2), three(3);
+  for (int f = 0; f < pixel_format_count; ++f)
+    for (const auto& [w, h] : {std::pair{1, 1}, {2, 5}, {9, 3}, {77, 131}, {131, 66}, {130, 513}})
+      for (const bool flipped : {false, true}) {
+        const OwnedFrame owned(static_cast<PixelFormat>(f), w, h, f + w, 3, flipped);
+        for (PyramidPlan plan : {PyramidPlan{5, 3, 2, 1, 2},
+                                 {5, 3, 2, 2, 0},
+                                 {6, 4, 3, 2, 3},
+                                 {4, 1, 1, 1, 1},
+                                 {3, 3, 3, 3, 3}}) {
+          if (layout_of(owned.frame.format).rgb)
+            plan.sparse_color = plan.sparse_luma;
+          const Oracle oracle(owned.frame, plan.coarsest, plan.sparse_luma, plan.sparse_color);
+          for (Workers* workers : {static_cast<Workers*>(nullptr), &two, &three}) {
+            pyramid.build(owned.frame, plan, workers);
+            expect_same(pyramid, owned.frame, plan, oracle);
+            if (HasFatalFailure())
+              return;
+          }
+        }
+      }
 }
 
 TEST(Pyramid, Level0OfAPlanarComponentIsTheFrameItself) {

@@ -448,7 +448,7 @@ TEST(VmtiKlv, AMaskIsNoLargerThanItsFrame) {
   EXPECT_NE(unit.error().find("larger than its frame of 4x2"), std::string::npos) << unit.error();
   EXPECT_EQ(unit.decode(unit_of({}, 8192, 8192)), KlvVerdict::damaged);
   EXPECT_EQ(unit.decode(unit_of({}, 40000, 1)), KlvVerdict::damaged);
-  EXPECT_NE(unit.error().find("40000x1 pixels cannot be"), std::string::npos) << unit.error();
+  EXPECT_NE(unit.error().find("40000x1 pixels"), std::string::npos) << unit.error();
 
   // A frame that was scaled down has a mask of its old size: the encoder halves it.
   std::mt19937 random(9);

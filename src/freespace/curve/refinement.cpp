@@ -148,14 +148,20 @@ void walk_doubtful(const Grid& grid, const CellScores& score, int limit, const G
 }
 
 void RefinedCurves::refine(const View& view, const Ground& ground) {
+  finer_made_ = 0;
   refine(view, ground, view.task.settings.mask_level, of_mask_);
 }
 
 const FreeSpaceCurves& RefinedCurves::at(const View& view, const Ground& ground, int level) {
   if (level == view.task.settings.mask_level)
     return of_mask_;
-  refine(view, ground, level, finer_);
-  return finer_;
+  for (std::size_t i = 0; i < finer_made_; ++i)
+    if (finer_[i].level == level)
+      return finer_[i].curves;
+  Finer& finer = finer_[std::min(finer_made_++, finer_.size() - 1)];
+  finer.level = level;
+  refine(view, ground, level, finer.curves);
+  return finer.curves;
 }
 
 void RefinedCurves::refine(const View& view, const Ground& ground, int level, FreeSpaceCurves& curves) {

@@ -3,6 +3,7 @@
 // frame.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -62,7 +63,8 @@ class RefinedCurves {
   void refine(const View& view, const Ground& ground);
   /// One column per mask column.
   const FreeSpaceCurves& of_mask() const { return of_mask_; }
-  /// One column per 2^level pixels of the frame, of the ground that was refined last.
+  /// One column per 2^level pixels of the frame, of the ground that was refined last. Made at the first call
+  /// for a level; later calls only read, for at most two levels besides the mask's.
   const FreeSpaceCurves& at(const View& view, const Ground& ground, int level);
 
  private:
@@ -70,7 +72,13 @@ class RefinedCurves {
 
   Refinement refinement_;
   FreeSpaceCurves of_mask_;
-  FreeSpaceCurves finer_; ///< for small masks, whose columns are too coarse for detectors
+  /// For small masks, whose columns are too coarse for detectors.
+  struct Finer {
+    int level;
+    FreeSpaceCurves curves;
+  };
+  std::array<Finer, 2> finer_{};
+  std::size_t finer_made_ = 0;
 };
 
 } // namespace terrainseg

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/tuning.hpp"
+#include "base/workers.hpp"
 #include "freespace/look/view.hpp"
 
 namespace terrainseg {
@@ -30,61 +31,80 @@ SpotLevels spot_levels(const View& view) {
 
 } // namespace
 
-void MotionFinder::find(OpenGround& open, HoleMemory& memory) {
-  found_.holes.clear();
-  found_.standing = {};
-  const View& view = open.view;
+std::optional<int> MotionFinder::column_level(const View& view) const {
   if (view.task.settings.motion == Motion::off)
-    return;
+    return std::nullopt;
   // Independent of the mask's size, as for spots.
-  const int column_level = std::min(view.task.settings.mask_level,
-                                    StandingThings::coarsest_columns(view.pyramid, view.grid.level));
-  const bool any = things_.find(
-      view.pyramid, open.curves_at(column_level),
-      {view.grid.level, column_level, view.task.frame.pts, view.task.settings.ignore_regions, open.line},
-      memory.motion, found_.holes);
-  open.motion = things_.evidence();
-  if (any)
-    found_.standing = open.motion;
+  return std::min(view.task.settings.mask_level,
+                  StandingThings::coarsest_columns(view.pyramid, view.grid.level));
 }
 
-void SpotFinder::find(OpenGround& open, HoleMemory&) {
+void MotionFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory& memory) {
   found_.holes.clear();
-  found_.oddness = {};
+  found_.standing = evidence_ = {};
   const View& view = open.view;
+  if (!curves)
+    return;
+  const bool any = things_.find(view.pyramid, *curves,
+                                {view.grid.level, *column_level(view), view.task.frame.pts,
+                                 view.task.settings.ignore_regions, open.line},
+                                memory.motion, found_.holes);
+  evidence_ = things_.evidence();
+  if (any)
+    found_.standing = evidence_;
+}
+
+std::optional<int> SpotFinder::column_level(const View& view) const {
   const SpotLevels levels = spot_levels(view);
   const Settings& settings = view.task.settings;
-  const bool far = reach_ == Reach::far_away;
-  if (!settings.odd_spots || (far ? !settings.far_spots || levels.far == levels.whole : !settings.near_spots))
+  const bool on =
+      reach_ == Reach::far_away ? settings.far_spots && levels.far != levels.whole : settings.near_spots;
+  return settings.odd_spots && on ? std::optional(levels.columns) : std::nullopt;
+}
+
+void SpotFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory&) {
+  found_.holes.clear();
+  found_.oddness = {};
+  if (!curves)
     return;
-  const bool any = spots_.find(view.pyramid, view.transform, open.curves_at(levels.columns),
-                               {far ? levels.far : levels.whole, levels.columns, open.horizon,
-                                settings.ignore_regions, far ? far_rows : 0},
-                               found_.holes) &&
-                   spots_.drop_flat(open.motion, found_.holes);
-  if (any)
+  const View& view = open.view;
+  const SpotLevels levels = spot_levels(view);
+  const bool far = reach_ == Reach::far_away;
+  if (spots_.find(view.pyramid, view.transform, *curves,
+                  {far ? levels.far : levels.whole, levels.columns, open.horizon,
+                   view.task.settings.ignore_regions, far ? far_rows : 0},
+                  found_.holes))
     found_.oddness = spots_.oddness();
 }
 
-void StoneFinder::find(OpenGround& open, HoleMemory& memory) {
+void SpotFinder::drop_flat(const FinerCells<std::int16_t>& motion) {
+  if (!found_.holes.empty() && !spots_.drop_flat(motion, found_.holes))
+    found_.oddness = {};
+}
+
+std::optional<int> StoneFinder::column_level(const View& view) const {
+  const Settings& settings = view.task.settings;
+  return settings.odd_spots && settings.stone_field ? std::optional(spot_levels(view).columns) : std::nullopt;
+}
+
+void StoneFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory& memory) {
   found_.holes.clear();
   found_.oddness = {};
   if (!open.continued)
     memory.stones.look_again();
-  const View& view = open.view;
-  const Settings& settings = view.task.settings;
-  if (!settings.odd_spots || !settings.stone_field)
+  if (!curves)
     return;
+  const View& view = open.view;
   const SpotLevels levels = spot_levels(view);
-  const bool any = field_.find(view.pyramid, view.transform, open.curves_at(levels.columns),
+  const bool any = field_.find(view.pyramid, view.transform, *curves,
                                {texture_level(view.grid.level), layout_of(view.task.frame.format).rgb,
-                                levels.columns, levels.far, open.horizon, settings.ignore_regions},
+                                levels.columns, levels.far, open.horizon, view.task.settings.ignore_regions},
                                memory.stones, found_.holes);
   if (any)
     found_.oddness = field_.oddness();
 }
 
-void VetoFinder::find(OpenGround& open, HoleMemory&) {
+void VetoFinder::find(const OpenGround& open, const FreeSpaceCurves*, HoleMemory&) {
   const View& view = open.view;
   const Grid& grid = view.grid;
   found_.veto = view.veto;
@@ -97,9 +117,18 @@ void VetoFinder::find(OpenGround& open, HoleMemory&) {
   found_.standing = {cells_, grid.width, grid.height, grid.level, 0, grid.width};
 }
 
-void HoleFinders::find(OpenGround open, HoleMemory& memory) {
-  for (HoleFinder* finder : list_)
-    finder->find(open, memory);
+void HoleFinders::find(const OpenGround& open, HoleMemory& memory) {
+  // Curves are made before threads share them.
+  std::array<const FreeSpaceCurves*, std::tuple_size_v<List>> curves{};
+  for (std::size_t i = 0; i < list_.size(); ++i)
+    if (const std::optional<int> level = list_[i]->column_level(open.view))
+      curves[i] = &open.curves.at(open.view, open.ground, *level);
+  open.view.task.workers.run(static_cast<int>(list_.size()), [&](int task) {
+    const auto i = static_cast<std::size_t>(task);
+    list_[i]->find(open, curves[i], memory);
+  });
+  for (SpotFinder* spots : {&near_spots_, &far_spots_})
+    spots->drop_flat(motion_.evidence());
 }
 
 } // namespace terrainseg

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "base/frame_line.hpp"
@@ -33,18 +34,17 @@ struct OpenGround {
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
   FrameLine line;            ///< the known vanishing line of the ground
   bool continued = false;    ///< the last frame shows the same place
-  /// Evidence of motion, which is detected first. Empty when there is none.
-  FinerCells<std::int16_t> motion{};
-
-  const FreeSpaceCurves& curves_at(int level) const { return curves.at(view, ground, level); }
 };
 
-/// One detector. hole.hpp turns its detections into holes.
+/// One detector. hole.hpp turns its detections into holes. Detectors run on several threads at once.
 class HoleFinder {
  public:
   virtual ~HoleFinder() = default;
-  /// Fills found(). Finds no holes when the settings switch the detector off.
-  virtual void find(OpenGround& open, HoleMemory& memory) = 0;
+  /// Level of the columns of the curves for find(); nothing when the settings switch the detector off.
+  virtual std::optional<int> column_level(const View& view) const = 0;
+  /// Fills found(). Reads `open`, changes only its own part of `memory`. `curves` is nullptr when the
+  /// detector is switched off.
+  virtual void find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory& memory) = 0;
   const Detection& found() const { return found_; }
 
  protected:
@@ -55,10 +55,13 @@ class HoleFinder {
 class MotionFinder final : public HoleFinder {
  public:
   MotionFinder() { found_.label = mask_not_traversable; }
-  void find(OpenGround& open, HoleMemory& memory) override;
+  std::optional<int> column_level(const View& view) const override;
+  void find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory& memory) override;
+  const FinerCells<std::int16_t>& evidence() const { return evidence_; } ///< empty when there is none
 
  private:
   StandingThings things_;
+  FinerCells<std::int16_t> evidence_;
 };
 
 /// Small objects that differ from the ground on both sides: in the whole picture, or far away in cells of
@@ -67,7 +70,10 @@ class SpotFinder final : public HoleFinder {
  public:
   enum class Reach : std::uint8_t { whole_picture, far_away };
   explicit SpotFinder(Reach reach) : reach_(reach) {}
-  void find(OpenGround& open, HoleMemory& memory) override;
+  std::optional<int> column_level(const View& view) const override;
+  void find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory& memory) override;
+  /// Removes from found() what moves as the ground does.
+  void drop_flat(const FinerCells<std::int16_t>& motion);
 
  private:
   Reach reach_;
@@ -77,7 +83,8 @@ class SpotFinder final : public HoleFinder {
 /// Stones of any shade, where there are many.
 class StoneFinder final : public HoleFinder {
  public:
-  void find(OpenGround& open, HoleMemory& memory) override;
+  std::optional<int> column_level(const View& view) const override;
+  void find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory& memory) override;
 
  private:
   StoneField field_;
@@ -87,7 +94,8 @@ class StoneFinder final : public HoleFinder {
 class VetoFinder final : public HoleFinder {
  public:
   VetoFinder() { found_.label = mask_not_traversable; }
-  void find(OpenGround& open, HoleMemory& memory) override;
+  std::optional<int> column_level(const View&) const override { return std::nullopt; } // needs no curves
+  void find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory& memory) override;
 
  private:
   std::vector<std::int16_t> cells_; ///< evidence of each cell of the grid
@@ -96,7 +104,7 @@ class VetoFinder final : public HoleFinder {
 class HoleFinders {
  public:
   using List = std::array<HoleFinder*, 5>;
-  void find(OpenGround open, HoleMemory& memory);
+  void find(const OpenGround& open, HoleMemory& memory);
   const List& list() const { return list_; }
 
  private:

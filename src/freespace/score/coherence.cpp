@@ -2,9 +2,9 @@
 #include "freespace/score/coherence.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 
 #include "base/fixed_log.hpp"
+#include "kernels/cells.hpp"
 
 namespace terrainseg {
 namespace {
@@ -19,7 +19,7 @@ constexpr int score_weight = 25;
 constexpr int neutral = -40, weight = 336, against = -20 * 16, in_favour = 10 * 16;
 /// Sum of 64 steps below which the evidence decreases: half a grey level each. A wall without texture is as
 /// incoherent as sand, and stones in haze have upright edges of one grey level.
-constexpr int full_contrast = 32;
+constexpr int full_contrast = 32; // as in kernels::weigh_upright()
 /// Upper limit of the evidence in the lower third, where the row prior already favours ground. With 0, 2 %
 /// more of the obstacles' pixels there are called ground.
 constexpr int near_by = -4 * 16;
@@ -38,22 +38,25 @@ void UprightCoherence::add_rows(const Pyramid& pyramid, const Grid& grid, const 
                                 bool rgb) {
   level_ = refinement_level(grid.level);
   width_ = static_cast<std::size_t>(pyramid.width(level_));
-  sums_.assign(static_cast<std::size_t>(grid.height) * width_, 0);
-  steps_.assign(sums_.size(), 0);
-  luma_.resize(width_);
-  for (int y = 0; y < pyramid.height(level_); ++y) {
-    const std::uint8_t* luma = pyramid.plane(level_, 0).row(y);
-    if (rgb) {
-      transform_luma_row(transform, {luma, pyramid.plane(level_, 1).row(y), pyramid.plane(level_, 2).row(y)},
-                         luma_.data(), static_cast<int>(width_));
-      luma = luma_.data();
+  const int width = static_cast<int>(width_), height = pyramid.height(level_),
+            per_cell = 1 << (grid.level - level_);
+  sums_.resize(static_cast<std::size_t>(grid.height) * width_);
+  steps_.resize(sums_.size());
+  luma_.resize(static_cast<std::size_t>(per_cell) * width_);
+  for (int i = 0; i < grid.height; ++i) {
+    const int top = i * per_cell, rows = std::min(per_cell, height - top);
+    std::array<const std::uint8_t*, 4> row{};
+    for (int k = 0; k < rows; ++k) {
+      const auto own = [&](int component) { return pyramid.plane(level_, component).row(top + k); };
+      row[static_cast<std::size_t>(k)] = own(0);
+      if (rgb) {
+        std::uint8_t* const luma = &luma_[static_cast<std::size_t>(k) * width_];
+        transform_luma_row(transform, {own(0), own(1), own(2)}, luma, width);
+        row[static_cast<std::size_t>(k)] = luma;
+      }
     }
-    const std::size_t row = static_cast<std::size_t>(y >> (grid.level - level_)) * width_;
-    std::uint16_t* __restrict const sums = &sums_[row], * __restrict const steps = &steps_[row];
-    for (std::size_t x = 0; x < width_; ++x)
-      sums[x] = static_cast<std::uint16_t>(sums[x] + luma[x]);
-    for (std::size_t x = 0; x + 1 < width_; ++x)
-      steps[x] = static_cast<std::uint16_t>(steps[x] + std::abs(luma[x + 1] - luma[x]));
+    const std::size_t at = static_cast<std::size_t>(i) * width_;
+    kernels::sum_rows(row, rows, width, &sums_[at], &steps_[at]);
   }
 }
 
@@ -61,38 +64,41 @@ void UprightCoherence::add_rows(const Pyramid& pyramid, const Grid& grid, const 
 void UprightCoherence::compare(const Grid& grid) {
   const int shift = grid.level - level_, scale = 2 - shift; // scales to a cell of four columns and rows
   const auto columns = static_cast<std::size_t>(grid.width), per_cell = std::size_t{1} << shift,
-             before = per_cell / 2;
+             before = per_cell / 2, padded = std::max(before + width_, per_cell * columns) + 1;
   coherence_.resize(grid.size());
   contrast_.resize(grid.size());
-  const std::size_t padded = std::max(before + width_, per_cell * columns);
+  most_.resize(columns);
+  // Steps are 0 beyond the picture: its edges are repeated there.
+  column_sums_.assign(padded, 0);
+  column_steps_.assign(padded, 0);
+  const auto add = [&](int i, int sign) {
+    const std::size_t row = static_cast<std::size_t>(std::clamp(i, 0, grid.height - 1)) * width_;
+    const auto add_to = [&](const std::uint16_t* values, std::size_t count, std::uint16_t* __restrict all) {
+      for (std::size_t x = 0; x < count; ++x)
+        all[x] = static_cast<std::uint16_t>(sign > 0 ? all[x] + values[x] : all[x] - values[x]);
+    };
+    add_to(&sums_[row], width_, &column_sums_[before]);
+    add_to(&steps_[row], width_ - 1, &column_steps_[before]);
+  };
+  for (int k = -rows_added / 2; k < rows_added / 2; ++k)
+    add(k, 1);
   for (int i = 0; i < grid.height; ++i) {
-    column_sums_.assign(width_, 0);
-    column_all_.assign(padded, 0);
-    column_most_.assign(padded, 0);
-    for (int k = -rows_added / 2; k < rows_added / 2; ++k) {
-      const std::size_t row = static_cast<std::size_t>(std::clamp(i + k, 0, grid.height - 1)) * width_;
-      const std::uint16_t *const sums = &sums_[row], *const steps = &steps_[row];
-      std::uint16_t* __restrict const all_sums = column_sums_.data(), * __restrict const all_steps =
-                                                                          &column_all_[before];
-      for (std::size_t x = 0; x < width_; ++x)
-        all_sums[x] = static_cast<std::uint16_t>(all_sums[x] + sums[x]);
-      for (std::size_t x = 0; x + 1 < width_; ++x)
-        all_steps[x] = static_cast<std::uint16_t>(all_steps[x] + steps[x]);
-    }
-    for (std::size_t x = 0; x + 1 < width_; ++x)
-      column_most_[before + x] = static_cast<std::uint16_t>(std::abs(column_sums_[x + 1] - column_sums_[x]));
+    std::fill_n(column_sums_.begin(), before, column_sums_[before]);
+    const auto last = column_sums_.begin() + static_cast<std::ptrdiff_t>(before + width_);
+    std::fill(last, column_sums_.end(), last[-1]);
+    kernels::largest_steps(column_sums_.data(), static_cast<int>(per_cell), grid.width, most_.data());
+    std::uint16_t* const contrast = &contrast_[grid.at(i, 0)];
+    std::fill_n(contrast, columns, std::uint16_t{0});
+    kernels::add_boxes(column_steps_.data(), static_cast<int>(per_cell), 2 * scale, grid.width, contrast);
     for (std::size_t j = 0; j < columns; ++j) {
-      unsigned most = 0, all = 0;
-      for (std::size_t x = j * per_cell; x < (j + 1) * per_cell; ++x) {
-        most = std::max<unsigned>(most, column_most_[x]);
-        all += column_all_[x];
-      }
-      all <<= 2 * scale;
+      const unsigned most = most_[j], all = contrast[j];
       // Q8 of log2 of (1 + 4 most / 16) / (1 + 4 all / 64).
       coherence_[grid.at(i, 0) + j] =
           static_cast<std::int16_t>(log2_q8(4 + (most << scale)) - log2_q8(16 + all) + 512);
-      contrast_[grid.at(i, 0) + j] = static_cast<std::uint16_t>(std::min<unsigned>(all, full_contrast));
+      contrast[j] = static_cast<std::uint16_t>(std::min<unsigned>(all, full_contrast));
     }
+    add(i - rows_added / 2, -1);
+    add(i + rows_added / 2, 1);
   }
 }
 
@@ -122,15 +128,12 @@ void UprightCoherence::average(const Grid& grid) {
 
 void UprightCoherence::weigh(const Grid& grid, CellScores& score) const {
   const int near_row = grid.height * 2 / 3;
-  for (int i = 0; i < grid.height; ++i)
-    for (int j = 0; j < grid.width; ++j) {
-      const std::size_t cell = grid.at(i, j);
-      const int says = std::clamp(((neutral - average_[cell]) * weight) >> 8, against, in_favour) *
-                       contrast_[cell] / full_contrast;
-      const int added = i >= near_row ? std::min(says, near_by) : says;
-      if (!grid.ignored[cell])
-        score[cell] = static_cast<std::int16_t>(((score[cell] * score_weight) >> 5) + added);
-    }
+  for (int i = 0; i < grid.height; ++i) {
+    const std::size_t row = grid.at(i, 0);
+    kernels::weigh_upright(&average_[row], &contrast_[row], &grid.ignored[row],
+                           {neutral, weight, against, in_favour, i >= near_row ? near_by : in_favour},
+                           score_weight, grid.width, &score[row]);
+  }
 }
 
 } // namespace terrainseg

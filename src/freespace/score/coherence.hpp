@@ -35,7 +35,7 @@ class UprightCoherence {
   std::size_t width_ = 0; ///< width of that finer level
   std::vector<std::uint8_t> luma_;
   std::vector<std::uint16_t> sums_, steps_; ///< of the rows of a cell: luma, and absolute differences
-  std::vector<std::uint16_t> column_sums_, column_most_, column_all_; ///< of the summed rows
+  std::vector<std::uint16_t> column_sums_, column_steps_, most_; ///< of the summed rows
   std::vector<std::int16_t> coherence_, down_, average_;
   std::vector<std::uint16_t> contrast_; ///< limited to full_contrast
 };

@@ -33,12 +33,11 @@ std::vector<fs::path> files_of(const std::string& folder) {
 
 bool find_board(const cv::Mat& gray, const Board& board, std::vector<cv::Point2f>& corners) {
   const cv::Size pattern(board.columns, board.rows);
-  // By sectors, not by quadrangles (findChessboardCorners): those are looked for again and again in whatever
-  // is textured, for seconds where there is no board, with CALIB_CB_FAST_CHECK too, which misses boards
-  // besides.
+  // findChessboardCornersSB, not findChessboardCorners: the latter searches quadrangles in textured pictures
+  // without a board for seconds, also with CALIB_CB_FAST_CHECK, which in addition misses boards.
   if (!cv::findChessboardCornersSB(gray, pattern, corners))
     return false;
-  // The window of the refinement must not reach the next corner.
+  // The refinement window must not reach the neighbouring corner.
   double least = 1e9;
   for (std::size_t i = 1; i < corners.size(); ++i)
     least = std::min(least, cv::norm(corners[i] - corners[i - 1]));
@@ -50,7 +49,7 @@ bool find_board(const cv::Mat& gray, const Board& board, std::vector<cv::Point2f
 
 using Corners = std::vector<cv::Point2f>;
 
-/// Views, their corners and the size that they share.
+/// Views, their corners and their common size.
 cv::Size look(const std::vector<fs::path>& files, const Board& board, Calibration& out,
               std::vector<Corners>& corners) {
   cv::Size size;
@@ -79,7 +78,7 @@ cv::Size look(const std::vector<fs::path>& files, const Board& board, Calibratio
   return size;
 }
 
-/// Fills camera and errors from what OpenCV found.
+/// Copies OpenCV's result to camera and errors.
 void take(Calibration& out, const cv::Size& size, const cv::Mat& k, const cv::Mat& d, bool fisheye) {
   out.camera.width = size.width;
   out.camera.height = size.height;
@@ -107,12 +106,13 @@ Calibration calibrate_from_folder(const std::string& folder, const Board& board,
   std::vector<Corners> corners;
   const cv::Size size = look(files_of(folder), board, out, corners);
   if (out.views.size() < fewest_views)
-    throw std::runtime_error(
-        folder + ": a whole board of " + std::to_string(board.columns) + "x" + std::to_string(board.rows) +
-        " inner corners was found in " + std::to_string(out.views.size()) + " of " +
-        std::to_string(out.views.size() + out.without_board.size()) +
-        " pictures, 5 are needed and 20 are good; does --board count inner corners, is the board whole, flat "
-        "and with a white rim?");
+    throw std::runtime_error(folder + ": a complete board of " + std::to_string(board.columns) + "x" +
+                             std::to_string(board.rows) + " inner corners was found in " +
+                             std::to_string(out.views.size()) + " of " +
+                             std::to_string(out.views.size() + out.without_board.size()) +
+                             " pictures, 5 are needed and 20 are good; does --board count inner corners, is "
+                             "the board complete, flat "
+                             "and with a white rim?");
   std::vector<cv::Point3f> model;
   for (int row = 0; row < board.rows; ++row)
     for (int column = 0; column < board.columns; ++column)
@@ -128,7 +128,7 @@ Calibration calibrate_from_folder(const std::string& folder, const Board& board,
                 : cv::calibrateCamera(models, corners, size, k, d, rotations, shifts);
   } catch (const cv::Exception&) {
     throw std::runtime_error(folder +
-                             ": the views do not tell the lens; take some with the board tilted by 30 "
+                             ": the views do not determine the lens; take some with the board tilted by 30 "
                              "degrees and more, near the corners of the picture too");
   }
   for (std::size_t i = 0; i < out.views.size(); ++i) {

@@ -16,8 +16,8 @@ using metric::Camera, metric::GroundPoint, metric::GroundProjection, metric::Ima
 const cv::Scalar across_color(0, 220, 255), ahead_color(255, 200, 0), horizon_color(255, 80, 255),
     point_color(60, 60, 255), dark(0, 0, 0);
 constexpr double metres_ahead[] = {0.5, 1, 1.5, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50, 100};
-constexpr int widest = 10; ///< metres to either side
-constexpr int shift = 4;   ///< OpenCV's fixed point: sixteenths of a pixel
+constexpr int widest = 10; ///< metres to each side
+constexpr int shift = 4;   ///< fixed-point positions of OpenCV: 1/16 pixel
 
 cv::Point fixed(const cv::Point2d& p) {
   return {static_cast<int>(std::lround(p.x * (1 << shift))),
@@ -30,7 +30,7 @@ class Pen {
       : picture_(picture), thin_(std::max(1, picture.rows / 540)),
         font_(std::max(0.4, picture.rows / 900.0)) {}
 
-  /// A line through those points that are seen and lie in or near the picture.
+  /// A polyline through the visible points in or near the picture.
   void curve(const std::vector<std::optional<cv::Point2d>>& points, const cv::Scalar& color) {
     for (const int thickness : {thin_ + 2, thin_})
       for (std::size_t i = 1; i < points.size(); ++i)
@@ -64,11 +64,11 @@ class Pen {
   double font_;
 };
 
-/// The pixel of a direction in the body's frame.
+/// The pixel of a direction in the body frame.
 std::optional<cv::Point2d> pixel_of_direction(const Camera& camera, const Mount& mount,
                                               const double (&b)[3]) {
   const GroundProjection turn(mount);
-  // Columns of the rotation, from what it makes of the camera's axes; its inverse is its transpose.
+  // Columns of the rotation matrix: the images of the camera's axes. Its inverse is its transpose.
   double in_camera[3]{};
   for (int axis = 0; axis < 3; ++axis) {
     const double forward = turn.along(axis, {0, 0});
@@ -80,7 +80,7 @@ std::optional<cv::Point2d> pixel_of_direction(const Camera& camera, const Mount&
     return std::nullopt;
   const ImagePoint ray{-in_camera[1] / in_camera[0], -in_camera[2] / in_camera[0]};
   const ImagePoint pixel = metric::distort(camera, ray);
-  // Beyond its edge a lens model folds back: such a pixel shows another ray.
+  // Outside its valid range a lens model folds back: the pixel then shows another ray.
   const auto shown = metric::undistort(camera, pixel.x, pixel.y);
   if (!shown || std::hypot(shown->x - ray.x, shown->y - ray.y) > 1e-3 * (1 + std::hypot(ray.x, ray.y)))
     return std::nullopt;
@@ -107,7 +107,7 @@ void draw_lines_across(Pen& pen, const Camera& camera, const Mount& mount) {
   double last_row = 1e9;
   for (const double ahead : metres_ahead) {
     const auto middle = pixel_of(camera, mount, {ahead, 0});
-    // No line below the picture, and none that would touch the one before it.
+    // Skips lines below the picture and lines that would touch the previous one.
     if (!middle || middle->y > camera.height || last_row - middle->y < pen.line_height())
       continue;
     last_row = middle->y;
@@ -126,7 +126,7 @@ void draw_horizon(Pen& pen, const Camera& camera, const Mount& mount) {
     points.push_back(
         pixel_of_direction(camera, mount, {std::cos(bearing + mount.yaw), std::sin(bearing + mount.yaw), 0}));
   pen.curve(points, horizon_color);
-  // At the left edge, where no metres are written.
+  // At the left edge, which has no distance labels.
   for (const auto& point : points)
     if (point && point->x < camera.width / 4.0 && point->x > -camera.width) {
       pen.text("horizon", *point + cv::Point2d(6, -6), horizon_color);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Metres drawn over a frame, by which a person sees whether a mount is right.
+// Draws metres over a frame, to check a mount by eye.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -11,14 +11,14 @@
 
 namespace terrainseg::calibrate {
 
-/// The pixel that shows a point of the ground; nothing behind the camera, or where the lens model shows other
-/// rays.
+/// Returns the pixel of a point of the ground; nothing if the point is behind the camera or outside the valid
+/// range of the lens model.
 std::optional<cv::Point2d> pixel_of(const metric::Camera& camera, const metric::Mount& mount,
                                     const metric::GroundPoint& point);
 
-/// Draws into a BGR picture of the camera's size: lines across at round metres ahead with their figures,
-/// lines ahead one metre apart, the horizon, and each measured point as a cross with its metres, joined to
-/// where the mount has it.
+/// Draws into a BGR picture of the camera's size: labelled lines across at round distances, lines ahead one
+/// metre apart, the horizon, and each measured point as a cross with its distance, connected to its position
+/// according to the mount.
 void draw_grid(cv::Mat& picture, const metric::Camera& camera, const metric::Mount& mount,
                std::span<const MeasuredPoint> points);
 

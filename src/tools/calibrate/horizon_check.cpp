@@ -16,14 +16,15 @@ namespace {
 
 constexpr std::size_t fewest_frames = 30;
 
-/// The value at a share of sorted values.
+/// Quantile of sorted values.
 double quantile(const std::vector<int>& sorted, double share) {
   const double at = share * static_cast<double>(sorted.size() - 1);
   const std::size_t low = static_cast<std::size_t>(at), high = std::min(low + 1, sorted.size() - 1);
   return sorted[low] + (sorted[high] - sorted[low]) * (at - static_cast<double>(low));
 }
 
-/// A whole number no greater than any picture's; half a million is none, 1.5 and text are no line of ours.
+/// An integer up to the largest valid picture size. Other numbers and texts are not from this project's
+/// lines.
 int within_a_picture(const nlohmann::json& json) {
   constexpr int most = 1 << 18;
   const auto& value = json.get_ref<const nlohmann::json::number_integer_t&>();
@@ -64,7 +65,7 @@ Horizons read_horizons(std::istream& lines) {
 }
 
 double horizon_row(const metric::Camera& camera, const metric::Mount& mount) {
-  // The ray of the middle column that is level: -sin p - cos p (sin r x + cos r y) = 0.
+  // The horizontal ray of the middle column: -sin p - cos p (sin r x + cos r y) = 0.
   const double x = ((camera.width - 1) / 2.0 - camera.cx) / camera.fx;
   const double y = (-std::tan(mount.pitch) - std::sin(mount.roll) * x) / std::cos(mount.roll);
   return metric::distort(camera, {x, y}).y;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Whether a recording's horizon lies where the mount has it.
+// Compares the horizon of a recording with the horizon of the mount.
 #pragma once
 
 #include <istream>
@@ -9,32 +9,32 @@
 
 namespace terrainseg::calibrate {
 
-/// Where the horizon was found in a recording.
+/// The horizon rows in a recording.
 struct Horizons {
-  int width = 0, height = 0; ///< of the frames
+  int width = 0, height = 0; ///< size of the frames, pixels
   std::size_t frames = 0;
-  std::vector<int> rows; ///< of the confident frames
+  std::vector<int> rows; ///< one row per confident frame
 };
 
-/// A frame's horizon counts from this confidence on (0..255).
+/// Minimum confidence of a horizon that is used (0..255).
 inline constexpr int confident = 128;
 
-/// Reads JSON lines of terrainextract or terrainseg-process. Throws std::runtime_error with the line's
-/// number.
+/// Reads JSON lines of terrainextract or terrainseg-process. Throws std::runtime_error with the number of the
+/// line.
 Horizons read_horizons(std::istream& lines);
 
 struct HorizonCheck {
-  double row = 0, lower_quartile = 0, upper_quartile = 0; ///< the recording's, median and quartiles
-  double expected = 0; ///< the mount's, at the middle of the width; may lie outside the picture
-  double degrees = 0;  ///< by which the recording's horizon lies below the mount's
+  double row = 0, lower_quartile = 0, upper_quartile = 0; ///< row in the recording: median and quartiles
+  double expected = 0; ///< row of the mount at the middle of the width; may be outside the picture
+  double degrees = 0;  ///< angle by which the recording's horizon is below the mount's
 };
 
-/// Throws std::runtime_error when fewer than 30 frames were confident, or when the frames have other
-/// proportions than the calibration.
+/// Throws std::runtime_error if fewer than 30 frames were confident, or if the frames have other proportions
+/// than the calibration.
 HorizonCheck check_horizon(const Horizons& horizons, const metric::Camera& camera,
                            const metric::Mount& mount);
 
-/// The row of the horizon at the middle of the width.
+/// Row of the horizon at the middle of the width.
 double horizon_row(const metric::Camera& camera, const metric::Mount& mount);
 
 } // namespace terrainseg::calibrate

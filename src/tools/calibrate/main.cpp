@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// terrainseg-calibrate: a camera's lens and mount, and whether they are right.
+// terrainseg-calibrate: calibrates a camera's lens and mount, and checks a calibration.
 #include <algorithm>
 #include <clocale>
 #include <cstdio>
@@ -26,7 +26,7 @@ using namespace terrainseg::calibrate;
 using Words = std::vector<std::string>;
 
 constexpr int exit_usage = 2;
-constexpr double most_degrees = 1; ///< by which horizons may differ
+constexpr double most_degrees = 1; ///< maximum difference of the horizons, degrees
 
 double degrees(double radians) {
   return radians * 180 / std::numbers::pi;
@@ -50,7 +50,7 @@ int run_camera(const Words& words) {
   for (const View& view : c.views)
     std::printf("%s: %.3f px\n", view.name.c_str(), view.error);
   for (const std::string& name : c.without_board)
-    std::printf("%s: no whole board found\n", name.c_str());
+    std::printf("%s: no complete board found\n", name.c_str());
   std::printf("%s, residual %.3f px, corners cover %.0f %% of the picture\n",
               counted(c.views.size(), "view").c_str(), c.error, 100 * c.coverage);
   std::printf("fx %.2f, fy %.2f, cx %.2f, cy %.2f for pictures of %dx%d\n", c.camera.fx, c.camera.fy,
@@ -105,7 +105,7 @@ int run_mount(const Words& words) {
   return EXIT_SUCCESS;
 }
 
-/// True when the recording agrees.
+/// Returns true if the recording agrees with the mount.
 bool check_recording(const CheckOptions& o, const metric::Camera& camera, const metric::Mount& mount) {
   std::ifstream file(o.lines);
   if (!file)
@@ -161,7 +161,7 @@ int run(const Words& words) {
 } // namespace
 
 int main(int argc, char** argv) {
-  std::setlocale(LC_CTYPE, ""); // for GLib's help; numbers keep their points
+  std::setlocale(LC_CTYPE, ""); // for GLib's help; numbers keep decimal points
   const Words words(argv + 1, argv + argc);
   try {
     if (words.empty()) {

@@ -18,11 +18,11 @@ using metric::Camera, metric::GroundProjection, metric::ImagePoint, metric::Moun
 constexpr double degree = std::numbers::pi / 180;
 constexpr double steepest = 80 * degree;
 constexpr int most_rounds = 100;
-constexpr int starts = 24; ///< heights that the search starts from
+constexpr int starts = 24; ///< number of initial heights
 constexpr double worst_fit = 1 * degree;
-constexpr double worst_height = 0.2;         ///< share of the height
-constexpr double worst_pitch = 5 * degree;   ///< one standard deviation, for one row of error
-constexpr double useful_roll = 1.5 * degree; ///< ... beyond which roll is left alone
+constexpr double worst_height = 0.2;         ///< maximum standard deviation, share of the height
+constexpr double worst_pitch = 5 * degree;   ///< maximum standard deviation for one row of error
+constexpr double useful_roll = 1.5 * degree; ///< maximum standard deviation with which roll is fitted
 
 enum Parameter : int { log_height, pitch, roll };
 using Values = std::array<double, 3>;
@@ -60,15 +60,15 @@ struct Eigen3 {
   }
 };
 
-/// Inverse of a symmetric matrix of `size` rows and columns; the rest is not used. Directions that are lost
-/// in rounding get no part in it.
+/// Inverse of the first `size` rows and columns of a symmetric matrix. Directions whose eigenvalue is lost in
+/// rounding are left out.
 struct Inverse {
   Matrix entries{};
-  double condition = 0; ///< smallest through largest eigenvalue
+  double condition = 0; ///< ratio of the smallest to the largest eigenvalue
 
   Inverse(const Matrix& m, std::size_t size) {
     const Eigen3 eigen(m);
-    // Parameters that are not sought have rows and columns of zeros: their eigenvalues count as nothing.
+    // Fixed parameters have rows and columns of zeros, and so eigenvalues of zero.
     double least = std::numeric_limits<double>::infinity(), most = 0;
     for (std::size_t i = 0; i < 3; ++i)
       most = std::max(most, std::abs(eigen.values[i]));
@@ -102,7 +102,7 @@ double descent(const Mount& mount, const ImagePoint& ray) {
   return std::atan2(-ground.along(2, ray), std::hypot(ground.along(0, ray), ground.along(1, ray)));
 }
 
-/// The search for the mount that some points are seen from.
+/// Searches the mount from which given points are seen.
 class Search {
  public:
   Search(const Camera& camera, std::span<const MeasuredPoint> points, const Known& known,
@@ -116,15 +116,15 @@ class Search {
                                  ": read pixels in a picture of that size, or name the picture with --frame");
       const auto ray = metric::undistort(camera, p.u, p.v);
       if (!ray)
-        throw std::runtime_error(name_of(i, p) +
-                                 " lies where the lens model has no ray: take one nearer to the middle");
+        throw std::runtime_error(
+            name_of(i, p) + " is outside the valid range of the lens model: take one nearer to the middle");
       rays_.push_back(*ray);
     }
   }
 
   struct Found {
     Values at{};
-    double cost = std::numeric_limits<double>::infinity(); ///< sum of squared radians
+    double cost = std::numeric_limits<double>::infinity(); ///< sum of squared residuals, radians
   };
 
   Found from(double height) const {
@@ -170,8 +170,8 @@ class Search {
     return now;
   }
 
-  /// One standard deviation of each free parameter for errors of `sigma` radians; infinite where the points
-  /// do not tell.
+  /// One standard deviation of each free parameter for errors of `sigma` radians; infinite if the points do
+  /// not determine it.
   Values deviations(const Values& at, double sigma) const {
     Values out{};
     const Inverse inverse(normal_of(slopes(at)), free_.size());
@@ -184,7 +184,7 @@ class Search {
   double root_mean_square(const Found& found) const {
     return std::sqrt(found.cost / static_cast<double>(rays_.size()));
   }
-  /// With what the points left over taken for the error of reading, at least `least`.
+  /// Uses the residuals as the reading error, but at least `least`.
   double reading_error(const Found& found, double least) const {
     const double over = static_cast<double>(rays_.size()) - static_cast<double>(free_.size());
     return over > 0 ? std::max(least, std::sqrt(found.cost / over)) : least;
@@ -244,7 +244,7 @@ class Search {
   std::vector<ImagePoint> rays_;
 };
 
-/// Every place where the search ends that is about as good as the best, by height.
+/// All local minima about as good as the best, ordered by height.
 std::vector<Search::Found> candidates(const Search& search, std::span<const MeasuredPoint> points,
                                       const Known& known, double one_row) {
   std::vector<Search::Found> found;
@@ -280,7 +280,7 @@ void check_points(std::span<const MeasuredPoint> points, const Known& known) {
                                    "COLUMN,ROW,METRES (one suffices with --height)");
 }
 
-/// The point that the others agree least with.
+/// The point with the largest deviation from the others.
 std::string suspect(const MountFit& fit, std::span<const MeasuredPoint> points) {
   std::size_t worst = 0;
   for (std::size_t i = 1; i < points.size(); ++i)
@@ -291,7 +291,7 @@ std::string suspect(const MountFit& fit, std::span<const MeasuredPoint> points) 
   return name_of(worst, points[worst]) + off;
 }
 
-/// What the points leave over when they are seen from a mount.
+/// The residuals of the points for a mount.
 std::vector<Residual> residuals_of(Mount at_lens, const Search& search, std::span<const MeasuredPoint> points,
                                    double one_row) {
   at_lens.x = at_lens.y = 0;
@@ -317,7 +317,7 @@ Mount mount_of(const Values& at, const Known& known) {
   return mount;
 }
 
-/// Throws when the points tell no mount.
+/// Throws if the points do not determine a mount.
 void check_fit(const MountFit& fit, double spread, std::span<const MeasuredPoint> points) {
   const bool vague =
       !(fit.height_error < worst_height * fit.mount.height) || !(fit.pitch_error < worst_pitch);
@@ -326,13 +326,13 @@ void check_fit(const MountFit& fit, double spread, std::span<const MeasuredPoint
                              "; check columns, rows and metres, and that the calibration is this camera's");
   if (vague)
     throw std::runtime_error(
-        "the points do not tell height and pitch apart: take one near the lower edge and one at "
+        "the points do not determine height and pitch: take one near the lower edge and one at "
         "least twice as far, or measure the height of the lens and state --height");
   if (std::string flaw = metric::flaw_of(fit.mount); !flaw.empty())
-    throw std::runtime_error("the points give a mount that cannot be: " + flaw);
+    throw std::runtime_error("the points give an impossible mount: " + flaw);
 }
 
-/// The mount with those parameters free; nothing when roll is one of them and the points do not tell it.
+/// Fits the given free parameters; nothing if they include roll and the points do not determine it.
 std::optional<MountFit> fit_with(const std::vector<int>& free, const Camera& camera,
                                  std::span<const MeasuredPoint> points, const Known& known) {
   const double one_row = 1 / camera.fy;
@@ -351,7 +351,7 @@ std::optional<MountFit> fit_with(const std::vector<int>& free, const Camera& cam
   fit.root_mean_square = search.root_mean_square(best) / one_row;
   fit.residuals = residuals_of(fit.mount, search, points, one_row);
   check_fit(fit, search.root_mean_square(best), points);
-  // The next one up; those beyond it have the near point behind the camera's foot.
+  // The next higher one; for others the near point would be behind the camera.
   for (std::size_t i = 1; i < found.size() && !fit.other_height && !known.height; ++i)
     if (const double other = std::exp(found[i].at[log_height]); other > fit.mount.height * 1.05)
       fit.other_height = other;
@@ -366,8 +366,8 @@ MountFit fit_mount(const metric::Camera& camera, std::span<const MeasuredPoint> 
   std::vector<int> free{pitch};
   if (!known.height)
     free.insert(free.begin(), log_height);
-  // Roll takes part where there are points enough, and stays where they tell it. Where the height is sought
-  // too, one point more than unknowns: the two heights that fit would each find a roll.
+  // Roll is fitted if there are enough points and they determine it. If the height is free too, one more
+  // point than unknowns is needed, because each of the two possible heights would have its own roll.
   const std::size_t for_roll = free.size() + (known.height ? 1 : 2);
   if (!known.roll && points.size() >= for_roll) {
     std::vector<int> with_roll = free;
@@ -375,7 +375,7 @@ MountFit fit_mount(const metric::Camera& camera, std::span<const MeasuredPoint> 
     if (auto fit = fit_with(with_roll, camera, points, known))
       return *std::move(fit);
   }
-  return *fit_with(free, camera, points, known); // without roll there always is one
+  return *fit_with(free, camera, points, known); // a fit without roll always exists
 }
 
 } // namespace terrainseg::calibrate

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Height, pitch and roll of a camera from points of the ground at measured distances.
+// Fits height, pitch and roll of a camera to ground points at measured distances.
 #pragma once
 
 #include <optional>
@@ -11,33 +11,34 @@
 
 namespace terrainseg::calibrate {
 
-/// What is known of the mount without the points.
+/// The known part of the mount.
 struct Known {
   std::optional<double> height, roll;
-  double yaw = 0, x = 0, y = 0; ///< written to the mount as they are
+  double yaw = 0, x = 0, y = 0; ///< copied to the mount
 };
 
-/// How well one point is met.
+/// Residual of one point.
 struct Residual {
-  double rows = 0;                ///< pixels by which the point lies below where it should
-  std::optional<double> measured; ///< metres that the mount gives its pixel; nothing over the horizon
+  double rows = 0; ///< pixels by which the point is below its row according to the mount
+  std::optional<double>
+      measured; ///< distance of its pixel according to the mount, metres; nothing above the horizon
 };
 
 struct MountFit {
-  metric::Mount mount; ///< pitch_error: that of the fit, at least the mount's usual half a degree
+  metric::Mount mount; ///< pitch_error: that of the fit, at least the mount's default of half a degree
   std::vector<Residual> residuals;
   double root_mean_square = 0; ///< of the residuals, rows
-  /// One standard deviation each, when a pixel is read to one row; 0 = was given, not found.
+  /// One standard deviation each, for an error of one row per point; 0 = given, not fitted.
   double height_error = 0, pitch_error = 0, roll_error = 0;
   bool roll_found = false;
-  /// Another height that meets the points as well: distances d1 and d2 alone do not tell h from d1 d2 / h.
+  /// A second height that fits as well: two distances d1 and d2 cannot tell h from d1 d2 / h.
   std::optional<double> other_height;
 };
 
-/// Least squares over the angles by which the points lie below the horizontal: an error of a pixel weighs the
-/// same near and far. Two points give height and pitch, four on both sides of the picture roll as well
-/// (two where the height is known).
-/// Throws std::runtime_error that says what to do when the points do not tell, or do not fit any mount.
+/// Least squares of the angles of the points below the horizontal, so that a pixel has the same weight near
+/// and far. Two points give height and pitch; four points on both sides of the picture also give the roll
+/// (two if the height is known). Throws std::runtime_error with the remedy if the points are not sufficient
+/// or fit no mount.
 MountFit fit_mount(const metric::Camera& camera, std::span<const MeasuredPoint> points, const Known& known);
 
 } // namespace terrainseg::calibrate

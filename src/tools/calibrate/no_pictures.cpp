@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What terrainseg-calibrate says of pictures when it is built without OpenCV.
+// Error messages for pictures in a build of terrainseg-calibrate without OpenCV.
 #include <stdexcept>
 
 #include "tools/calibrate/chessboard.hpp"

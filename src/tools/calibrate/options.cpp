@@ -24,7 +24,7 @@ constexpr const char* overview =
 
 constexpr GOptionEntry end{nullptr, 0, 0, G_OPTION_ARG_NONE, nullptr, nullptr, nullptr};
 
-/// Parses into what the entries point to.
+/// Parses the arguments into the targets of the entries.
 void parse(const std::vector<GOptionEntry>& entries, const char* arguments, const char* summary,
            const std::vector<std::string>& words, const char* name) {
   const OptionContext context(g_option_context_new(arguments));
@@ -33,7 +33,7 @@ void parse(const std::vector<GOptionEntry>& entries, const char* arguments, cons
   tools::parse(context.get(), words, name);
 }
 
-/// The arguments that are no options.
+/// The arguments that are not options.
 std::string only_one(const Words& words, const char* what) {
   const auto all = words.all();
   if (all.size() > 1)
@@ -46,7 +46,7 @@ void need(const std::string& value, const char* option) {
     throw UsageError(std::string(option) + " is missing");
 }
 
-/// Numbers of the command line: what is wrong with them is a matter of usage.
+/// Parses numbers of the command line; errors are usage errors.
 template <class Read> auto used(Read read) -> decltype(read()) {
   try {
     return read();
@@ -61,7 +61,7 @@ std::optional<double> metres(const Word& word, const char* option) {
   return used([&] { return parse_number(word.value(), option); });
 }
 
-/// Degrees, or radians with the suffix `rad`.
+/// Degrees, or radians if the suffix is `rad`.
 std::optional<double> angle(const Word& word, const char* option) {
   if (!word.text)
     return std::nullopt;
@@ -100,8 +100,8 @@ CameraOptions parse_camera(const std::vector<std::string>& words) {
       {{"board", 0, 0, G_OPTION_ARG_STRING, &board.text,
         "Inner corners of the board (default: 9x6, a board of 10x7 squares)", "COLUMNSxROWS"},
        {"fisheye", 0, 0, G_OPTION_ARG_NONE, &fisheye,
-        "For lenses of 120 degrees and more: the equidistant model in place of plumb_bob", nullptr},
-       {"out", 0, 0, G_OPTION_ARG_FILENAME, &out.text, "Where to (default: camera.yaml)", "FILE"},
+        "For lenses of 120 degrees and more: the equidistant model instead of plumb_bob", nullptr},
+       {"out", 0, 0, G_OPTION_ARG_FILENAME, &out.text, "Output file (default: camera.yaml)", "FILE"},
        {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &rest.list, nullptr, nullptr},
        end},
       "FOLDER",
@@ -122,39 +122,41 @@ CameraOptions parse_camera(const std::vector<std::string>& words) {
 MountOptions parse_mount(const std::vector<std::string>& words) {
   Words points, rest;
   Word camera, file, height, roll, yaw, x, y, out, frame, picture;
-  parse({{"camera-info", 0, 0, G_OPTION_ARG_FILENAME, &camera.text,
-          "The lens: ROS camera_info, Kalibr or OpenCV YAML", "FILE"},
-         {"point", 'p', 0, G_OPTION_ARG_STRING_ARRAY, &points.list,
-          "A point of flat ground, at least twice: its pixel, and its distance over ground from the point "
-          "below "
-          "the lens",
-          "COLUMN,ROW,METRES"},
-         {"points", 0, 0, G_OPTION_ARG_FILENAME, &file.text, "Points from a file, one a line", "FILE"},
-         {"height", 0, 0, G_OPTION_ARG_STRING, &height.text,
-          "Height of the lens over the ground where it was measured", "METRES"},
-         {"roll", 0, 0, G_OPTION_ARG_STRING, &roll.text,
-          "Roll where it is known, positive = right side down (default: found from four points or more, with "
-          "--height from two, where they tell it, else 0)",
-          "DEGREES"},
-         {"yaw", 0, 0, G_OPTION_ARG_STRING, &yaw.text, "Kept in the file, positive = it looks to the left",
-          "DEGREES"},
-         {"x", 0, 0, G_OPTION_ARG_STRING, &x.text, "Kept in the file: the lens is so far ahead of the origin",
-          "METRES"},
-         {"y", 0, 0, G_OPTION_ARG_STRING, &y.text, "Kept in the file: the lens is so far left of the origin",
-          "METRES"},
-         {"frame", 0, 0, G_OPTION_ARG_FILENAME, &frame.text,
-          "The picture that the pixels were read in, where its size is not the calibration's; and for "
-          "--picture",
-          "FILE"},
-         {"picture", 0, 0, G_OPTION_ARG_FILENAME, &picture.text,
-          "Draws metres over the frame: a PNG or JPEG file", "FILE"},
-         {"out", 0, 0, G_OPTION_ARG_FILENAME, &out.text, "Where to (default: mount.yaml)", "FILE"},
-         {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &rest.list, nullptr, nullptr},
-         end},
-        nullptr,
-        "Finds how the camera stands from points of flat ground at measured distances: two or more, one near "
-        "the lower\nedge, one at least twice as far; four on both sides tell the roll as well.",
-        words, "terrainseg-calibrate mount");
+  parse(
+      {{"camera-info", 0, 0, G_OPTION_ARG_FILENAME, &camera.text,
+        "The lens: ROS camera_info, Kalibr or OpenCV YAML", "FILE"},
+       {"point", 'p', 0, G_OPTION_ARG_STRING_ARRAY, &points.list,
+        "A point of flat ground, at least twice: its pixel, and its distance over ground from the point "
+        "below "
+        "the lens",
+        "COLUMN,ROW,METRES"},
+       {"points", 0, 0, G_OPTION_ARG_FILENAME, &file.text, "Points from a file, one a line", "FILE"},
+       {"height", 0, 0, G_OPTION_ARG_STRING, &height.text, "Measured height of the lens over the ground",
+        "METRES"},
+       {"roll", 0, 0, G_OPTION_ARG_STRING, &roll.text,
+        "Known roll, positive = right side down (default: fitted to four or more points, with --height to "
+        "two "
+        "or more, if they determine it; otherwise 0)",
+        "DEGREES"},
+       {"yaw", 0, 0, G_OPTION_ARG_STRING, &yaw.text,
+        "Copied to the file, positive = the camera looks to the left", "DEGREES"},
+       {"x", 0, 0, G_OPTION_ARG_STRING, &x.text,
+        "Copied to the file: distance of the lens ahead of the origin", "METRES"},
+       {"y", 0, 0, G_OPTION_ARG_STRING, &y.text,
+        "Copied to the file: distance of the lens to the left of the origin", "METRES"},
+       {"frame", 0, 0, G_OPTION_ARG_FILENAME, &frame.text,
+        "The picture in which the pixels were read: needed for --picture, and if its size is not the "
+        "calibration's",
+        "FILE"},
+       {"picture", 0, 0, G_OPTION_ARG_FILENAME, &picture.text,
+        "Draws metres over the frame: a PNG or JPEG file", "FILE"},
+       {"out", 0, 0, G_OPTION_ARG_FILENAME, &out.text, "Output file (default: mount.yaml)", "FILE"},
+       {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &rest.list, nullptr, nullptr},
+       end},
+      nullptr,
+      "Fits the pose of the camera to points of flat ground at measured distances: two or more, one near the "
+      "lower\nedge, one at least twice as far. Four points on both sides also give the roll.",
+      words, "terrainseg-calibrate mount");
   if (const auto more = rest.all(); !more.empty())
     throw UsageError(more.front() + ": not an option");
   MountOptions o;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The words of terrainseg-calibrate's command line.
+// The command line of terrainseg-calibrate.
 #pragma once
 
 #include <string>
@@ -30,7 +30,7 @@ struct CheckOptions {
 };
 
 std::string help();
-/// Each throws tools::UsageError, or std::runtime_error for a file that is named and cannot be read.
+/// Each throws tools::UsageError, or std::runtime_error for a given file that cannot be read.
 CameraOptions parse_camera(const std::vector<std::string>& words);
 MountOptions parse_mount(const std::vector<std::string>& words);
 CheckOptions parse_check(const std::vector<std::string>& words);

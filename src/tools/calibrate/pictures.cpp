@@ -17,8 +17,9 @@ cv::Mat read_picture(const std::string& path) {
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   cv::Mat picture = cv::imread(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
   if (picture.empty())
-    throw std::runtime_error(path + ": no picture that can be decoded; take one from a video with ffmpeg -i "
-                                    "VIDEO -frames:v 1 frame.png");
+    throw std::runtime_error(path +
+                             ": not a picture that can be decoded; take one from a video with ffmpeg -i "
+                             "VIDEO -frames:v 1 frame.png");
   return picture;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Metres drawn over a picture file. Every function throws std::runtime_error that names the file, and in a
-// build without OpenCV one that says so.
+// Draws metres over a picture file. Every function throws std::runtime_error with the file's name, or with an
+// explanation in a build without OpenCV.
 #pragma once
 
 #include <span>
@@ -17,7 +17,7 @@ struct PictureSize {
 
 PictureSize size_of_picture(const std::string& path);
 
-/// Reads `frame`, draws the metres of a camera of that size over it and writes `picture` (.png or .jpg).
+/// Reads `frame`, draws the grid for a camera of that size and writes `picture` (.png or .jpg).
 void draw_over(const std::string& frame, const metric::Camera& camera, const metric::Mount& mount,
                std::span<const MeasuredPoint> points, const std::string& picture);
 

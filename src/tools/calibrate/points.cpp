@@ -15,7 +15,7 @@ std::string_view trimmed(std::string_view text) {
                             : text.substr(first, text.find_last_not_of(blank) - first + 1);
 }
 
-/// Takes what stands before the next `mark` off the front of `text`.
+/// Removes the text before the next `mark` from the front of `text` and returns it.
 std::string_view next(std::string_view& text, char mark) {
   const std::size_t end = text.find(mark);
   const std::string_view part = text.substr(0, end);

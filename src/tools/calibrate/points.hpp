@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What a user measured, as text: points of the ground, a chessboard.
+// Parses measurements: ground points and chessboards.
 #pragma once
 
 #include <string>
@@ -17,19 +17,20 @@ struct MeasuredPoint {
 /// A chessboard.
 struct Board {
   int columns = 9, rows = 6; ///< inner corners
-  double square = 1;         ///< side of a square, metres; the calibration does not depend on it
+  double square = 1;         ///< side of a square, metres; does not change the calibration
 };
 
-/// `9x6`; throws std::runtime_error.
+/// Parses `9x6`; throws std::runtime_error.
 Board parse_board(const std::string& text);
 
-/// A number in full, whatever the locale; throws std::runtime_error that names `what`.
+/// Parses a number that is the whole text, with a decimal point in every locale. Throws std::runtime_error
+/// that contains `what`.
 double parse_number(std::string_view text, std::string_view what);
 
-/// `U,V,METRES`; throws std::runtime_error that quotes the text.
+/// Parses `U,V,METRES`; throws std::runtime_error with the text.
 MeasuredPoint parse_point(std::string_view text);
 
-/// One point a line; empty lines and what follows a `#` are passed over. Throws with the number of the line.
+/// Reads one point a line; ignores empty lines and text after `#`. Throws with the number of the line.
 std::vector<MeasuredPoint> parse_points(std::string_view text);
 
 } // namespace terrainseg::calibrate

@@ -11,10 +11,11 @@
 namespace terrainseg::process {
 namespace {
 
-/// Of one input; a stream that changes its size may give one with each.
+/// Limit of stored warnings per input; a stream that changes its size may warn each time.
 constexpr std::size_t most_warnings = 16;
 
-/// An element of this project: its warnings speak of settings and pictures, for whoever started the program.
+/// Whether the message is from an element of this project: only its warnings about settings and pictures are
+/// for users.
 bool is_of_this_project(const GstObject* from) {
   const GstElementFactory* factory =
       GST_IS_ELEMENT(from) ? gst_element_get_factory(GST_ELEMENT(from)) : nullptr;
@@ -46,7 +47,7 @@ void Complaints::take(GstMessage* message) {
   }
 }
 
-/// An element that has left the pipeline is one of the source: uridecodebin drops its own while it stops.
+/// An element without a parent belongs to the source: uridecodebin removes elements while it stops.
 void Complaints::take_error(GstMessage* message) {
   if (graph_.holds(message->src)) {
     if (behind_.cause != Cause::none)
@@ -65,7 +66,7 @@ void Complaints::take_error(GstMessage* message) {
     source_fault_.text = "it cannot be reached or read: " + source_fault_.text;
 }
 
-/// Each text once: several outputs are made from the same metadata.
+/// Without repetitions: several outputs use the same metadata.
 void Complaints::warn(GstMessage* message) {
   GError* error = nullptr;
   gst_message_parse_warning(message, &error, nullptr);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the elements of a run report on its bus: errors, warnings, missing decoders.
+// Collects the messages of a pipeline's elements: errors, warnings, missing decoders.
 #pragma once
 
 #include <gst/gst.h>
@@ -12,23 +12,23 @@
 
 namespace terrainseg::process {
 
-/// The first error of each side is kept. The thread that controls the run only.
+/// Keeps the first error of the source and of the other elements. Used by the controlling thread only.
 class Complaints {
  public:
   Complaints(const Graph& graph, OutputFiles& files, Record& record)
       : graph_(graph), files_(files), record_(record) {}
 
-  /// Waits for a message at most `timeout`, then takes all that are there.
+  /// Waits at most `timeout` for a message, then processes all pending ones.
   void take_all(GstBus* bus, GstClockTime timeout);
-  /// Faults that no element reports; the first fault counts.
+  /// Faults without an error message; the first one is kept.
   void blame_source(const Fault& fault);
   void blame_rest(const Fault& fault);
 
-  const Fault& source() const { return source_fault_; }                   ///< of the input
-  const Fault& behind_source() const { return behind_; }                  ///< settings, encoders, disk
-  bool source_gave_up() const { return gave_up_; }                        ///< without an error that says why
-  const std::string& decoder_warning() const { return warning_; }         ///< the first
-  const std::string& missing_decoder() const { return missing_decoder_; } ///< why, and what to do
+  const Fault& source() const { return source_fault_; }  ///< of the input
+  const Fault& behind_source() const { return behind_; } ///< of settings, encoders or the disk
+  bool source_gave_up() const { return gave_up_; }       ///< stopped without the error that has the cause
+  const std::string& decoder_warning() const { return warning_; }         ///< the first one
+  const std::string& missing_decoder() const { return missing_decoder_; } ///< cause and remedy
 
  private:
   void take(GstMessage* message);

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 using FileNumber = std::pair<dev_t, ino_t>;
 
-/// The file behind a path, links followed; nothing where there is none.
+/// The identity of the file at a path, after links; nothing if there is none.
 std::optional<FileNumber> number_of(const fs::path& path) {
   struct stat status;
   if (stat(path.c_str(), &status) != 0)
@@ -32,7 +32,7 @@ bool is_there(const fs::path& path) {
   return lstat(path.c_str(), &status) == 0;
 }
 
-/// The same for names that a file system which does not tell cases or Unicode forms apart would mix up.
+/// A name without differences of case and Unicode form, which some file systems ignore.
 std::string folded(const fs::path& path) {
   std::error_code error;
   const std::string whole = (fs::weakly_canonical(path.parent_path(), error) / path.filename()).string();
@@ -43,7 +43,7 @@ std::string folded(const fs::path& path) {
   return take(g_utf8_casefold(normal.get(), -1));
 }
 
-/// Every name that an input's outputs may get, while they are written and after.
+/// All names that the outputs of an input may get, temporary and final.
 std::vector<fs::path> written_paths(const Naming& naming, const Options& options) {
   std::vector<fs::path> paths = {naming.record(), naming.record(true)};
   for (int i = 0; i < output_count; ++i)
@@ -55,7 +55,7 @@ std::vector<fs::path> written_paths(const Naming& naming, const Options& options
   return paths;
 }
 
-/// What is in the way of a manifest.
+/// Conflicts of a manifest.
 template <typename Files, typename Claimed>
 std::optional<std::string> manifest_clash(const fs::path& manifest, const Files& files,
                                           const Claimed& claimed) {
@@ -67,11 +67,12 @@ std::optional<std::string> manifest_clash(const fs::path& manifest, const Files&
       return "the manifest " + path.string() + " would be written as an output of " + found->second->label;
   }
   if (is_there(manifest) && !is_manifest(manifest))
-    return "the manifest " + manifest.string() + " would replace a file that is none; choose another name";
+    return "the manifest " + manifest.string() +
+           " would replace a file that is not a manifest; choose another name";
   return std::nullopt;
 }
 
-/// The inputs of a batch by what they are on the disk.
+/// The inputs of a batch, by file identity.
 class InputFiles {
  public:
   explicit InputFiles(const std::vector<Input>& inputs) {
@@ -82,7 +83,7 @@ class InputFiles {
         add(image, image.string());
     }
   }
-  /// The input that writing to `path` would destroy.
+  /// The input that writing to `path` would overwrite.
   const std::string* at(const fs::path& path, const std::string& key) const {
     if (const auto number = number_of(path))
       if (const auto found = numbers_.find(*number); found != numbers_.end())
@@ -101,7 +102,7 @@ class InputFiles {
   std::map<std::string, std::string> names_;
 };
 
-/// What is wrong with the outputs of one input beside the other inputs' ones.
+/// Conflicts of one input's outputs with the other inputs' outputs.
 std::optional<std::string> clash_of(const Input& input, const Naming& naming, const Options& options,
                                     const InputFiles& files, std::map<std::string, const Input*>& claimed) {
   for (const fs::path& path : written_paths(naming, options)) {
@@ -111,7 +112,7 @@ std::optional<std::string> clash_of(const Input& input, const Naming& naming, co
              "; choose another --output-dir";
     if (const auto [other, fresh] = claimed.emplace(key, &input); !fresh && other->second != &input)
       return input.label + " and " + other->second->label + " would both be written as " + path.string() +
-             "; tell them apart with --names hash or --names path";
+             "; distinguish them with --names hash or --names path";
   }
   return std::nullopt;
 }
@@ -127,7 +128,7 @@ std::vector<std::string> find_conflicts(const std::vector<Input>& inputs, const 
   std::map<std::string, const Input*> claimed;
   std::vector<std::string> conflicts;
   for (const Input& input : inputs) {
-    if (!input.problem.empty()) // nothing will be written
+    if (!input.problem.empty()) // no outputs
       continue;
     const Naming naming = naming_of(options, input);
     auto conflict = clash_of(input, naming, options, files, claimed);
@@ -166,7 +167,7 @@ void refuse_long_names(std::vector<Input>& inputs, const Options& options) {
 }
 
 std::optional<std::string> foreign_files(const Naming& naming, const Input& input, const Options& options) {
-  std::optional<Identity> identity; // reading it costs: only where there is something to compare
+  std::optional<Identity> identity; // computed only if needed, because it reads the file
   for (const bool partial : {false, true}) {
     std::optional<fs::path> there;
     for (int i = 0; i < output_count && !there; ++i)
@@ -181,7 +182,7 @@ std::optional<std::string> foreign_files(const Naming& naming, const Input& inpu
     const auto origin = read_origin(record);
     const std::string remedy = "; move it away or choose another --output-dir";
     if (!origin)
-      return there->string() + " is there already, and no record says that it was made from " + input.label +
+      return there->string() + " already exists, and no record says that it was made from " + input.label +
              remedy;
     if (origin->place == input.place())
       continue;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What a run would destroy, found before its first byte is written.
+// Finds files that a run would overwrite, before it writes anything.
 #pragma once
 
 #include <optional>
@@ -12,19 +12,19 @@
 
 namespace terrainseg::process {
 
-/// The outputs of one input, under the name the options choose.
+/// The outputs of an input, with the name that the options choose.
 Naming naming_of(const Options& options, const Input& input);
 
-/// One line for each clash in the whole batch, naming both sides: an output that is an input, under whatever
-/// path, symlink or hard link; two inputs with outputs of one name, also where only the case of letters tells
-/// them apart; files in the folder that were not made from this input. Empty: nothing is in the way.
+/// Returns a line with both names for each conflict in the whole batch: an output that is an input (by path,
+/// symbolic link or hard link); two inputs whose outputs have the same name, also if only upper and lower
+/// case differ; existing files that were not made from this input. Empty: no conflict.
 std::vector<std::string> find_conflicts(const std::vector<Input>& inputs, const Options& options);
 
-/// Gives inputs whose outputs would have names that their file system does not take a problem that lasts.
+/// Sets a permanent problem for inputs whose output names the file system does not accept.
 void refuse_long_names(std::vector<Input>& inputs, const Options& options);
 
-/// Why the files that lie under these names must not be replaced; nothing when there are none, or when their
-/// record says that they were made from this very input.
+/// Returns why the existing files of these names must not be replaced; nothing if there are none, or if their
+/// record says that they were made from this input.
 std::optional<std::string> foreign_files(const Naming& naming, const Input& input, const Options& options);
 
 } // namespace terrainseg::process

@@ -21,7 +21,7 @@ std::uint64_t little_endian32(const unsigned char* bytes) {
   return bytes[0] | bytes[1] << 8 | bytes[2] << 16 | std::uint64_t{bytes[3]} << 24;
 }
 
-/// The 16 bytes at `position`, with zeros past the end.
+/// 16 bytes from `position`, zeros past the end.
 Head head_at(std::ifstream& file, std::uint64_t position) {
   Head head{};
   file.clear();
@@ -41,7 +41,7 @@ bool is_printable(const unsigned char* bytes) {
   return true;
 }
 
-/// Top-level boxes, one behind the other.
+/// Consecutive top-level boxes.
 std::uint64_t iso_media_end(std::ifstream& file, std::uint64_t size) {
   std::uint64_t position = 0;
   while (position + 8 <= size) {
@@ -49,7 +49,7 @@ std::uint64_t iso_media_end(std::ifstream& file, std::uint64_t size) {
     if (!is_printable(&box[4]))
       break;
     std::uint64_t length = big_endian(&box[0], 4);
-    if (length == 0) // reaches to the end, wherever that is
+    if (length == 0) // extends to the end of the file
       return size;
     if (length == 1)
       length = big_endian(&box[8], 8);
@@ -60,7 +60,7 @@ std::uint64_t iso_media_end(std::ifstream& file, std::uint64_t size) {
   return position;
 }
 
-/// RIFF chunks; recordings above a gigabyte are several, one behind the other.
+/// RIFF chunks; recordings of more than a gigabyte have several.
 std::uint64_t riff_end(std::ifstream& file, std::uint64_t size) {
   std::uint64_t position = 0;
   while (position + 12 <= size) {
@@ -68,14 +68,14 @@ std::uint64_t riff_end(std::ifstream& file, std::uint64_t size) {
     if (!is_tag(&chunk[0], "RIFF"))
       break;
     const std::uint64_t length = little_endian32(&chunk[4]);
-    if (length == 0 || length == 0xffffffff) // a recorder that never came back to write it
+    if (length == 0 || length == 0xffffffff) // not finished by the recorder
       return size;
     position += 8 + length;
   }
   return position;
 }
 
-/// Length of an EBML number by its first byte, 0 when it is none.
+/// Length of an EBML number from its first byte, 0 = invalid.
 int ebml_length(unsigned char first) {
   for (int length = 1; length <= 8; ++length)
     if (first & (0x100 >> length))
@@ -83,7 +83,7 @@ int ebml_length(unsigned char first) {
   return 0;
 }
 
-/// Position behind the EBML element at `position`; `size` when its length is unknown or unreadable.
+/// Position after the EBML element at `position`; `size` if its length is unknown or invalid.
 std::uint64_t ebml_end(std::ifstream& file, std::uint64_t position, std::uint64_t size) {
   const Head head = head_at(file, position);
   const int length = ebml_length(head[4]);

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Is a file as long as its own container says? Demuxers end a cut file like a whole one, so the tool asks
-// itself.
+// Checks whether a file is as long as its container says. Demuxers end a truncated file like a complete one.
 #pragma once
 
 #include <cstdint>
@@ -9,15 +8,15 @@
 
 namespace terrainseg::process {
 
-/// Bytes that the file must have by the sizes written in it, when that is more than it has. Knows ISO base
-/// media (MP4, MOV), RIFF (AVI) and Matroska (MKV, WebM); nothing for others, for whole files and for files
-/// that cannot be read.
+/// Returns the number of bytes that the file must have according to its size fields, if it has fewer. Reads
+/// ISO base media (MP4, MOV), RIFF (AVI) and Matroska (MKV, WebM). Returns nothing for other containers,
+/// complete files and unreadable files.
 std::optional<std::uint64_t> missing_length(const std::filesystem::path& file);
 
-/// True for a container whose header says how long it lasts, and not by an estimate: AVI, Matroska, FLV.
+/// Whether the container's header has the exact duration: AVI, Matroska, FLV.
 bool tells_duration(const std::filesystem::path& file);
 
-/// True for a GIF whose last byte is not its end mark: it tells no length, but how it must end.
+/// Whether a GIF does not end with the trailer byte. A GIF has no duration, but a defined end.
 bool lacks_end_mark(const std::filesystem::path& file);
 
 } // namespace terrainseg::process

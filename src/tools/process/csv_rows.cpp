@@ -30,7 +30,7 @@ void append_number(std::string& row, double value, int decimals) {
     row.append(text, end);
 }
 
-/// A field of one number for each of the little-endian floats in `values`.
+/// A field with one number for each little-endian float in `values`.
 void append_list(std::string& row, GstBuffer* values, int decimals) {
   row += ',';
   GstMapInfo map;
@@ -39,7 +39,7 @@ void append_list(std::string& row, GstBuffer* values, int decimals) {
   for (gsize at = 0; at + 4 <= map.size; at += 4) {
     if (at > 0)
       row += ' ';
-    gfloat value = 0; // at any address
+    gfloat value = 0; // the address may be unaligned
     std::memcpy(&value, map.data + at, sizeof value);
     append_number(row, GFLOAT_FROM_LE(value), decimals);
   }

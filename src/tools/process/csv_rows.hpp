@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A frame's metadata as a row of the CSV.
+// Writes a frame's metadata as a CSV row.
 #pragma once
 
 #include <gst/gst.h>
@@ -8,12 +8,11 @@
 
 namespace terrainseg::process {
 
-/// Names of the columns, with the line's end.
+/// The names of the columns, with line end.
 extern const char* const csv_header;
 
-/// Puts the row of a frame and its estimate in place of what `row` holds. Columns of the boundary are lists
-/// in one field, a number for each, with spaces in between: metres and radians, `inf` = free, `nan` =
-/// unknown. They and the time of day are empty where there is none.
+/// Replaces `row` by the row of a frame. Columns of the boundary are lists in one field, separated by spaces:
+/// metres and radians, `inf` = free, `nan` = unknown. They and the time of day are empty if unknown.
 void make_csv_row(std::string& row, GstBuffer* frame, const GstStructure* estimate);
 
 } // namespace terrainseg::process

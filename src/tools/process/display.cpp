@@ -26,7 +26,7 @@ std::string number(const char* format, double value) {
 
 std::string figures(const Moment& moment) {
   std::string text = counted(moment.frames, "frame") + "  " + number("%.1f", moment.fps) + " fps";
-  // Before some of it is done the estimate would only jump.
+  // The estimate is too unstable at the beginning.
   if (moment.whole_permille >= 5)
     text += "  " + duration_text(moment.seconds * (1000 - moment.whole_permille) / moment.whole_permille) +
             " left";
@@ -48,8 +48,8 @@ std::string percent(const Moment& moment) {
   return std::string(3 - std::min<std::size_t>(3, text.size()), ' ') + text;
 }
 
-/// Length of the character that begins at `text`, and the terminal columns it takes; what is no UTF-8 counts
-/// byte by byte.
+/// Length of the UTF-8 character at `text` in bytes, and its width in terminal columns; invalid bytes count
+/// as one character each.
 struct Character {
   std::size_t bytes = 1;
   int columns = 1;
@@ -73,7 +73,7 @@ int columns_of(const std::string& text) {
   return columns;
 }
 
-/// The last characters that fit into `columns`, marked when something was cut.
+/// The end of the text, limited to `columns`, with a mark if it was cut.
 std::string tail_of(const std::string& text, int columns) {
   int left = columns_of(text);
   if (left <= columns)
@@ -87,7 +87,7 @@ std::string tail_of(const std::string& text, int columns) {
   return text.substr(begin).insert(0, 1, '~');
 }
 
-/// Control characters in a file name must not drive the terminal.
+/// Replaces control characters, which could control the terminal.
 std::string harmless(std::string text) {
   for (char& letter : text)
     if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7f)
@@ -122,7 +122,7 @@ std::string plain_line(const Moment& moment) {
 std::string bar_line(const Moment& moment, int columns) {
   const std::string head = position(moment);
   const std::string tail = percent(moment) + " %  " + figures(moment);
-  const int fixed = columns_of(head) + columns_of(tail) + 5; // blanks and the bar's ends
+  const int fixed = columns_of(head) + columns_of(tail) + 5; // spaces and the ends of the bar
   const int free = columns - fixed;
   const std::string name = harmless(moment.name);
   const int bar = std::clamp(free - columns_of(name), narrowest_bar, widest_bar);
@@ -160,7 +160,7 @@ void Display::show(const Moment& moment) {
     std::fprintf(stderr, "\r%s\033[K", bar_line(moment, columns - 1).c_str());
     drawn_ = true;
   } else if (moment.seconds >= next_plain_) {
-    if (next_plain_ > 0) // short runs need no line
+    if (next_plain_ > 0) // no line for short runs
       std::fprintf(stderr, "%s\n", plain_line(moment).c_str());
     next_plain_ = moment.seconds + plain_interval;
   }

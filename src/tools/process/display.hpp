@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the user sees while it runs: a bar on a terminal, a plain line now and then elsewhere.
+// Shows the progress: a bar on a terminal, otherwise a plain line at intervals.
 #pragma once
 
 #include <cstdint>
@@ -9,18 +9,18 @@
 
 namespace terrainseg::process {
 
-/// The state of the whole run at one moment.
+/// The state of the run at one time.
 struct Moment {
-  int done = 0, inputs = 0; ///< inputs finished, and all
-  std::string name;         ///< what is being worked on
-  std::uint64_t frames = 0; ///< of the inputs being worked on
-  double fps = 0;           ///< frames a second lately
-  int permille = -1;        ///< of the inputs being worked on; -1 = unknown
-  int whole_permille = -1;  ///< of the run, skipped inputs left out
-  double seconds = 0;       ///< since the run began
+  int done = 0, inputs = 0; ///< finished inputs, all inputs
+  std::string name;         ///< input in progress
+  std::uint64_t frames = 0; ///< of the inputs in progress
+  double fps = 0;           ///< frames per second over the last seconds
+  int permille = -1;        ///< of the inputs in progress; -1 = unknown
+  int whole_permille = -1;  ///< of the run without skipped inputs
+  double seconds = 0;       ///< since the start of the run
 };
 
-/// Frames a second over the last seconds: inputs differ, and so an average over the run would tell little.
+/// Frames per second over the last seconds. The mean over the run would not show that inputs differ.
 class Rate {
  public:
   double at(double seconds, std::uint64_t frames);
@@ -32,13 +32,13 @@ class Rate {
 /// "m:ss" or "h:mm:ss".
 std::string duration_text(double seconds);
 
-/// One line, at most `columns` wide: name, bar, percent, frames, frames per second, time left.
+/// A line of at most `columns` columns: name, bar, percentage, frames, frames per second, time left.
 std::string bar_line(const Moment& moment, int columns);
 
-/// The same without a bar and without a limit.
+/// The same without bar and length limit.
 std::string plain_line(const Moment& moment);
 
-/// Prints to stderr; one thread at a time.
+/// Prints to stderr. Not thread-safe.
 class Display {
  public:
   explicit Display(bool quiet);
@@ -46,9 +46,9 @@ class Display {
   Display(const Display&) = delete;
   Display& operator=(const Display&) = delete;
 
-  void show(const Moment& moment); ///< draws when it is time to
-  void clear();                    ///< takes the bar away, before other output
-  double interval() const;         ///< seconds between two calls of show() that make sense
+  void show(const Moment& moment); ///< draws if the interval has passed
+  void clear();                    ///< removes the bar before other output
+  double interval() const;         ///< seconds between two useful calls of show()
 
  private:
   bool quiet_, terminal_;

@@ -16,17 +16,38 @@ constexpr const char* plugin_file = "libgstterrainseg.so";
 
 struct Needed {
   const char* element;
-  const char* package;
+  std::string package;
 };
 
 constexpr const char* own_package =
     "gstreamer1.0-terrainseg, or set GST_PLUGIN_PATH to the folder of libgstterrainseg.so";
 
-constexpr const char* recorder_package =
-    "gstreamer1.0-terrainseg; a build of your own needs libzstd-dev for it (meson setup says so)";
-
 bool exists(const char* element) {
   return FactoryPointer(gst_element_factory_find(element)) != nullptr;
+}
+
+/// What helps against a missing recorder: its plugin is a file of its own, beside that of terrainseg.
+std::string recorder_package() {
+  constexpr const char* package = "gstreamer1.0-terrainseg";
+  const FactoryPointer terrainseg(gst_element_factory_find("terrainseg"));
+  GstPlugin* plugin =
+      terrainseg ? gst_plugin_feature_get_plugin(GST_PLUGIN_FEATURE(terrainseg.get())) : nullptr;
+  const char* name = plugin ? gst_plugin_get_filename(plugin) : nullptr;
+  const fs::path file = name ? fs::path(name).replace_filename("libgstterrainmcap.so") : fs::path();
+  gst_clear_object(&plugin);
+  std::error_code ignored;
+  if (file.empty())
+    return package;
+  if (!fs::exists(file, ignored))
+    return std::string(package) + ", or build it: " + file.string() +
+           " is not there. In a build folder type ninja; where `meson setup` left it out, install "
+           "libzstd-dev first";
+  GError* error = nullptr;
+  if (GstPlugin* loaded = gst_plugin_load_file(file.c_str(), &error))
+    gst_object_unref(loaded);
+  const std::string reason = error ? error->message : "it holds another plugin";
+  g_clear_error(&error);
+  return std::string(package) + " again: " + file.string() + " is there and does not load (" + reason + ")";
 }
 
 std::string range_of(GParamSpec* spec) {
@@ -71,8 +92,8 @@ void point_to_own_plugin() {
   const fs::path program = fs::read_symlink("/proc/self/exe", error);
   if (error)
     return;
-  // In a build tree: BUILD/src/tools/terrainseg-process and BUILD/gst; installed: the folder of the
-  // installation as it was configured, and the same relative to a prefix that was moved.
+  // In a build tree: BUILD/gst for BUILD/src/tools/terrainseg-process. Installed: the configured plugin
+  // folder, also relative to the program in case the prefix was moved.
   const fs::path here = program.parent_path();
   const fs::path candidates[] = {
       here / "../../gst", here / fs::path(TERRAINSEG_PLUGINS_DIR).lexically_relative(TERRAINSEG_BINDIR),
@@ -121,7 +142,7 @@ std::optional<std::string> missing_elements(const Options& options) {
   if (wants(Output::json))
     needed.push_back({"terrainextract", own_package});
   if (wants(Output::mcap))
-    needed.insert(needed.end(), {{"terrainmcapsink", recorder_package},
+    needed.insert(needed.end(), {{"terrainmcapsink", exists("terrainmcapsink") ? "" : recorder_package()},
                                  {"videoscale", "gstreamer1.0-plugins-base"},
                                  {"h264parse", "gstreamer1.0-plugins-bad"}});
   if ((wants(Output::annotated) || wants(Output::mcap)) && !exists("x264enc"))
@@ -153,7 +174,7 @@ std::optional<std::string> set_property(GstElement* element, const std::string& 
   GValue converted = G_VALUE_INIT;
   g_value_init(&converted, spec->value_type);
   const bool read = gst_value_deserialize_with_pspec(&converted, value.c_str(), spec);
-  // Validation clamps; a clamped value is not what the user asked for.
+  // Validation would clamp the value to the range; that is an error here.
   const bool fits = read && !g_param_value_validate(spec, &converted);
   if (fits)
     g_object_set_property(G_OBJECT(element), name.c_str(), &converted);
@@ -169,7 +190,7 @@ std::optional<std::string> apply_settings(const Options& options, GstElement* te
     if (auto problem = set_property(terrainseg, "preset", options.preset))
       return problem;
   for (const auto& [name, value] : options.settings) {
-    // Drawing is the overlay's business here, so that the masks and lines come from untouched frames.
+    // terrainseg must not draw: masks and lines are made from unchanged frames.
     const bool drawing = name == "overlay" || name.starts_with("overlay-");
     if (name == "overlay")
       return "overlay = '" + value + "': the annotated video is always drawn on; choose with --outputs";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Finding GStreamer's elements, and saying which package holds one that is missing.
+// Finds GStreamer's elements, and the Debian package of a missing one.
 #pragma once
 
 #include <gst/gst.h>
@@ -11,31 +11,30 @@
 
 namespace terrainseg::process {
 
-/// Before gst_init(): lets GStreamer find the plugin that belongs to this very program, in the build tree it
-/// was built in or in the installation it was installed with. What GST_PLUGIN_PATH already says comes first.
+/// Before gst_init(): adds the folder of the plugin that belongs to this program, in its build tree or
+/// installation, to the plugin path. GST_PLUGIN_PATH has priority.
 void point_to_own_plugin();
 
-/// After gst_init(): one line for each element that the options need and that is not there, with the Debian
-/// package that has it; nothing when all are there.
+/// After gst_init(): returns a line for each element that the options need and that is missing, with its
+/// Debian package; nothing if all exist.
 std::optional<std::string> missing_elements(const Options& options);
 
-/// "x264enc" where it is there, else "openh264enc".
+/// "x264enc" if it exists, otherwise "openh264enc".
 const char* h264_encoder();
-/// The longest side of a picture that it encodes.
+/// Longest side of a picture for that encoder, pixels.
 int most_encoded_side();
 
-/// Sets a property from its text form, as gst-launch-1.0 does, but refuses what is unknown, unreadable,
-/// read-only or out of range, and says what would be right.
+/// Sets a property from text as gst-launch-1.0 does. Refuses unknown, unreadable and read-only properties and
+/// values out of range; the error lists valid ones.
 std::optional<std::string> set_property(GstElement* element, const std::string& name,
                                         const std::string& value);
 
-/// Gives the preset and the settings of the options to a terrainseg and (its overlay ones) a terrainoverlay;
-/// either may be null.
+/// Applies preset and settings of the options to a terrainseg and (overlay settings) to a terrainoverlay.
+/// Either may be null.
 std::optional<std::string> apply_settings(const Options& options, GstElement* terrainseg,
                                           GstElement* overlay);
 
-/// Why an element whose settings are sound by themselves does not start (a file that they name, say); nothing
-/// when it does.
+/// Returns why an element with valid settings does not start (such as a missing file); nothing if it starts.
 std::optional<std::string> start_problem(GstElement* element);
 
 } // namespace terrainseg::process

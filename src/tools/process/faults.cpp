@@ -10,14 +10,13 @@
 namespace terrainseg::process {
 namespace {
 
-/// Whether an errno may pass, while an output is written and while an input is read. What is not listed
-/// lasts: a name that is too long, a file system that is read-only or has no room for files of that size, a
-/// link that leads to itself.
+/// Whether an errno is temporary, for writing and for reading. Others are permanent, such as a long name, a
+/// read-only file system, a file size limit, or a loop of links.
 constexpr struct {
   int error;
   bool writing, reading;
 } errors_that_pass[] = {
-    // The machine is short of something.
+    // The machine lacks a resource.
     {ENOSPC, true, true},
     {EDQUOT, true, true},
     {ENOMEM, true, true},
@@ -32,7 +31,7 @@ constexpr struct {
     {ETXTBSY, true, true},
     {EUSERS, true, true},
     {ENOSR, true, true},
-    // A disk or what leads to it.
+    // The disk or its connection.
     {EIO, true, true},
     {EREMOTEIO, true, true},
     {ESTALE, true, true},
@@ -56,7 +55,7 @@ constexpr struct {
     {EPIPE, true, true},
     {ECANCELED, true, true},
     {EOWNERDEAD, true, true},
-    // A folder that was taken away while it was written in; an input that is not there yet.
+    // Writing: the folder was removed. Reading: the input does not exist yet.
     {ENOENT, true, true},
     {EACCES, false, true},
     {EPERM, false, true},
@@ -64,7 +63,7 @@ constexpr struct {
 
 enum class Side { reader, decoder, output, filter };
 
-/// What an error of GStreamer's RESOURCE domain means, by the side that has it.
+/// Errors of GStreamer's RESOURCE domain, for the source and for the other elements.
 constexpr struct {
   GstResourceError code;
   Cause reader, decoder, output, filter;
@@ -84,7 +83,7 @@ constexpr struct {
     {GST_RESOURCE_ERROR_SETTINGS, Cause::unsupported, Cause::unsupported, Cause::unsupported,
      Cause::unsupported},
     {GST_RESOURCE_ERROR_NO_SPACE_LEFT, Cause::missing, Cause::resources, Cause::disk, Cause::resources},
-    // A password that is wrong stays wrong.
+    // A wrong password is permanent.
     {GST_RESOURCE_ERROR_NOT_AUTHORIZED, Cause::unsupported, Cause::unsupported, Cause::unwritable,
      Cause::unsupported}};
 
@@ -98,11 +97,11 @@ Cause cause_of(const GError* error, Side side) {
                                        : row.filter;
   if (error->domain == GST_CORE_ERROR && error->code == GST_CORE_ERROR_THREAD)
     return Cause::resources;
-  // CORE, LIBRARY and STREAM: what is in the stream, a setting, or an element that does not do it.
+  // CORE, LIBRARY and STREAM: the content of the stream, a setting, or a missing feature of an element.
   return side == Side::reader || side == Side::decoder ? Cause::damaged : Cause::unsupported;
 }
 
-/// True when an element that reads gave up without an error of its own (souphttpsrc, when refused).
+/// Whether a reading element stopped without its own error (such as souphttpsrc when refused).
 bool source_gave_up(GstMessage* message) {
   const GstStructure* details = nullptr;
   gst_message_parse_error_details(message, &details);
@@ -110,7 +109,7 @@ bool source_gave_up(GstMessage* message) {
   return details && gst_structure_get_int(details, "flow-return", &flow) && flow == GST_FLOW_ERROR;
 }
 
-/// The errno whose words end a text: GStreamer's sinks write it there and nowhere else.
+/// The errno whose text ends a message: GStreamer's sinks report it only there.
 std::optional<int> errno_in(const std::string& text) {
   constexpr int most = 134;
   for (int error = 1; error < most; ++error)

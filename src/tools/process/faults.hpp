@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The one table that sorts errors: which may pass by themselves (exit code 75), and which last (1).
+// The table that sorts errors into temporary (exit code 75) and permanent ones (1).
 #pragma once
 
 #include <gst/gst.h>
@@ -10,23 +10,23 @@
 
 namespace terrainseg::process {
 
-/// What is wrong, for people and for scripts; no cause: nothing is wrong.
+/// The message and its cause. No cause: no fault.
 struct Fault {
   Cause cause = Cause::none;
   std::string text;
 };
 
-/// Of an errno while writing: Cause::disk where it may pass, Cause::unwritable where it lasts.
+/// For an errno while writing: Cause::disk if temporary, Cause::unwritable if permanent.
 Cause cause_of_writing(int error);
-/// Of an errno while reading an input: Cause::missing where it may pass, Cause::unsupported where it lasts.
+/// For an errno while reading an input: Cause::missing if temporary, Cause::unsupported if permanent.
 Cause cause_of_reading(int error);
-Cause cause_of_reading(const GError* error); ///< of G_FILE_ERROR
-/// "cannot WHAT PATH: the system's words", with the cause of writing.
+Cause cause_of_reading(const GError* error); ///< for the domain G_FILE_ERROR
+/// "cannot WHAT PATH: text of the errno", with the cause for writing.
 Fault cannot(const std::string& what, const std::string& path, int error);
 
-/// Of an error message of the source: of the element that reads, or of one that demuxes or decodes.
+/// For an error message of the source: of the reading element, or of a demuxer or decoder.
 Cause cause_in_source(GstMessage* error);
-/// Of an error message of an element behind the source; `writes`: it writes an output.
+/// For an error message of an element after the source. `writes`: it writes an output.
 Cause cause_behind_source(GstMessage* error, bool writes);
 
 } // namespace terrainseg::process

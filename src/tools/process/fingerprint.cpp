@@ -22,7 +22,7 @@ constexpr std::uint64_t blocks = 64;
 
 using Checksum = std::unique_ptr<GChecksum, Releaser<g_checksum_free>>;
 
-/// Takes the bytes [begin, begin + size) of a file; false when they cannot be read.
+/// Adds the bytes [begin, begin + size) of a file; returns false if they cannot be read.
 bool take_bytes(GChecksum* sum, int fd, std::uint64_t begin, std::uint64_t size) {
   guchar buffer[block];
   while (size > 0) {
@@ -39,7 +39,7 @@ bool take_bytes(GChecksum* sum, int fd, std::uint64_t begin, std::uint64_t size)
   return true;
 }
 
-/// Takes a file's length, both ends and `middle_blocks` blocks between them; adds its length to `total`.
+/// Adds a file's length, both ends and `middle_blocks` blocks between them. Adds its length to `total`.
 bool take_file(GChecksum* sum, const std::filesystem::path& path, std::uint64_t end,
                std::uint64_t middle_blocks, std::uint64_t& total) {
   const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What tells two recordings apart by what is in them, without reading all of it.
+// Identifies a recording by its content without reading all of it.
 #pragma once
 
 #include <cstdint>
@@ -9,18 +9,18 @@
 
 namespace terrainseg::process {
 
-/// Survives touching, renaming, moving and copying. An edit that keeps the length and leaves every sampled
-/// block as it was is not noticed.
+/// Does not change when a file is touched, renamed, moved or copied. A change that keeps the length and all
+/// sampled blocks is not detected.
 struct Identity {
-  std::uint64_t bytes = 0; ///< of all files together
-  std::string fingerprint; ///< hexadecimal; empty = unknown (a stream, an unreadable file)
+  std::uint64_t bytes = 0; ///< of all files
+  std::string fingerprint; ///< hexadecimal; empty = unknown (a stream, or an unreadable file)
   bool operator==(const Identity&) const = default;
 };
 
-/// SHA-256 over the length, the first and the last 64 KiB, and 64 blocks of 4 KiB spread evenly between.
+/// For a file: SHA-256 over the length, the first and the last 64 KiB, and 64 blocks of 4 KiB evenly between.
 Identity identity_of(const std::filesystem::path& file);
 
-/// Of a sequence: SHA-256 over the lengths and the first and last 4 KiB of every image, in order.
+/// For a sequence: SHA-256 over the lengths and the first and last 4 KiB of every image, in order.
 Identity identity_of(const std::vector<std::filesystem::path>& images);
 
 } // namespace terrainseg::process

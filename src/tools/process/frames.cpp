@@ -45,8 +45,8 @@ int Frames::still_rows() const {
   return window_.h > 0 && window_.y + window_.h > video_info_.height - rows ? rows : 0;
 }
 
-/// Behind this point a time stamp is the time in the file, as its player shows it: an edit list, or the
-/// frames that B-frames hold back, move a demuxer's stamps away from it, and its segment says how far.
+/// From here on, time stamps are the presentation times of the file. Edit lists and B-frames shift the stamps
+/// of a demuxer; its segment has the shift.
 void Frames::segment_entering(GstPadProbeInfo* info) {
   GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
   gst_event_copy_segment(event, &segment_);
@@ -60,7 +60,7 @@ void Frames::segment_entering(GstPadProbeInfo* info) {
   GST_PAD_PROBE_INFO_DATA(info) = replacement;
 }
 
-/// Two views in one picture are labelled as one.
+/// The two views of a stereo picture are labelled as one.
 void Frames::warn_of_views(GstEvent* event) {
   GstCaps* caps = nullptr;
   gst_event_parse_caps(event, &caps);
@@ -77,7 +77,7 @@ void Frames::warn_of_views(GstEvent* event) {
     record_.warnings.push_back(text);
 }
 
-/// Frames beyond --frames end the stream; frames without a time get one, because files need it.
+/// Ends the stream after --frames frames. Frames without a time get one, which files need.
 GstPadProbeReturn Frames::entering(GstPadProbeInfo* info) {
   if (!(GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER)) {
     GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
@@ -85,7 +85,7 @@ GstPadProbeReturn Frames::entering(GstPadProbeInfo* info) {
       segment_entering(info);
     else if (GST_EVENT_TYPE(event) == GST_EVENT_CAPS)
       warn_of_views(event);
-    // A gap may overtake the segment in an encoder, which the muxers complain of; files need none.
+    // GAP events may overtake the segment in an encoder, which muxers report as an error. Files need none.
     return GST_EVENT_TYPE(event) == GST_EVENT_GAP ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
   }
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
@@ -112,8 +112,8 @@ GstPadProbeReturn Frames::entering(GstPadProbeInfo* info) {
   return GST_PAD_PROBE_OK;
 }
 
-/// Files have one size: the first frame's. Later frames of another size are scaled to it. Caps may come twice
-/// before the first frame: the orientation of a video comes behind them and turns them.
+/// Files have one size: the first frame's. Later frames are scaled to it. Caps may arrive twice before the
+/// first frame, because the orientation is known after the size.
 void Frames::size_known(GstCaps* caps) {
   GstVideoInfo info;
   if (!gst_video_info_from_caps(&info, caps))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What is read from the frames themselves: their times on the way in, their metadata on the way out.
+// Observes the frames: their times in front of terrainseg, their metadata behind it.
 #pragma once
 
 #include <gst/gst.h>
@@ -15,22 +15,22 @@
 
 namespace terrainseg::process {
 
-/// Watches the pads before and behind terrainseg. Its streaming thread writes everything but the counters;
-/// others read it when the pipeline has stopped.
+/// Observes the pads of terrainseg. Its streaming thread writes everything but the counters; other threads
+/// may read after the pipeline has stopped.
 class Frames {
  public:
-  /// `rows`: the CSV; not open where it is not wanted.
+  /// `rows` is the CSV file; not open if no CSV is written.
   Frames(const Options& options, Graph& graph, AtomicFile& rows, Record& record);
   Frames(const Frames&) = delete;
   Frames& operator=(const Frames&) = delete;
 
-  /// Once the graph is built around `source`.
+  /// Call after the graph has been built around `source`.
   void watch(GstElement* source);
   std::uint64_t labelled() const { return labelled_; }
   GstClockTime position() const { return position_; }
-  GstClockTime end() const { return next_pts_; } ///< of the last frame; when stopped
+  GstClockTime end() const { return next_pts_; } ///< end of the last frame; only after stopping
   std::uint64_t without_metadata() const { return without_metadata_; }
-  /// Rows at the bottom, under the training window, that never changed; 0 = none.
+  /// Rows at the bottom, below the training window, that never changed; 0 = none.
   int still_rows() const;
 
  private:
@@ -44,10 +44,10 @@ class Frames {
   Graph& graph_;
   AtomicFile& rows_;
   Record& record_;
-  GstSegment segment_{}; ///< of the decoder
+  GstSegment segment_{}; ///< of the decoder's output
   std::uint64_t entered_ = 0;
   GstClockTime next_pts_ = 0;
-  GstVideoInfo video_info_{}; ///< behind terrainseg
+  GstVideoInfo video_info_{}; ///< of terrainseg's output
   StillBottom still_bottom_;
   std::string csv_row_;
   GstVideoRectangle window_{}; ///< of the last frame

@@ -130,7 +130,8 @@ void Graph::add_annotated(GstElement* tee, int fd) {
   GstElement* convert = add("videoconvert");
   GstElement* scale = add("videoscale"); // only where a stream changes its size: a file has one
   annotated_caps_ = add("capsfilter");
-  annotated_box_ = add("videobox"); // fills up to annotated_side()
+  annotated_box_ = add("videobox"); // fills up to annotated_side(), and forgets the colours
+  annotated_colors_ = add("capsfilter");
   GstElement* mux = add("mp4mux");
   muxers_[static_cast<std::size_t>(Output::annotated)] = mux;
   // The index in front, where a browser needs it; the frames wait for it in a file without a name.
@@ -140,8 +141,9 @@ void Graph::add_annotated(GstElement* tee, int fd) {
     gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, on_movie_box, &start_, nullptr);
   }
   g_object_set(scale, "add-borders", TRUE, nullptr);
-  gst_element_link_many(queue, overlay_, convert, scale, annotated_caps_, annotated_box_, nullptr);
-  GstElement* encoded = encode_h264(annotated_box_, false);
+  gst_element_link_many(queue, overlay_, convert, scale, annotated_caps_, annotated_box_, annotated_colors_,
+                        nullptr);
+  GstElement* encoded = encode_h264(annotated_colors_, false);
   gst_element_link_many(encoded, mux, add_sink(Output::annotated, fd), nullptr);
   count_buffers(encoded, "src", Output::annotated);
 }
@@ -244,8 +246,11 @@ void Graph::set_size(const GstVideoInfo& info) {
   if (annotated_caps_) {
     const int width = encoded_side(info.width, info), height = encoded_side(info.height, info);
     GstCaps* annotated = caps("I420", width, height);
-    gst_caps_set_simple(annotated, "colorimetry", G_TYPE_STRING, encoded_colorimetry(info).c_str(), nullptr);
+    const std::string colors = encoded_colorimetry(info);
+    gst_caps_set_simple(annotated, "colorimetry", G_TYPE_STRING, colors.c_str(), nullptr);
     set_caps(annotated_caps_, annotated);
+    set_caps(annotated_colors_,
+             gst_caps_new_simple("video/x-raw", "colorimetry", G_TYPE_STRING, colors.c_str(), nullptr));
     g_object_set(annotated_box_, "right", width - annotated_side(width), "bottom",
                  height - annotated_side(height), nullptr);
   }
@@ -253,6 +258,9 @@ void Graph::set_size(const GstVideoInfo& info) {
     const int width = encoded_side(info.width, info), height = encoded_side(info.height, info);
     GstCaps* recorded = caps("I420", width + (width & 1), height + (height & 1));
     gst_structure_remove_field(gst_caps_get_structure(recorded, 0), "pixel-aspect-ratio");
+    const CharPointer colors(gst_video_colorimetry_to_string(&info.colorimetry));
+    if (colors && !GST_VIDEO_INFO_IS_RGB(&info)) // without them videoconvert 1.22 calls grey limited
+      gst_caps_set_simple(recorded, "colorimetry", G_TYPE_STRING, colors.get(), nullptr);
     set_caps(recording_caps_, recorded);
   }
   if (masks_caps_)

@@ -68,6 +68,7 @@ class Graph {
   GstElement* overlay_ = nullptr; ///< null where its output is not wanted, like the next four
   GstElement* annotated_caps_ = nullptr;
   GstElement* annotated_box_ = nullptr;
+  GstElement* annotated_colors_ = nullptr;
   GstElement* masks_caps_ = nullptr;
   GstElement* recording_caps_ = nullptr;
   std::array<GstElement*, output_count> sinks_of_{}, muxers_{};

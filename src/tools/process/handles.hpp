@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Owners for the C handles that the tool holds.
+// RAII owners for C handles.
 #pragma once
 
 #include <gst/gst.h>
@@ -22,7 +22,7 @@ using BusPointer = std::unique_ptr<GstBus, Releaser<gst_object_unref>>;
 using CapsPointer = std::unique_ptr<GstCaps, Releaser<gst_caps_unref>>;
 using MessagePointer = std::unique_ptr<GstMessage, Releaser<gst_message_unref>>;
 
-/// A string that a C call gave away, or nothing.
+/// Copies and frees a string that a C function returned; nothing for null.
 inline std::string take(char* text) {
   const CharPointer owner(text);
   return text ? text : "";

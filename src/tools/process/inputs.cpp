@@ -10,6 +10,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "exchange/counted.hpp"
 #include "tools/process/faults.hpp"
@@ -41,7 +42,7 @@ bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
-/// An output of this tool in the folder it reads from is no input of the next run.
+/// Outputs of an earlier run in the same folder are not inputs.
 bool is_own_output(const fs::path& path) {
   const std::string name = path.filename().string();
   for (const OutputKind& kind : output_kinds)
@@ -72,7 +73,7 @@ Input sequence(const std::string& label, const std::string& stem, std::vector<fs
   return input;
 }
 
-/// A recording, or a picture, which is a sequence of one.
+/// A video, or a picture, which is a sequence of one frame.
 Input file(const fs::path& path, const std::string& stem) {
   if (has_extension(path, image_extensions))
     return sequence(path.string(), stem, {path});
@@ -83,14 +84,20 @@ Input file(const fs::path& path, const std::string& stem) {
   return input;
 }
 
+/// As it was written; what "." and ".." mean.
 std::string folder_name(const fs::path& folder) {
   std::error_code error;
+  fs::path written = folder.lexically_normal();
+  if (!written.has_filename())
+    written = written.parent_path();
+  if (const std::string name = written.filename().string(); !name.empty() && name != "." && name != "..")
+    return name;
   const fs::path whole = fs::weakly_canonical(folder, error);
   const std::string name = whole.filename().string();
   return name.empty() ? "root" : name;
 }
 
-/// The members of a folder that are no inputs, for one line to the user.
+/// Files of a folder that are not inputs, summarised in one line.
 class LeftOut {
  public:
   void add(const fs::path& path) {
@@ -98,7 +105,7 @@ class LeftOut {
     if (count_ <= shown)
       names_ += (names_.empty() ? "" : ", ") + path.string();
   }
-  /// Nothing when nothing was left out.
+  /// Returns nothing if there are none.
   void note(const fs::path& folder, std::vector<std::string>& notes) const {
     if (count_ > 0)
       notes.push_back(
@@ -114,12 +121,18 @@ class LeftOut {
   std::string names_;
 };
 
-/// What a folder and those below it hold, by folder, in natural order.
+/// The content of a folder and its subfolders, by folder, in natural order.
 struct Members {
   std::vector<fs::path> videos;
-  std::map<fs::path, std::vector<fs::path>> images; ///< by their folder
+  std::map<fs::path, std::vector<fs::path>> images; ///< by folder
   LeftOut left_out;
 };
+
+/// A link to what is not there (a disk that is not mounted): an input that fails, not one that is left out.
+bool is_dead_link(const fs::directory_entry& entry) {
+  std::error_code error;
+  return entry.is_symlink(error) && !entry.exists(error);
+}
 
 std::error_code read_folder(const fs::path& folder, Members& members) {
   std::error_code error;
@@ -135,7 +148,7 @@ std::error_code read_folder(const fs::path& folder, Members& members) {
       if (hidden || entry->is_symlink(ignored))
         members.left_out.add(name);
       // NOLINTNEXTLINE(bugprone-branch-clone)
-    } else if (hidden || !entry->is_regular_file(ignored) || is_own_output(path)) {
+    } else if (hidden || !(entry->is_regular_file(ignored) || is_dead_link(*entry)) || is_own_output(path)) {
       members.left_out.add(name);
     } else if (has_extension(path, video_extensions)) {
       members.videos.push_back(path);
@@ -173,7 +186,7 @@ void add_folder(const fs::path& given, Found& found) {
   }
 }
 
-/// A file name with one number in it: PREFIX %0WIDTHd SUFFIX.
+/// A file name with one number: PREFIX %0WIDTHd SUFFIX.
 struct Pattern {
   std::string prefix, suffix;
   int width = 1;
@@ -233,9 +246,10 @@ void add_pattern(const fs::path& argument, const Pattern& pattern, Found& found)
   found.inputs.push_back(sequence(argument.string(), folder_name(folder), std::move(images)));
 }
 
-/// "x:y" alone is more likely a file that is not there.
+/// "x:y" alone is treated as a missing file.
 bool is_uri(const std::string& argument) {
-  return gst_uri_is_valid(argument.c_str()) && argument.find("://") != std::string::npos;
+  return gst_uri_is_valid(argument.c_str()) &&
+         (argument.find("://") != std::string::npos || argument.starts_with("file:/"));
 }
 
 Input from_uri(const std::string& uri) {
@@ -254,7 +268,7 @@ Input from_uri(const std::string& uri) {
   return input;
 }
 
-/// The path that a file:// URI of this machine means; nothing for others.
+/// The path of a file:// URI of this machine; nothing for other URIs.
 std::optional<fs::path> local_path(const std::string& uri) {
   char* host = nullptr;
   const std::string path = take(g_filename_from_uri(uri.c_str(), &host, nullptr));
@@ -295,7 +309,7 @@ void add(const std::string& argument, Found& found) {
                                 absent ? Cause::missing : cause_of_reading(error.value())));
 }
 
-/// The path as it was written, without its extension and what leads out of the folder of the outputs.
+/// The path as given, without extension and without components that leave the output folder.
 std::string written_path(const Input& input) {
   if (input.kind == Input::Kind::uri)
     return input.stem;
@@ -321,7 +335,7 @@ std::string short_hash(const std::string& text) {
 
 void name_outputs(Names names, std::vector<Input>& inputs) {
   for (Input& input : inputs) {
-    if (!input.problem.empty()) // nothing will be written
+    if (!input.problem.empty()) // no outputs
       continue;
     if (names == Names::path)
       input.stem = written_path(input);
@@ -330,9 +344,11 @@ void name_outputs(Names names, std::vector<Input>& inputs) {
   }
 }
 
+/// A picture is not the folder that begins with it.
 void drop_repeated(std::vector<Input>& inputs) {
-  std::set<std::string> seen;
-  std::erase_if(inputs, [&](const Input& input) { return !seen.insert(input.place()).second; });
+  std::set<std::pair<std::string, std::size_t>> seen;
+  std::erase_if(inputs,
+                [&](const Input& input) { return !seen.emplace(input.place(), input.images.size()).second; });
 }
 
 } // namespace

@@ -107,6 +107,20 @@ void read_edit_list(Bytes bytes, Tables& tables) {
   }
 }
 
+/// Each sample entry is a box that begins with 78 bytes of fields.
+void read_sample_entries(Bytes bytes, IsoTrack& track) {
+  bytes.skip(8);
+  each_box(bytes, [&track](Bytes::Box& entry) {
+    entry.content.skip(78);
+    each_box(entry.content, [&track](Bytes::Box& box) {
+      if (box.type != "colr" || box.content.number(4) != 0x6e636c78) // "nclx"
+        return;
+      box.content.skip(6);
+      track.full_range = box.content.number(1) >> 7 != 0;
+    });
+  });
+}
+
 void read_track(const Bytes& content, Tables& tables) {
   each_box(content, [&tables](Bytes::Box& box) {
     const auto is = [&box](const char* type) { return box.type == type; };
@@ -123,6 +137,8 @@ void read_track(const Bytes& content, Tables& tables) {
     } else if (is("hdlr")) {
       box.content.skip(8);
       tables.video = tables.video || box.content.number(4) == 0x76696465; // "vide"
+    } else if (is("stsd")) {
+      read_sample_entries(box.content, tables.track);
     } else if (is("stts")) {
       read_runs(box.content, tables.durations);
     } else if (is("ctts")) {

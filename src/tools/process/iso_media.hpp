@@ -25,7 +25,8 @@ struct IsoTrack {
   /// An edit begins behind the first frame or ends before the last: qtdemux 1.22 begins such an edit at a key
   /// frame in the order of decoding, and leaves frames out.
   bool trimmed = false;
-  bool in_order = true; ///< edits that can be shown in one pass, at normal speed
+  bool full_range = false; ///< a colr box says that samples have all values of 0 to 255
+  bool in_order = true;    ///< edits that can be shown in one pass, at normal speed
   /// Bytes to read in place of those of the file, by position: one edit that shows all of the track.
   std::vector<std::pair<std::uint64_t, std::vector<std::uint8_t>>> untrimmed;
 

@@ -51,7 +51,7 @@ void complain(const std::string& text) {
   std::fprintf(stderr, "terrainseg-process: %s\n", text.c_str());
 }
 
-/// Refuses wrong settings before the first file is touched.
+/// Validates the settings before the first file is opened.
 std::optional<std::string> check_settings(const Options& options) {
   const ElementPointer terrainseg(gst_element_factory_make("terrainseg", nullptr));
   const ElementPointer overlay(options.wanted[static_cast<int>(Output::annotated)]
@@ -62,11 +62,11 @@ std::optional<std::string> check_settings(const Options& options) {
       gst_object_ref_sink(element->get());
   if (auto problem = apply_settings(options, terrainseg.get(), overlay.get()))
     return problem;
-  // Files that settings name are read when the filter starts.
+  // Files that settings refer to are read when the filter starts.
   return start_problem(terrainseg.get());
 }
 
-/// True when the run would destroy something: says what, and that nothing was touched.
+/// Returns true, and prints the conflicts, if the run would overwrite files.
 bool refuse_conflicts(const std::vector<Input>& inputs, const Options& options) {
   constexpr std::size_t shown = 20;
   const std::vector<std::string> conflicts = find_conflicts(inputs, options);
@@ -79,7 +79,7 @@ bool refuse_conflicts(const std::vector<Input>& inputs, const Options& options) 
   return !conflicts.empty();
 }
 
-/// What became of the inputs of a run.
+/// Number of inputs of a run by result.
 class Tally {
  public:
   void add(bool skipped, const Outcome& outcome) {
@@ -94,16 +94,16 @@ class Tally {
     if (outcome.kind == Outcome::Kind::complete || outcome.kind == Outcome::Kind::partial)
       frames_ += outcome.record.frames;
   }
-  /// Of a run that was asked to process `inputs`.
+  /// The exit code of a run of `inputs` inputs.
   Exit exit_code(std::size_t inputs) const {
     if (later_ > 0 || skipped_ + whole_ + partial_ + failed_ < inputs)
       return Exit::try_again;
     return partial_ + failed_ > 0 ? Exit::damaged : Exit::ok;
   }
   std::string line(std::size_t inputs, double seconds) const {
-    std::string text = counted(inputs, "input") + ": " + std::to_string(whole_) + " whole";
+    std::string text = counted(inputs, "input") + ": " + std::to_string(whole_) + " complete";
     const std::pair<std::size_t, const char*> others[] = {
-        {skipped_, "complete already"},
+        {skipped_, "skipped"},
         {partial_, "partial"},
         {failed_, "failed"},
         {inputs - (skipped_ + whole_ + partial_ + failed_), "not done"}};
@@ -120,10 +120,10 @@ class Tally {
   std::uint64_t frames_ = 0;
 };
 
-/// All inputs of a run, shared by the workers and the display.
+/// The inputs of a run, shared by the workers and the display.
 class Batch {
  public:
-  /// `arguments` are those of the program.
+  /// `arguments` are the program's.
   Batch(const Options& options, std::vector<Input> inputs, Manifest& manifest,
         std::vector<std::string> arguments)
       : options_(options), manifest_(manifest), inputs_(std::move(inputs)), arguments_(std::move(arguments)),
@@ -152,14 +152,14 @@ class Batch {
   const std::vector<Input> inputs_;
   const std::vector<std::string> arguments_;
   std::vector<std::unique_ptr<Work>> works_;
-  std::mutex mutex_; ///< guards phases, next_, tally_, done_, the display and what is printed
+  std::mutex mutex_; ///< guards phases, next_, tally_, done_, the display and the output
   std::condition_variable changed_;
   std::size_t next_ = 0;
   Tally tally_;
   int finished_ = 0;
   int working_threads_ = 0;
   Display display_;
-  Rate rate_; ///< the display's thread only
+  Rate rate_; ///< display thread only
   const Clock::time_point begin_;
 };
 
@@ -167,7 +167,7 @@ void Batch::report_skip(const Input& input) {
   if (options_.quiet)
     return;
   display_.clear();
-  std::printf("%s: complete already, skipped\n", input.label.c_str());
+  std::printf("%s: already complete, skipped\n", input.label.c_str());
   std::fflush(stdout);
 }
 
@@ -209,7 +209,7 @@ void Batch::report(const Input& input, const Outcome& outcome) {
   }
 }
 
-/// One job: takes inputs in order until none is left or the user has had enough.
+/// A job: processes inputs in order until none is left or the user interrupts.
 void Batch::work() {
   Worker worker(arguments_);
   std::unique_lock lock(mutex_);
@@ -282,7 +282,7 @@ void Batch::show() {
   display_.show(moment);
 }
 
-/// As many workers as start: where the system gives no more threads, those that run do the work.
+/// Starts up to `jobs` threads; continues with fewer if the system allows no more.
 void Batch::start_workers(std::vector<std::thread>& threads) {
   const std::size_t count = std::min<std::size_t>(static_cast<std::size_t>(options_.jobs), inputs_.size());
   threads.reserve(count);
@@ -316,7 +316,7 @@ Exit Batch::run() {
   return tally_.exit_code(inputs_.size());
 }
 
-/// --check: says what is missing or damaged.
+/// --check: prints what is missing or damaged.
 Exit check(const Options& options, const std::vector<Input>& inputs) {
   const auto result = check_manifest(options, inputs);
   if (const std::string* problem = std::get_if<std::string>(&result)) {
@@ -328,15 +328,15 @@ Exit check(const Options& options, const std::vector<Input>& inputs) {
     for (const std::string& line : *list)
       complain(line);
   if (!options.quiet)
-    std::printf("%zu whole, %zu damaged for good, %zu to try again\n", found.whole, found.damaged.size(),
-                found.again.size());
+    std::printf("%zu complete, %zu permanently damaged, %zu to try again\n", found.whole,
+                found.damaged.size(), found.again.size());
   return !found.again.empty() ? Exit::try_again : !found.damaged.empty() ? Exit::damaged : Exit::ok;
 }
 
 int process(int argc, char** argv) {
-  std::setlocale(LC_CTYPE, ""); // file names on the command line; numbers stay as they are
+  std::setlocale(LC_CTYPE, ""); // for file names; numbers keep decimal points
   const std::vector<std::string> arguments(argv, argv + argc);
-  if (argc < 2 || std::string_view(argv[1]) != worker_option) // a worker has it from its run
+  if (argc < 2 || std::string_view(argv[1]) != worker_option) // a worker inherits it from the run
     point_to_own_plugin();
   const auto parsed = parse_options(arguments);
   if (const EarlyExit* early = std::get_if<EarlyExit>(&parsed)) {
@@ -379,7 +379,7 @@ int process(int argc, char** argv) {
     return static_cast<int>(Exit::usage);
   }
   refuse_long_names(inputs, options);
-  // The whole list, not only this shard's share: tasks that start together must all refuse.
+  // Checks the whole list, not only this shard: all concurrent tasks must refuse a conflict.
   if (refuse_conflicts(inputs, options))
     return static_cast<int>(Exit::usage);
   inputs = share_of(options.shard, std::move(inputs));
@@ -416,7 +416,7 @@ int process(int argc, char** argv) {
 int main(int argc, char** argv) {
   try {
     return process(argc, argv);
-  } catch (const std::exception& problem) { // such as no memory
+  } catch (const std::exception& problem) { // such as out of memory
     std::fprintf(stderr, "terrainseg-process: %s\n", problem.what());
     return static_cast<int>(Exit::try_again);
   }

@@ -23,13 +23,13 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 constexpr int format_version = 1;
-constexpr std::streamsize longest_head = 64 * 1024; ///< of a manifest's first line
+constexpr std::streamsize longest_head = 64 * 1024; ///< of the first line of a manifest
 
 std::string as_line(const ordered_json& json) {
   return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
-/// In hexadecimal; empty when the file cannot be read.
+/// Hexadecimal; empty if the file cannot be read.
 std::string sha256_of(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file)
@@ -41,12 +41,12 @@ std::string sha256_of(const fs::path& path) {
   return file.bad() ? "" : g_checksum_get_string(sum.get());
 }
 
-/// A number of a manifest as it is written; any other JSON throws, -1 and 1e300 as well.
+/// A non-negative integer; throws for other JSON, such as -1 and 1e300.
 std::uint64_t natural(const nlohmann::json& json) {
   return json.get_ref<const nlohmann::json::number_unsigned_t&>();
 }
 
-/// What a manifest says of one input, and of the run around it.
+/// The content of a manifest for one input, and its run.
 // NOLINTNEXTLINE(bugprone-exception-escape)
 struct Line {
   nlohmann::json json;
@@ -79,7 +79,7 @@ class Checker {
   Check check_;
   fs::path folder_;
   int runs_ = 0;
-  std::map<std::string, Line> lines_; ///< by input; a later line of the same input replaces an earlier one
+  std::map<std::string, Line> lines_; ///< by input; a later line replaces an earlier one of the same input
   struct Promise {
     std::size_t inputs = 0;
     std::set<std::string> seen;
@@ -89,7 +89,7 @@ class Checker {
 };
 
 void Checker::take(const std::string& text, int number) {
-  const std::size_t mark = text.starts_with("\xEF\xBB\xBF") ? 3 : 0; // of an editor's
+  const std::size_t mark = text.starts_with("\xEF\xBB\xBF") ? 3 : 0; // byte order mark
   auto json =
       nlohmann::json::parse(text.begin() + static_cast<std::ptrdiff_t>(mark), text.end(), nullptr, false);
   try {
@@ -108,7 +108,7 @@ void Checker::take(const std::string& text, int number) {
     }
     const std::string input = json.at("input");
     json.at("status").get<std::string>();
-    lines_[input] = {std::move(json), folder_}; // a copy would go as deep as its brackets
+    lines_[input] = {std::move(json), folder_}; // moved, because a copy recurses through nested brackets
     if (promise_)
       promise_->seen.insert(input);
   } catch (const nlohmann::json::exception&) {
@@ -145,7 +145,7 @@ void Checker::check(const std::string& input, const Line& line) {
   check_.whole += whole;
 }
 
-/// Every shard of a set must be there, with as many inputs as it began with.
+/// Each shard of a set must exist, with a line for each of its inputs.
 void Checker::check_shards() {
   for (const auto& [key, promise] : shards_) {
     const auto [count, index] = key;
@@ -154,7 +154,7 @@ void Checker::check_shards() {
                              std::to_string(promise.seen.size()) + " of its " +
                              std::to_string(promise.inputs) + " inputs have a line");
   }
-  // In rising order; those missing in a row are one line, for any number may be promised.
+  // In rising order. Consecutive missing shards are one line, because the file may claim any number.
   for (auto next = shards_.begin(); next != shards_.end();) {
     const int count = next->first.first;
     int expected = 1;
@@ -256,7 +256,7 @@ bool is_manifest(const fs::path& path) {
   if (!fs::is_regular_file(path, error))
     return false;
   std::ifstream file(path);
-  std::string text(longest_head, '\0'); // what is none may have no lines
+  std::string text(longest_head, '\0'); // another file may have no line ends
   file.read(text.data(), longest_head);
   text.resize(static_cast<std::size_t>(file.gcount()));
   text.resize(std::min(text.find('\n'), text.size()));

@@ -38,13 +38,11 @@ constexpr const char* description_text =
     "sequence\n"
     "such as frames/%04d.png, or a URI that GStreamer reads. Audio is ignored.\n"
     "\n"
-    "Files appear under their name only when they are whole. Of a damaged input what could be decoded is "
-    "kept\n"
-    "as NAME.partial.*.\n"
+    "Files get their names when they are complete. The decoded part of a damaged input is kept as\n"
+    "NAME.partial.*.\n"
     "\n"
-    "Exit codes: 0 all inputs are whole; 1 some are damaged for good; 2 usage; 3 a GStreamer plugin is "
-    "missing;\n"
-    "4 the output folder cannot be written; 75 try again (disk, memory, an input that is not there, "
+    "Exit codes: 0 all inputs are complete; 1 some are permanently damaged; 2 usage; 3 a GStreamer plugin\n"
+    "is missing; 4 the output folder is not writable; 75 try again (disk, memory, a missing input, "
     "SIGTERM);\n"
     "130 Ctrl-C.\n"
     "\n"
@@ -54,7 +52,7 @@ constexpr const char* description_text =
     "  terrainseg-process --output-dir out --fps 15 'frames/%04d.png'\n"
     "  terrainseg-process --set window-bottom=40 --set caution=8 --outputs json,csv drive.mp4";
 
-/// What GLib reads, before it is checked.
+/// The values that GLib parses, before validation.
 struct Given {
   Word output_dir, outputs, name, names, inputs_from, shard, manifest, check, preset, camera_info, mount, fps;
   Words settings, inputs;
@@ -73,18 +71,18 @@ std::vector<GOptionEntry> entries_of(Given& given, Options& options) {
        "Name of the outputs of a single input; empty: annotated.mp4, masks.mkv, terrain.jsonl, terrain.csv",
        "NAME"},
       {"names", 0, 0, G_OPTION_ARG_STRING, &given.names.text,
-       "How outputs are named: base (drive), path (as it was written: monday/drive), hash (drive-1f0c5a2e); "
+       "How outputs are named: base (drive), path (as given: monday/drive), hash (drive-1f0c5a2e); "
        "default: base; with --inputs-from: path",
        "HOW"},
       {"inputs-from", 0, 0, G_OPTION_ARG_FILENAME, &given.inputs_from.text,
        "Inputs from a file or - for standard input: one a line, or ended by NUL (find -print0)", "FILE"},
       {"shard", 0, 0, G_OPTION_ARG_STRING, &given.shard.text,
-       "Only the I-th of N shares of the inputs; auto: as Slurm's array or a Kubernetes indexed Job says",
+       "Only the I-th of N shares of the inputs; auto: from a Slurm array or a Kubernetes indexed Job",
        "I/N"},
       {"manifest", 0, 0, G_OPTION_ARG_FILENAME, &given.manifest.text,
-       "Write what became of every input, with the outputs' SHA-256, as JSON Lines", "FILE"},
+       "Write the result of every input, with the outputs' SHA-256, as JSON Lines", "FILE"},
       {"check", 0, 0, G_OPTION_ARG_FILENAME, &given.check.text,
-       "Process nothing: name what is missing or damaged of what a manifest promises (- for standard input)",
+       "Process nothing; list what is missing or damaged according to a manifest (- for standard input)",
        "FILE"},
       {"preset", 'p', 0, G_OPTION_ARG_STRING, &given.preset.text,
        "Settings of terrainseg to start from: default or paper", "PRESET"},
@@ -94,22 +92,23 @@ std::vector<GOptionEntry> entries_of(Given& given, Options& options) {
        "Calibration of the camera (ROS, Kalibr or OpenCV YAML); with --mount json, csv and mcap have metres",
        "FILE"},
       {"mount", 0, 0, G_OPTION_ARG_FILENAME, &given.mount.text,
-       "How the camera stands over the ground: a file, or height=0.5,pitch=10deg", "MOUNT"},
+       "Pose of the camera over the ground: a file, or height=0.5,pitch=10deg", "MOUNT"},
       {"json-mask", 0, 0, G_OPTION_ARG_NONE, &given.json_mask,
-       "Put the mask into the JSON lines, as run lengths", nullptr},
+       "Add the mask to the JSON lines, as run lengths", nullptr},
       {"fps", 0, 0, G_OPTION_ARG_STRING, &given.fps.text, "Frame rate of image sequences (default: 30)",
        "N[/D]"},
       {"frames", 0, 0, G_OPTION_ARG_INT64, &given.frames,
        "Only the first N frames of each input (default: all)", "N"},
       {"quality", 0, 0, G_OPTION_ARG_INT, &options.quality,
-       "Of the annotated video, 1 best to 50 smallest (default: 21)", "Q"},
+       "Quality of the annotated video, from 1 = best to 50 = smallest file (default: 21)", "Q"},
       {"resume", 'r', 0, G_OPTION_ARG_NONE, &given.resume,
-       "Skip inputs whose outputs are whole and were made with the same settings", nullptr},
-      {"jobs", 'j', 0, G_OPTION_ARG_INT, &options.jobs, "Inputs processed at a time (default: 1)", "N"},
+       "Skip inputs whose outputs are complete and were made with the same settings", nullptr},
+      {"jobs", 'j', 0, G_OPTION_ARG_INT, &options.jobs,
+       "Number of inputs processed at the same time (default: 1)", "N"},
       {"stall-timeout", 0, 0, G_OPTION_ARG_INT, &options.stall_seconds,
-       "Give an input up when no frame came for so long, in seconds (default: 60)", "SECONDS"},
+       "Give up an input after this time without a frame, in seconds (default: 60)", "SECONDS"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &options.threads,
-       "Of the decoder and of each encoder of an input (default: the processors allowed, over --jobs)", "N"},
+       "Threads of the decoder and of each encoder of an input (default: available processors / jobs)", "N"},
       {"quiet", 'q', 0, G_OPTION_ARG_NONE, &given.quiet, "No progress and no summary, only problems",
        nullptr},
       {"version", 0, 0, G_OPTION_ARG_NONE, &given.version, "Print the version", nullptr},
@@ -128,12 +127,12 @@ void read_outputs(const std::string& list, Options& options) {
       if (word == output_kinds[i].name)
         known = options.wanted[i] = true;
     if (!known)
-      throw UsageError("--outputs: '" + word + "' is none of annotated, masks, json, csv, mcap");
+      throw UsageError("--outputs: '" + word + "' is not one of annotated, masks, json, csv, mcap");
   }
   options.wanted[static_cast<int>(Output::bag)] = options.wanted[static_cast<int>(Output::mcap)];
 }
 
-/// A text without its byte order mark; UTF-16 with one, as Windows writes it, becomes UTF-8.
+/// Removes the byte order mark of a text; converts UTF-16 with a mark (Windows) to UTF-8.
 std::string plain_text(std::string text) {
   if (text.starts_with("\xEF\xBB\xBF"))
     return text.substr(3);
@@ -148,7 +147,7 @@ std::string plain_text(std::string text) {
   return {converted.get(), length};
 }
 
-/// Appends the inputs that a file or standard input lists. An empty list is one: a shard may have no share.
+/// Appends the inputs of a list file or standard input. An empty list is valid: a shard may have no input.
 void read_list(const std::string& name, std::vector<std::string>& inputs) {
   std::ifstream file;
   if (name != "-")
@@ -160,15 +159,15 @@ void read_list(const std::string& name, std::vector<std::string>& inputs) {
   const char separator = text.find('\0') != std::string::npos ? '\0' : '\n';
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line, separator);) {
-    if (separator == '\n' && line.ends_with('\r')) // a list from Windows
+    if (separator == '\n' && line.ends_with('\r')) // line end of Windows
       line.pop_back();
     if (!line.empty())
       inputs.push_back(std::move(line));
   }
 }
 
-/// The processors that this process may use, shared out among the jobs; Slurm's word counts where it binds
-/// none.
+/// The processors available to this process, divided by the jobs. Slurm's number counts if Slurm sets no
+/// affinity.
 int threads_per_job(int jobs) {
   guint processors = g_get_num_processors();
   if (const char* text = g_getenv("SLURM_CPUS_PER_TASK"))
@@ -187,7 +186,7 @@ void read_name(const std::string& name, Options& options) {
 
 void read_names(const std::string& text, Options& options) {
   if (text != "base" && text != "path" && text != "hash")
-    throw UsageError("--names: '" + text + "' is none of base, path, hash");
+    throw UsageError("--names: '" + text + "' is not one of base, path, hash");
   options.names = text == "base" ? Names::base : text == "path" ? Names::path : Names::hash;
 }
 
@@ -208,7 +207,7 @@ void read_shard_of(const std::string& text, Options& options) {
   options.shard = std::get<Shard>(result);
 }
 
-/// A calibration is made of settings of terrainseg like any other, which the recording takes too.
+/// Calibration is set by properties of terrainseg; the recording uses the same.
 void read_settings(const Given& given, Options& options) {
   for (const std::string& setting : given.settings.all()) {
     const std::size_t equals = setting.find('=');
@@ -220,14 +219,14 @@ void read_settings(const Given& given, Options& options) {
     if (word->text)
       options.settings.emplace_back(name, word->text);
   if (options.setting("camera-info").empty() != options.setting("mount").empty())
-    throw UsageError("metres take both --camera-info and --mount");
+    throw UsageError("metres need both --camera-info and --mount");
 }
 
 void read_inputs(const Given& given, Options& options) {
   options.inputs = given.inputs.all();
   if (given.worker_socket >= 0)
     options.worker_socket = given.worker_socket;
-  else if (given.inputs_from.text) // may be standard input, which can be read but once
+  else if (given.inputs_from.text) // standard input can be read only once
     read_list(given.inputs_from.text, options.inputs);
   if (given.inputs_from.text)
     options.names = Names::path;
@@ -252,8 +251,8 @@ void check_ranges(gint64 frames, const Options& options) {
                        std::to_string(range.most) + range.unit);
 }
 
-/// Checks what was given, and puts it where the program looks for it.
-void take(const Given& given, Options& options) {
+/// Validates the options and stores them.
+void apply(const Given& given, Options& options) {
   const auto read = [&options](const Word& word, auto reader) {
     if (word.text)
       reader(word.text, options);
@@ -300,7 +299,7 @@ std::variant<Options, EarlyExit> parse_options(const std::vector<std::string>& a
       g_printf("terrainseg-process %s\n", TERRAINSEG_VERSION);
       return EarlyExit{Exit::ok, {}};
     }
-    take(given, options);
+    apply(given, options);
   } catch (const UsageError& error) {
     return EarlyExit{Exit::usage, error.what() + std::string("\nTry 'terrainseg-process --help'.")};
   }

@@ -13,7 +13,7 @@ OutputFiles::Folders::~Folders() {
     fs::remove(folder, not_empty);
 }
 
-/// The folder of an output, where it is not that of the others.
+/// The folder of an output if it is not the common one.
 std::optional<Fault> OutputFiles::make_folder(const fs::path& folder) {
   if (folder == naming_.record().parent_path())
     return std::nullopt;
@@ -25,7 +25,7 @@ std::optional<Fault> OutputFiles::make_folder(const fs::path& folder) {
   return std::nullopt;
 }
 
-/// The record's temporary file comes first: who holds it owns the name, whichever outputs are wanted.
+/// The record's temporary file is opened first: its lock reserves the name for all outputs.
 std::optional<Fault> OutputFiles::open() {
   std::error_code error;
   if (const fs::path folder = naming_.record().parent_path(); !folder.empty())
@@ -34,7 +34,7 @@ std::optional<Fault> OutputFiles::open() {
     return cannot("make the folder of", naming_.record().string(), error.value());
   if (auto fault = summary_.open(naming_.record()))
     return fault;
-  // Another run may have finished another input under this name since the whole batch was looked at.
+  // Another run may have processed another input with this name since the batch was checked.
   if (auto problem = foreign_files(naming_, input_, options_))
     return Fault{Cause::unwritable, *problem};
   for (int i = 0; i < output_count; ++i) {
@@ -56,7 +56,7 @@ std::array<int, output_count> OutputFiles::descriptors() const {
   return all;
 }
 
-/// Writes a record under its name. The name stays owned: its temporary file is there again afterwards.
+/// Writes a record under its name. Its temporary file is created again, so the name stays reserved.
 std::optional<Fault> OutputFiles::write_record(const Record& record, const fs::path& path) {
   summary_.write(record.to_json());
   if (auto fault = summary_.commit(path))
@@ -79,23 +79,23 @@ std::optional<Fault> OutputFiles::name_files(Record& record, bool partial) {
   return std::nullopt;
 }
 
-/// What an earlier attempt could save is of no use beside the whole.
+/// The partial files of an earlier attempt are removed when all outputs are complete.
 void OutputFiles::remove_partial() const {
   std::error_code ignored;
   for (int i = 0; i < output_count; ++i)
     fs::remove(naming_.output(static_cast<Output>(i), true), ignored);
-  fs::remove(naming_.output(Output::bag, true).parent_path(), ignored); // stays when it holds something else
+  fs::remove(naming_.output(Output::bag, true).parent_path(), ignored); // fails if it contains other files
   fs::remove(naming_.record(true), ignored);
 }
 
 std::optional<Fault> OutputFiles::keep(Record& record) {
   const bool partial = record.cause != Cause::none;
   const fs::path path = naming_.record(partial);
-  // From here until the new record is there, nothing may say that these outputs are complete; but whose they
-  // are must be said at every moment.
+  // Until the new record is written, no record may claim that these outputs are complete, but one must always
+  // identify their input.
   Record announced = record;
   announced.problem = "its outputs are being renamed";
-  announced.cause = Cause::interrupted; // if this is what stays
+  announced.cause = Cause::interrupted; // the result if the process ends here
   if (auto fault = write_record(announced, path))
     return fault;
   if (auto fault = name_files(record, partial))

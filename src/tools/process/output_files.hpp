@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The files of one run: opened together under temporary names, and kept together or not at all.
+// The output files of an input: opened together under temporary names, and completed together or not at all.
 #pragma once
 
 #include <array>
@@ -23,10 +23,10 @@ class OutputFiles {
 
   [[nodiscard]] std::optional<Fault> open();
   AtomicFile& operator[](Output kind) { return files_[static_cast<std::size_t>(kind)]; }
-  /// Of every file; -1 where it is not wanted.
+  /// File descriptors; -1 if the output is not written.
   std::array<int, output_count> descriptors() const;
-  /// Gives the files their names, those of a partial input when the record has a problem, and writes the
-  /// record last.
+  /// Renames the files to their final names, or to the names of a partial input if the record has a problem.
+  /// Writes the record last.
   [[nodiscard]] std::optional<Fault> keep(Record& record);
 
  private:
@@ -38,7 +38,7 @@ class OutputFiles {
   const Input& input_;
   const Naming& naming_;
   const Options& options_;
-  /// Of outputs that are more than one file; those that are empty when the files are gone are removed.
+  /// Folders of outputs with several files; removed if they become empty.
   struct Folders {
     std::vector<std::filesystem::path> all;
     ~Folders();

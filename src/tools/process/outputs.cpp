@@ -22,7 +22,7 @@ using nlohmann::ordered_json;
 
 constexpr std::size_t buffer_limit = 64 * 1024;
 
-/// The rename itself must reach the disk too.
+/// fsync of the folder, so that the rename reaches the disk.
 void sync_folder(const fs::path& file) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
   const int fd = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -78,7 +78,7 @@ std::optional<Fault> AtomicFile::open(const fs::path& final_path) {
   std::error_code ignored;
   if (fs::is_directory(final_path, ignored))
     return cannot("write", final_path.string(), EISDIR);
-  // The owner of a .part file may rename or delete it between open and flock: then look again.
+  // The owner of a .part file may rename or delete it between open() and flock(): then it is opened again.
   for (int attempt = 0; attempt < 100; ++attempt) {
     const int fd = ::open(part_path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (fd < 0)
@@ -117,7 +117,7 @@ bool AtomicFile::flush() {
 }
 
 std::optional<Fault> AtomicFile::commit(const fs::path& path) {
-  if (flush() && fsync(fd_) != 0 && errno != EINVAL) // EINVAL: a special file, nothing to wait for
+  if (flush() && fsync(fd_) != 0 && errno != EINVAL) // EINVAL: a special file, which needs no fsync
     failure_ = errno;
   if (failure_ != 0) {
     const int error = failure_;
@@ -181,13 +181,13 @@ std::string Record::to_json() const {
     if (outputs[i])
       files[output_kinds[i].name] = {{"file", outputs[i]->file}, {"bytes", outputs[i]->bytes}};
   json["outputs"] = files;
-  // File names are bytes; what is no UTF-8 in them must not stop the run.
+  // File names are bytes; invalid UTF-8 must not stop the run.
   return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
 namespace {
 
-/// A calibration is a file: another content under the same name is another setting.
+/// A calibration is identified by its content, not only by its name.
 std::string content_of(const std::string& name, const std::string& value) {
   if (name != "camera-info" && name != "mount")
     return {};
@@ -220,7 +220,7 @@ std::string describe(const Options& options, const Input& input) {
 
 namespace {
 
-/// The record in a file; not an object when it is none.
+/// Reads a record; the result is not an object if the file is none.
 nlohmann::json read_record(const fs::path& path) {
   std::error_code error;
   if (!fs::is_regular_file(path, error))
@@ -235,7 +235,7 @@ std::optional<Origin> read_origin(const fs::path& record) {
   const nlohmann::json json = read_record(record);
   try {
     const auto& input = json.at("input");
-    // Not 1e300, which would be made one.
+    // Refuses numbers such as 1e300.
     const auto& bytes = input.at("bytes").get_ref<const nlohmann::json::number_unsigned_t&>();
     return Origin{input.at("place"), {bytes, input.at("fingerprint")}};
   } catch (const nlohmann::json::exception&) {
@@ -260,7 +260,7 @@ bool is_complete(const Naming& naming, const Input& input, const Options& option
     const Identity identity = input.identity();
     return !identity.fingerprint.empty() && json.at("input").at("bytes") == identity.bytes &&
            json.at("input").at("fingerprint") == identity.fingerprint;
-  } catch (const nlohmann::json::exception&) { // a record of another shape
+  } catch (const nlohmann::json::exception&) { // a record with other types
     return false;
   }
 }
@@ -269,7 +269,7 @@ std::optional<Fault> prepare_folder(const fs::path& folder) {
   const std::string name = "the output folder " + folder.string();
   std::error_code error;
   fs::create_directories(folder, error);
-  if (error.value() == ENOENT) // no folder can be made there, as in /proc
+  if (error.value() == ENOENT) // no folder can be created there, as in /proc
     return Fault{Cause::unwritable, cannot("make", name, ENOENT).text};
   if (error)
     return cannot("make", name, error.value());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Files that appear whole or not at all, and the record that says so.
+// Files that appear completely or not at all, and the record of an input.
 #pragma once
 
 #include <array>
@@ -17,9 +17,9 @@
 
 namespace terrainseg::process {
 
-/// A file under a temporary name (FINAL.part, in the final folder) that is given its own name when it is
-/// whole. Destroyed before that it is deleted; a killed process leaves the .part file, which the next run
-/// reuses. Locked, so that two runs never write the same file.
+/// A file with a temporary name (FINAL.part, in the final folder) that is renamed when it is complete. The
+/// destructor deletes an incomplete file. A killed process leaves the .part file, which the next run reuses.
+/// Locked, so that two runs never write the same file.
 class AtomicFile {
  public:
   AtomicFile() = default;
@@ -27,15 +27,15 @@ class AtomicFile {
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
-  /// Creates the temporary file; on failure says why.
+  /// Creates the temporary file. Returns the error, or an empty text.
   [[nodiscard]] std::optional<Fault> open(const std::filesystem::path& final_path);
-  int fd() const { return fd_; } ///< -1 when not open
+  int fd() const { return fd_; } ///< -1 if not open
   const std::filesystem::path& final_path() const { return final_path_; }
-  /// Appends; remembers the first failure for commit().
+  /// Appends. Stores the first error for commit().
   void write(const std::string& text);
-  /// Hands what was appended to the system; false when that failed, now or before.
+  /// Flushes the buffer to the system. Returns false after an error of this or an earlier write.
   bool flush();
-  /// Everything on disk (fsync), then renamed to `path`, which must lie on the same file system.
+  /// Flushes to disk (fsync), then renames to `path`, which must be on the same file system.
   [[nodiscard]] std::optional<Fault> commit(const std::filesystem::path& path);
   std::uint64_t size() const;
 
@@ -47,25 +47,25 @@ class AtomicFile {
   std::string buffer_;
 };
 
-/// A file without a name, which is gone with the process.
+/// A file without a name, which is removed when the process ends.
 class ScratchFile {
  public:
   ScratchFile() = default;
   ~ScratchFile();
   ScratchFile(const ScratchFile&) = delete;
   ScratchFile& operator=(const ScratchFile&) = delete;
-  /// In a folder, on its disk; false where that file system has no such files.
+  /// In a folder, on its disk. Returns false if the file system does not support such files.
   bool open(const std::filesystem::path& folder);
-  std::string path() const; ///< by which this process opens it again
+  std::string path() const; ///< path by which this process can open it
 
  private:
   int fd_ = -1;
 };
 
-/// The name of a file while it is being written.
+/// Temporary name of a file while it is written.
 std::filesystem::path part_of(const std::filesystem::path& final_path);
 
-/// Names of the outputs of an input: DIR/STEM.annotated.mp4, or DIR/annotated.mp4 when the stem is empty.
+/// Names of the outputs of an input: DIR/STEM.annotated.mp4, or DIR/annotated.mp4 if the stem is empty.
 class Naming {
  public:
   Naming(std::filesystem::path folder, std::string stem)
@@ -79,23 +79,23 @@ class Naming {
   std::string stem_;
 };
 
-/// What was done with one input: the content of NAME.summary.json.
+/// The result for an input: the content of NAME.summary.json.
 struct Record {
   std::string input;
   std::string place; ///< of the input: Input::place()
   Identity identity;
-  std::string settings; ///< everything that shapes the outputs, as one line
+  std::string settings; ///< all settings that influence the outputs, as one line
   std::string problem;  ///< empty = complete
   Cause cause = Cause::none;
   std::uint64_t frames = 0;
   int width = 0, height = 0;         ///< of the first frame
-  double seconds = 0;                ///< that it took
+  double seconds = 0;                ///< processing time
   std::uint64_t traversable_sum = 0; ///< permille, summed over the frames
-  std::uint64_t blocked = 0;         ///< frames in which the way ahead was blocked
+  std::uint64_t blocked = 0;         ///< number of frames with the flag `blocked`
   std::uint64_t horizon_frames = 0;  ///< frames with a horizon
-  double filter_milliseconds = 0;    ///< median of what terrainseg itself took for a frame
-  int still_rows = 0;                ///< at the bottom, under the training window, that never changed
-  std::vector<std::string> warnings; ///< of this project's elements, each once
+  double filter_milliseconds = 0;    ///< median time of terrainseg for a frame
+  int still_rows = 0;                ///< rows at the bottom, below the training window, that never changed
+  std::vector<std::string> warnings; ///< warnings of this project's elements, without repetitions
   struct Written {
     std::string file;
     std::uint64_t bytes = 0;
@@ -109,23 +109,23 @@ struct Record {
   std::string to_json() const;
 };
 
-/// What a record says about the input that its files were made from.
+/// The part of a record that describes the input.
 struct Origin {
   std::string place;
   Identity identity;
 };
 
-/// Nothing when the file is no record of this tool.
+/// Returns nothing if the file is not a record of this tool.
 std::optional<Origin> read_origin(const std::filesystem::path& record);
 
-/// The settings that an input is processed with, as Record::settings.
+/// The settings of an input, as in Record::settings.
 std::string describe(const Options& options, const Input& input);
 
-/// True when the record of an earlier run says that these outputs of this very input are whole, were made
-/// with these settings, and the files are still there with the sizes they had.
+/// Whether the record of an earlier run says that these outputs of this input are complete and were made with
+/// these settings, and the files exist with the recorded sizes.
 bool is_complete(const Naming& naming, const Input& input, const Options& options);
 
-/// Makes the folder and tries to write in it. Cause::disk: it may pass (a full disk, no memory).
+/// Creates the folder and writes a test file. Cause::disk: temporary (full disk, no memory).
 std::optional<Fault> prepare_folder(const std::filesystem::path& folder);
 
 } // namespace terrainseg::process

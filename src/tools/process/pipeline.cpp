@@ -18,21 +18,21 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// A source that failed has this long to end its stream by itself.
+/// Time limit for a failed source to end its stream.
 constexpr std::chrono::seconds grace{2};
 
 constexpr GstClockTime poll_interval = 20 * GST_MSECOND;
-/// Between the report that there is no video and the error that says why. Without an error this time is lost.
+/// Waiting time after "no video" for an error with the cause. Without such an error this time is lost.
 constexpr std::chrono::seconds error_delay{1};
 
-/// Nothing is kept.
+/// Stops without outputs.
 Outcome failed(Record record, const Fault& fault) {
   record.problem = fault.text;
   record.cause = fault.cause;
   return {Outcome::Kind::failed, std::move(record)};
 }
 
-/// One input, whose output files are open.
+/// Processes one input with open output files.
 class Run {
  public:
   Run(const Input& input, const Options& options, OutputFiles& files, Record& record, Progress& progress,
@@ -42,7 +42,7 @@ class Run {
         complaints_(graph_, files, record), frames_(options, graph_, files[Output::csv], record) {}
 
   std::optional<Fault> build();
-  /// Until every sink has its end, an error ends the run, or the user does.
+  /// Runs until every sink has its EOS, an error occurs, or the user interrupts.
   void play(const std::atomic<int>& interrupted);
   Outcome conclude();
 
@@ -60,9 +60,9 @@ class Run {
   OutputFiles& files_;
   Record& record_;
   Progress& progress_;
-  const std::string state_; ///< of the input, before it is read
+  const std::string state_; ///< state of the input before reading
   Source source_;
-  Graph graph_; ///< stops the source before it goes
+  Graph graph_; ///< must be destroyed (and stop the source) before the source
   Complaints complaints_;
   Frames frames_;
   gint64 duration_ = -1;
@@ -110,7 +110,7 @@ void Run::end_source() {
   source_.end();
 }
 
-/// What to do about a source that failed, hangs or was interrupted.
+/// Handles a source that failed, stalled or was interrupted.
 Run::Step Run::watch_source(Clock::time_point now, bool interrupted) {
   const bool none_yet = frames_.labelled() == 0;
   const bool has_failed = complaints_.source().cause != Cause::none || !source_.problem().empty();
@@ -147,25 +147,25 @@ void Run::play(const std::atomic<int>& interrupted) {
       last_moved = moved;
       last_move_ = now;
     }
-    // A stream has no end of its own: the first interruption is its end. A file is simply not done.
+    // A live stream ends with the first interruption. A file is then incomplete.
     if (interrupted && (input_.kind != Input::Kind::uri || interrupted > 1 || frames_.labelled() == 0)) {
       stopped_ = true;
       return;
     }
     if (watch_source(now, interrupted > 0) == Step::stop) {
-      // The error that says why may be on its way, and late on a busy machine.
+      // The error with the cause may arrive late on a busy machine.
       for (const auto until = now + error_delay;
            complaints_.source().cause == Cause::none && Clock::now() < until;)
         complaints_.take_all(bus.get(), poll_interval);
       return;
     }
   }
-  // The ends have reached the sinks; stopping their threads waits for what they still write, and report.
+  // All sinks have their EOS. Stopping waits for their last writes and errors.
   gst_element_set_state(graph_.pipeline(), GST_STATE_READY);
   complaints_.take_all(bus.get(), 0);
 }
 
-/// Every output must hold every frame; if one does not, none is kept.
+/// Each output must have all frames; otherwise none is kept.
 Fault Run::miscount() const {
   const std::uint64_t frames = frames_.labelled();
   std::string text;
@@ -183,7 +183,7 @@ Fault Run::miscount() const {
                                     : Fault{error.cause, error.text + "; " + text};
 }
 
-/// What only shows when all frames are through.
+/// Checks that need the complete run.
 void Run::learn_from_the_run() {
   update_progress();
   record_.frames = frames_.labelled();

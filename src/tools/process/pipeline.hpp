@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// One input through one pipeline: decoder -> terrainseg -> tee -> an encoder or writer per output.
+// Processes one input with one pipeline: decoder -> terrainseg -> tee -> an encoder or writer per output.
 #pragma once
 
 #include <atomic>
@@ -12,26 +12,26 @@
 
 namespace terrainseg::process {
 
-/// How far an input is; written by its pipeline, read by the display.
+/// Progress of an input: written by its pipeline, read by the display.
 struct Progress {
   std::atomic<std::uint64_t> frames{0};
-  std::atomic<int> permille{-1}; ///< done, 0..1000; -1 = length unknown
+  std::atomic<int> permille{-1}; ///< 0..1000; -1 = unknown length
 };
 
-/// How an input ended.
+/// Result of an input.
 struct Outcome {
   enum class Kind {
     complete,
-    partial,     ///< the input is damaged; what could be decoded is in the partial files
-    failed,      ///< nothing is kept
-    interrupted, ///< by the user; nothing is kept
+    partial,     ///< the input is damaged; the decoded part is in the partial files
+    failed,      ///< no output
+    interrupted, ///< by the user; no output
   };
   Kind kind = Kind::failed;
-  Record record; ///< record.problem: the cause when not complete
+  Record record; ///< record.problem: the cause if not complete
 };
 
-/// Processes one input into the files that `naming` names, or, when the input is damaged, their partial
-/// twins. Blocks until done; several calls may run in threads. `interrupted` ends it early.
+/// Processes an input and writes the files of `naming`, or their partial variants if the input is damaged.
+/// Blocks until done. May be called in several threads. `interrupted` stops it early.
 Outcome process(const Input& input, const Naming& naming, const Options& options, Progress& progress,
                 const std::atomic<int>& interrupted);
 

@@ -12,7 +12,7 @@
 namespace terrainseg::process {
 namespace {
 
-/// The first complaints of the elements of one input.
+/// The first log messages of the elements of one input.
 class Complaints {
  public:
   void add(const GObject* from, std::string text) {
@@ -25,7 +25,7 @@ class Complaints {
     const std::lock_guard lock(mutex_);
     all_.clear();
   }
-  /// The first of an element, which says what the others follow from; empty when there is none.
+  /// The first message of an element, which is usually the cause of the others; empty if there is none.
   std::string first_of(const GObject* from) {
     const std::lock_guard lock(mutex_);
     for (const auto& [object, text] : all_)
@@ -46,7 +46,7 @@ void on_log(GstDebugCategory*, GstDebugLevel level, const gchar*, const gchar*, 
   if (level > GST_LEVEL_WARNING || !GST_IS_ELEMENT(object))
     return;
   const char* text = gst_debug_message_get(message);
-  if (text && !g_str_has_prefix(text, "error: ")) // the error message itself
+  if (text && !g_str_has_prefix(text, "error: ")) // repeats the error message
     complaints.add(object, text);
 }
 
@@ -56,7 +56,7 @@ std::string factory_of(const GstObject* element) {
   return factory ? GST_OBJECT_NAME(factory) : take(gst_object_get_name(GST_OBJECT(element)));
 }
 
-/// The format that an element gives out; empty when it has none.
+/// The output format of an element; empty if it has none.
 std::string format_of(GstObject* element) {
   std::string text;
   if (!GST_IS_ELEMENT(element))
@@ -75,7 +75,7 @@ void trim(std::string& text) {
     text.pop_back();
 }
 
-/// What a message says to users, and the detail for developers without the place in the sources.
+/// The text of a message for users, and the debug detail without source locations.
 std::pair<std::string, std::string> said_in(GstMessage* message) {
   GError* error = nullptr;
   gchar* debug = nullptr;
@@ -92,8 +92,8 @@ std::pair<std::string, std::string> said_in(GstMessage* message) {
   return {text, detail};
 }
 
-/// How a codec calls itself that a demuxer has no name for: its four letters, or what its container says;
-/// empty for one that has a name.
+/// The name of a codec that the demuxer does not know: its FourCC or the container's name; empty if it is
+/// known.
 std::string unknown_codec(const GstStructure* type) {
   const std::string name = gst_structure_get_name(type);
   const std::string prefix = "video/x-gst-fourcc-";
@@ -149,7 +149,7 @@ std::string giving_up(GstMessage* message) {
   int flow = GST_FLOW_OK;
   if (details && gst_structure_get_int(details, "flow-return", &flow) && flow == GST_FLOW_NOT_NEGOTIATED)
     if (const std::string format = format_of(message->src); !format.empty())
-      return text + ": nothing behind it takes " + format;
+      return text + ": no element after it accepts " + format;
   if (const std::string complaint = complaints.first_of(G_OBJECT(message->src)); !complaint.empty())
     return text + ": " + complaint;
   const auto [said, detail_of_it] = said_in(message);
@@ -177,8 +177,7 @@ std::string no_decoder(GstMessage* message) {
   const GstCaps* caps = detail && GST_VALUE_HOLDS_CAPS(detail) ? gst_value_get_caps(detail) : nullptr;
   if (caps && gst_caps_get_size(caps) > 0)
     if (const std::string codec = unknown_codec(gst_caps_get_structure(caps, 0)); !codec.empty())
-      return "GStreamer knows no codec '" + codec + "', and nothing that can be installed does; " +
-             make_it_anew;
+      return "GStreamer does not know the codec '" + codec + "', and no package adds it; " + make_it_anew;
   std::string text =
       "no decoder for it: " + take(gst_missing_plugin_message_get_description(message)) + " is missing; ";
   std::string packages;

@@ -42,7 +42,7 @@ std::variant<Shard, std::string> from_environment() {
   return "--shard auto: neither SLURM_ARRAY_TASK_ID nor JOB_COMPLETION_INDEX is set; is this an array task?";
 }
 
-/// 0..count-1, spread evenly: the first 8 bytes of the SHA-256 of the path as it was written.
+/// Evenly distributed in 0..count-1: the first 8 bytes of the SHA-256 of the path as given.
 int shard_of(const Input& input, int count) {
   const std::string written = input.kind == Input::Kind::uri
                                   ? input.label
@@ -79,7 +79,7 @@ std::variant<Shard, std::string> read_shard(const std::string& text) {
   if (const Shard* shard = std::get_if<Shard>(&result))
     if (shard->index < 1 || shard->index > shard->count || shard->count > most_shards)
       return "--shard: " + std::to_string(shard->index) + "/" + std::to_string(shard->count) +
-             " is none of 1/N to N/N with N up to 1000000";
+             " is not one of 1/N to N/N with N up to 1000000";
   return result;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// One list of inputs, shared out among tasks that know nothing of each other.
+// Splits one list of inputs between tasks that do not communicate.
 #pragma once
 
 #include <string>
@@ -17,13 +17,13 @@ struct Shard {
   int count = 1;
 };
 
-/// "I/N" with I in 1..N, or "auto": from the environment, Slurm's array (SLURM_ARRAY_TASK_ID, _MIN, _STEP and
-/// _COUNT) or a Kubernetes indexed Job (JOB_COMPLETION_INDEX, counted from 0, with TERRAINSEG_SHARD_COUNT).
-/// A text where it cannot be read.
+/// Parses "I/N" with I in 1..N, or "auto": from the environment, either a Slurm array (SLURM_ARRAY_TASK_ID,
+/// _MIN, _STEP and _COUNT) or a Kubernetes indexed Job (JOB_COMPLETION_INDEX, from 0, and
+/// TERRAINSEG_SHARD_COUNT). Returns an error text if that is invalid.
 std::variant<Shard, std::string> read_shard(const std::string& text);
 
-/// The inputs of one shard. Which shard an input belongs to depends on the way it was written and the number
-/// of shards alone: a list that grew between two tasks leaves nothing out.
+/// The inputs of a shard. The shard of an input depends only on its path as given and the number of shards: a
+/// list that grows between two tasks loses no input.
 std::vector<Input> share_of(const Shard& shard, std::vector<Input> inputs);
 
 } // namespace terrainseg::process

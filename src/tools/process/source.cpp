@@ -8,7 +8,10 @@
 #include <algorithm>
 #include <cstring>
 #include <iterator>
+#include <span>
 
+#include "exchange/counted.hpp"
+#include "tools/process/exif.hpp"
 #include "tools/process/handles.hpp"
 
 namespace terrainseg::process {
@@ -60,6 +63,36 @@ std::string too_large(const GstCaps* caps) {
          " at most on each side; make them smaller: ffmpeg -i INPUT -vf scale=iw/4:ih/4 OUTPUT";
 }
 
+/// The number of a track in its container, by its stream's name; 0 when there is none.
+unsigned track_id_of(GstPad* pad) {
+  const CharPointer id(gst_pad_get_stream_id(pad));
+  const char* number = id ? std::strrchr(id.get(), '/') : nullptr;
+  return number ? static_cast<unsigned>(g_ascii_strtoull(number + 1, nullptr, 10)) : 0;
+}
+
+/// The colours of an event's caps; nothing when it has none.
+std::optional<GstVideoColorimetry> colorimetry_of(GstEvent* event) {
+  GstVideoColorimetry color;
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
+  const char* text = gst_structure_get_string(gst_caps_get_structure(caps, 0), "colorimetry");
+  if (!text || !gst_video_colorimetry_from_string(&color, text))
+    return std::nullopt;
+  return color;
+}
+
+/// Writes other colours into the caps of the event that a probe sees.
+void set_colorimetry(GstPadProbeInfo* info, const GstVideoColorimetry& color) {
+  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
+  const CapsPointer changed(gst_caps_copy(caps));
+  const CharPointer text(gst_video_colorimetry_to_string(&color));
+  gst_caps_set_simple(changed.get(), "colorimetry", G_TYPE_STRING, text.get(), nullptr);
+  GST_PAD_PROBE_INFO_DATA(info) = gst_event_new_caps(changed.get());
+  gst_event_unref(event);
+}
+
 bool is_video(const GstCaps* caps) {
   return !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
          g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), "video/");
@@ -86,6 +119,19 @@ bool is_turned(GstPad* pad) {
       turned = process::take(orientation) != "rotate-0";
     gst_event_unref(event);
   }
+}
+
+/// False for a JPEG file that is cut off: decoders fill the rest with grey, and say nothing.
+bool has_end_mark(std::span<const std::uint8_t> jpeg) {
+  constexpr std::uint8_t mark[] = {0xff, 0xd9};
+  constexpr std::size_t most_padding = 4096; // some cameras write whole blocks
+  const auto tail = jpeg.last(std::min(jpeg.size(), most_padding));
+  return std::search(tail.begin(), tail.end(), std::begin(mark), std::end(mark)) != tail.end();
+}
+
+/// By which a buffer of an image has its tag of orientation.
+GQuark turned_quark() {
+  return g_quark_from_static_string("terrainseg-process-orientation");
 }
 
 /// Every decoder has its own name for it: libav's, dav1d's, libvpx's.
@@ -139,6 +185,8 @@ void Source::build_image_feeder(const Options& options) {
   g_signal_connect(decoder, "deep-element-added", G_CALLBACK(on_element_added), this);
   gst_bin_add_many(GST_BIN(bin_), feeder_, decoder, nullptr);
   gst_element_link(feeder_, decoder);
+  const PadPointer pad(gst_element_get_static_pad(feeder_, "src"));
+  gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, on_image, this, nullptr);
 }
 
 /// The next image, whole, with its type; null with a problem set when it cannot be used.
@@ -164,8 +212,18 @@ GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& ty
     flaw = "the sequence began as " + image_type_ + " but this is " + type;
   else if (caps)
     flaw = too_large(caps.get());
-  if (flaw.empty())
+  if (flaw.empty()) {
+    const std::span<const std::uint8_t> content(reinterpret_cast<const std::uint8_t*>(data), size);
+    if (type == "image/jpeg" && !has_end_mark(content)) {
+      const std::lock_guard lock(mutex_);
+      if (cut_images_++ == 0)
+        cut_image_ = path.string();
+    }
+    const int orientation = exif_orientation(content);
+    gst_mini_object_set_qdata(GST_MINI_OBJECT(buffer), turned_quark(),
+                              const_cast<char*>(orientation_tag(orientation)), nullptr);
     return buffer;
+  }
   gst_buffer_unref(buffer);
   set_problem(path.string() + ": " + flaw, Cause::damaged);
   return nullptr;
@@ -196,6 +254,18 @@ void Source::feed() {
   GST_BUFFER_DURATION(buffer) = time_of(next_image_ + 1) - time_of(next_image_);
   ++next_image_;
   gst_app_src_push_buffer(feeder, buffer);
+}
+
+/// Tells videoflip, in front of an image that is turned otherwise than the one before.
+GstPadProbeReturn Source::on_image(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
+  Source* source = static_cast<Source*>(self);
+  const char* tag = static_cast<const char*>(
+      gst_mini_object_get_qdata(GST_MINI_OBJECT(GST_PAD_PROBE_INFO_BUFFER(info)), turned_quark()));
+  if (!tag || source->orientation_ == tag)
+    return GST_PAD_PROBE_OK;
+  source->orientation_ = tag;
+  gst_pad_push_event(pad, gst_event_new_tag(gst_tag_list_new(GST_TAG_IMAGE_ORIENTATION, tag, nullptr)));
+  return GST_PAD_PROBE_OK;
 }
 
 std::string Source::image_after(std::uint64_t frames) const {
@@ -236,11 +306,23 @@ Source::Track* Source::track_of(GstPad* pad) {
 
 void Source::take(GstPad* pad) {
   taken_ = track_of(pad);
-  const CharPointer id(gst_pad_get_stream_id(pad));
-  if (const char* number = id ? std::strrchr(id.get(), '/') : nullptr)
-    track_id_ = static_cast<unsigned>(g_ascii_strtoull(number + 1, nullptr, 10));
+  track_id_ = track_id_of(pad);
   taken_number_ = videos_;
   linked_ = link_video(pad);
+}
+
+std::string Source::listed() const {
+  std::size_t frames = 0;
+  std::uint64_t shown = 0;
+  for (const IsoTrack& track : tables_) {
+    frames += track.times.size() + track.fragment_frames;
+    shown += track.shown_frames();
+  }
+  if (frames == 0)
+    return {};
+  return "it holds " + counted(frames, "frame") +
+         (shown == 0 ? ", of which its edit list shows none" : ", and no picture came out of any") +
+         "; cut it from the recording again, and encode it (ffmpeg without -c copy)";
 }
 
 std::string Source::choice() const {
@@ -261,7 +343,8 @@ bool Source::link_video(GstPad* pad) {
   bool ok = gst_element_link(convert, deinterlace);
   GstElement* last = deinterlace;
   const CapsPointer caps(gst_pad_query_caps(pad, nullptr));
-  if (can_be_turned(caps.get()) || is_turned(pad)) {
+  // A later image of a sequence may be turned.
+  if (input_.kind == Input::Kind::images || can_be_turned(caps.get()) || is_turned(pad)) {
     GstElement* flip = gst_element_factory_make("videoflip", nullptr);
     gst_util_set_object_arg(G_OBJECT(flip), "video-direction", "auto");
     gst_bin_add(GST_BIN(bin_), flip);
@@ -274,6 +357,7 @@ bool Source::link_video(GstPad* pad) {
   gst_element_sync_state_with_parent(convert);
   const PadPointer sink(gst_element_get_static_pad(convert, "sink"));
   gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_decoded, this, nullptr);
+  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_decoded_caps, nullptr, nullptr);
   const GstPadLinkReturn linked = gst_pad_link(pad, sink.get());
   if (ok && linked == GST_PAD_LINK_OK)
     return true;
@@ -321,6 +405,14 @@ bool Source::has_given_up() const {
   return result == GST_ITERATOR_DONE && !look.working; // changed while looking: still working
 }
 
+std::string Source::cut_images() const {
+  const std::lock_guard lock(mutex_);
+  if (cut_images_ == 0)
+    return {};
+  return cut_image_ + ": the picture is cut off, its end mark is missing" +
+         (cut_images_ > 1 ? "; so are " + std::to_string(cut_images_ - 1) + " more" : "");
+}
+
 std::string Source::problem() const {
   const std::lock_guard lock(mutex_);
   return problem_;
@@ -365,6 +457,7 @@ void Source::on_need_data(GstElement*, guint, gpointer self) {
 void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self) {
   GstElementFactory* factory = gst_element_get_factory(element);
   if (factory && g_str_equal(gst_plugin_feature_get_name(GST_PLUGIN_FEATURE(factory)), "qtdemux")) {
+    static_cast<Source*>(self)->is_iso_media_ = true;
     const PadPointer sink(gst_element_get_static_pad(element, "sink"));
     gst_pad_add_probe(sink.get(),
                       static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BUFFER),
@@ -390,8 +483,10 @@ void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer se
   if (!sink)
     return;
   const std::lock_guard lock(source->mutex_);
-  source->tracks_.push_back(std::make_unique<Track>(Track{element, true, {}}));
-  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, source->tracks_.back().get(), nullptr);
+  source->tracks_.push_back(std::make_unique<Track>(Track{element, true, false, {}, source}));
+  Track* track = source->tracks_.back().get();
+  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, track, nullptr);
+  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_encoded_caps, track, nullptr);
 }
 
 /// libav's demuxers in GStreamer 1.22 take an end for nothing yet and ask on (a cut GIF), with libav's lock
@@ -425,9 +520,9 @@ GstPadProbeReturn Source::on_index(GstPad*, GstPadProbeInfo* info, gpointer self
   return GST_PAD_PROBE_OK;
 }
 
-const IsoTrack* Source::table() const {
+const IsoTrack* Source::table(unsigned track_id) const {
   for (const IsoTrack& track : tables_)
-    if (track.id == track_id_ || tables_.size() == 1)
+    if (track.id == track_id || tables_.size() == 1)
       return &track;
   return nullptr;
 }
@@ -456,10 +551,50 @@ GstPadProbeReturn Source::on_encoded(GstPad* pad, GstPadProbeInfo* info, gpointe
     const char* name = caps ? gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)) : "";
     for (const char* hiding : {"video/x-vp8", "video/x-vp9", "video/x-av1"})
       track.countable = track.countable && !g_str_equal(name, hiding);
+    track.pictures = g_str_has_prefix(name, "image/");
   }
   track.countable = track.countable && GST_BUFFER_PTS_IS_VALID(buffer);
   if (track.countable && !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DECODE_ONLY))
     track.encoded.push_back(GST_BUFFER_PTS(buffer));
+  return GST_PAD_PROBE_OK;
+}
+
+/// qtdemux 1.22 calls the range of every colr box limited, and parsers and decoders believe it instead of the
+/// stream. The box may say full; else the range is left open, so that the decoder tells it.
+GstPadProbeReturn Source::on_encoded_caps(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+  const Source* source = static_cast<Track*>(data)->source;
+  if (!source->is_iso_media_ || GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) != GST_EVENT_CAPS)
+    return GST_PAD_PROBE_OK;
+  if (auto color = colorimetry_of(GST_PAD_PROBE_INFO_EVENT(info));
+      color && color->range != GST_VIDEO_COLOR_RANGE_0_255) {
+    const IsoTrack* track = source->table(track_id_of(pad));
+    color->range = track && track->full_range ? GST_VIDEO_COLOR_RANGE_0_255 : GST_VIDEO_COLOR_RANGE_UNKNOWN;
+    set_colorimetry(info, *color);
+  }
+  return GST_PAD_PROBE_OK;
+}
+
+/// Fills in what a decoder leaves open. GStreamer 1.22 takes the default for all of it where the matrix is
+/// unknown, and so forgets that the range is full.
+GstPadProbeReturn Source::on_decoded_caps(GstPad*, GstPadProbeInfo* info, gpointer) {
+  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+  if (GST_EVENT_TYPE(event) != GST_EVENT_CAPS)
+    return GST_PAD_PROBE_OK;
+  auto color = colorimetry_of(event);
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
+  const CapsPointer plain(gst_caps_copy(caps));
+  gst_structure_remove_field(gst_caps_get_structure(plain.get(), 0), "colorimetry");
+  GstVideoInfo usual;
+  if (!color || !gst_video_info_from_caps(&usual, plain.get()) || GST_VIDEO_INFO_IS_RGB(&usual))
+    return GST_PAD_PROBE_OK;
+  const GstVideoColorimetry before = *color;
+  if (color->range == GST_VIDEO_COLOR_RANGE_UNKNOWN)
+    color->range = usual.colorimetry.range;
+  if (color->matrix == GST_VIDEO_COLOR_MATRIX_UNKNOWN)
+    color->matrix = usual.colorimetry.matrix;
+  if (!gst_video_colorimetry_is_equal(&*color, &before))
+    set_colorimetry(info, *color);
   return GST_PAD_PROBE_OK;
 }
 
@@ -473,9 +608,12 @@ std::uint64_t Source::lost() const {
   std::vector<GstClockTime> in = taken_->encoded, out = decoded_;
   std::sort(in.begin(), in.end());
   std::sort(out.begin(), out.end());
-  // Before the first and behind the last that came out lies what the file itself trims.
-  in.erase(in.begin(), std::lower_bound(in.begin(), in.end(), out.front()));
-  in.erase(std::upper_bound(in.begin(), in.end(), out.back()), in.end());
+  // Before the first and behind the last that came out lies what the file itself trims. A picture needs no
+  // other to be decoded.
+  if (!taken_->pictures) {
+    in.erase(in.begin(), std::lower_bound(in.begin(), in.end(), out.front()));
+    in.erase(std::upper_bound(in.begin(), in.end(), out.back()), in.end());
+  }
   std::vector<GstClockTime> lost;
   std::set_difference(in.begin(), in.end(), out.begin(), out.end(), std::back_inserter(lost));
   if (const IsoTrack* track = table();
@@ -483,12 +621,6 @@ std::uint64_t Source::lost() const {
     std::erase_if(lost, [track](GstClockTime time) { return !track->shown_at(time); });
   // When nothing matches the decoder made times of its own, and nothing can be told.
   return lost.size() + 1 < in.size() ? lost.size() : 0;
-}
-
-std::uint64_t Source::corrupted() const {
-  const GstClockTime first = taken_ && !taken_->encoded.empty() ? taken_->encoded.front() : 0;
-  return static_cast<std::uint64_t>(std::count_if(corrupted_.begin(), corrupted_.end(),
-                                                  [first](GstClockTime time) { return time >= first; }));
 }
 
 GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
@@ -509,7 +641,9 @@ GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info, gpointe
   if (follows && !shown)
     return GST_PAD_PROBE_DROP;
   if (GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_CORRUPTED))
-    source->corrupted_.push_back(GST_BUFFER_PTS(buffer));
+    ++source->corrupted_;
+  else if (!std::exchange(source->sound_, true))
+    source->corrupted_ = 0;
   if (!follows)
     return GST_PAD_PROBE_OK;
   buffer = gst_buffer_make_writable(buffer);

@@ -42,10 +42,9 @@ class Source {
   /// Why feeding or linking failed; empty when it did not.
   std::string problem() const;
   Cause cause() const; ///< of the problem
-  /// Frames that the decoder marked as damaged, without those that a file trimmed inside an open group of
-  /// pictures shows before its first picture in coding order: they refer to pictures that were cut away. To
-  /// be called after the run.
-  std::uint64_t corrupted() const;
+  /// Frames that the decoder marked as damaged. Those before the first sound frame do not count: a file that
+  /// is trimmed inside an open group of pictures begins like that, and a player shows them.
+  std::uint64_t corrupted() const { return corrupted_; }
   /// Frames that went into the decoder behind the first that came out, and never came out themselves. 0 where
   /// that cannot be told: hidden frames (VP8, VP9, AV1), fields, files without times. When stopped only.
   std::uint64_t lost() const;
@@ -53,6 +52,10 @@ class Source {
   bool is_countable() const;
   /// Which of several video tracks was taken, for a message; empty when there is but one.
   std::string choice() const;
+  /// Which images of a sequence end early, for a message; empty when none does.
+  std::string cut_images() const;
+  /// Why the video tracks that the tables of its file list gave no frame; empty when they list none.
+  std::string listed() const;
   /// Frames of the track that the tables of its file promise; 0 where they are unknown.
   std::uint64_t promised() const;
   /// The image that a decoder which has given out `frames` frames was busy with; empty for other inputs.
@@ -67,10 +70,13 @@ class Source {
   struct Track {
     GstElement* decoder;
     bool countable = true;
+    bool pictures = false;             ///< each can be decoded without the others
     std::vector<GstClockTime> encoded; ///< times of its frames
+    const Source* source = nullptr;
   };
   /// What its file says of the taken track; null for other containers.
-  const IsoTrack* table() const;
+  const IsoTrack* table() const { return table(track_id_); }
+  const IsoTrack* table(unsigned track_id) const;
   Track* track_of(GstPad* pad);
   void take(GstPad* pad);
   void feed();
@@ -83,11 +89,14 @@ class Source {
   static gboolean on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer);
   static void on_need_data(GstElement*, guint, gpointer self);
   static void on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self);
+  static GstPadProbeReturn on_image(GstPad* pad, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_pull(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self);
   static GstPadProbeReturn on_index(GstPad*, GstPadProbeInfo* info, gpointer self);
-  static GstPadProbeReturn on_encoded(GstPad*, GstPadProbeInfo* info, gpointer self);
+  static GstPadProbeReturn on_encoded(GstPad*, GstPadProbeInfo* info, gpointer track);
+  static GstPadProbeReturn on_encoded_caps(GstPad*, GstPadProbeInfo* info, gpointer track);
   static GstPadProbeReturn on_decoded(GstPad*, GstPadProbeInfo* info, gpointer self);
+  static GstPadProbeReturn on_decoded_caps(GstPad*, GstPadProbeInfo* info, gpointer);
 
   const Input& input_;
   const int threads_; ///< of the decoder
@@ -96,11 +105,14 @@ class Source {
   GstElement* feeder_ = nullptr; ///< the appsrc of an image sequence
   std::size_t next_image_ = 0;   ///< feeder's thread only
   int fps_numerator_ = 30, fps_denominator_ = 1;
-  std::string image_type_; ///< media type of the first image; feeder's thread only
+  std::string image_type_;               ///< media type of the first image; feeder's thread only
+  std::string orientation_ = "rotate-0"; ///< of the last image; its streaming thread
   std::atomic<bool> linked_{false};
-  std::vector<GstClockTime> corrupted_; ///< times of the frames that are marked as damaged
-  bool countable_ = true;               ///< one frame out per frame in; streaming threads
-  std::vector<GstClockTime> decoded_;   ///< times of the frames that came out; a streaming thread
+  std::atomic<bool> is_iso_media_{false}; ///< qtdemux reads it
+  std::atomic<std::uint64_t> corrupted_{0};
+  bool sound_ = false;                ///< streaming thread: a frame came out that is not damaged
+  bool countable_ = true;             ///< one frame out per frame in; streaming threads
+  std::vector<GstClockTime> decoded_; ///< times of the frames that came out; a streaming thread
   std::vector<std::unique_ptr<Track>> tracks_;
   Track* taken_ = nullptr;
   PadPointer picture_; ///< a track of pictures, taken when no other video is there
@@ -109,10 +121,12 @@ class Source {
   const std::vector<IsoTrack> tables_; ///< of an MP4 or MOV file
   std::uint64_t pulled_ = 0;           ///< end of what a libav demuxer has read; its thread only
   std::uint64_t pulls_at_end_ = 0;     ///< how often it asked for more behind that; its thread only
-  mutable std::mutex mutex_;           ///< guards the three below and tracks_
+  mutable std::mutex mutex_;           ///< guards those below and tracks_
   std::string problem_;
   Cause cause_ = Cause::none;
   std::string other_streams_;
+  std::string cut_image_; ///< the first
+  std::uint64_t cut_images_ = 0;
 };
 
 } // namespace terrainseg::process

@@ -7,14 +7,14 @@
 namespace terrainseg::process {
 namespace {
 
-constexpr std::uint64_t stride = 5;   ///< frames between two looks
-constexpr int least_compared = 6;     ///< pairs: a second of video at 30 frames a second
-constexpr double still = 2;           ///< mean change of a still row: coding noise
-constexpr double moving = 6;          ///< mean change of the picture above
-constexpr int least_permille = 30;    ///< of the height
-constexpr int looked_at_percent = 60; ///< of the height, from the bottom
+constexpr std::uint64_t stride = 5;   ///< compares every fifth frame
+constexpr int least_compared = 6;     ///< minimum number of pairs: a second of video at 30 frames per second
+constexpr double still = 2;           ///< maximum mean change of an unchanged row: coding noise
+constexpr double moving = 6;          ///< minimum mean change of the picture above
+constexpr int least_permille = 30;    ///< minimum share of the height
+constexpr int looked_at_percent = 60; ///< share of the height, from the bottom
 
-/// Brightness of a pixel in 8 bits: luma, or green.
+/// 8-bit brightness of a pixel: luma, or green.
 int brightness(const GstVideoFrame& frame, int component, int x, int y) {
   const auto* data = static_cast<const std::uint8_t*>(GST_VIDEO_FRAME_COMP_DATA(&frame, component));
   const std::uint8_t* pixel =

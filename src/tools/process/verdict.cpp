@@ -8,7 +8,7 @@
 namespace terrainseg::process {
 namespace {
 
-/// A fault of one image of a sequence names it.
+/// Adds the image of a sequence to a fault.
 Fault of_image(const std::string& image, Fault fault) {
   if (!image.empty())
     fault.text = image + ": " + fault.text;
@@ -19,12 +19,12 @@ Fault changed_meanwhile() {
   return {Cause::changed, "it was written to or replaced while it was read"};
 }
 
-/// Fewer frames, or a shorter time, than the container promises.
+/// Fewer frames or a shorter duration than the container specifies.
 Fault broken_promise(const Ended& run) {
   if (const std::uint64_t promised = run.source.promised(); run.frames < promised)
     return {Cause::damaged, "only " + std::to_string(run.frames) + " of the " + counted(promised, "frame") +
                                 " that the file lists came out of it"};
-  constexpr gint64 slack = GST_SECOND; // a last frame may be shown long, and headers round
+  constexpr gint64 slack = GST_SECOND; // the last frame may have a long duration, and headers are rounded
   if (run.input.kind != Input::Kind::file || !run.source.other_streams().empty() ||
       !tells_duration(run.input.path) || run.duration <= static_cast<gint64>(run.end) + slack)
     return {};
@@ -67,8 +67,10 @@ Fault why_empty(const Ended& run) {
     cut.text += failed ? "; " + error.text : "";
     return cut;
   }
-  if (!failed)
-    return {Cause::unsupported, no_video};
+  if (!failed) {
+    const std::string listed = run.source.listed();
+    return listed.empty() ? Fault{Cause::unsupported, no_video} : Fault{Cause::damaged, listed};
+  }
   Fault fault = of_image(run.source.image_after(0), error);
   if (run.complaints.source_gave_up() && fault.cause == Cause::damaged)
     fault.text += std::string("; ") + make_it_anew;
@@ -95,6 +97,8 @@ Fault damage_of(const Ended& run) {
     return damaged(warning);
   if (const std::uint64_t lost = run.source.lost(); lost > 0)
     return damaged(counted(lost, "frame") + " in it could not be decoded");
+  if (const std::string cut = run.source.cut_images(); !cut.empty())
+    return damaged(cut);
   if (run.source.corrupted() > 0)
     return damaged("the decoder marked " + counted(run.source.corrupted(), "frame") + " as damaged");
   return broken_promise(run);

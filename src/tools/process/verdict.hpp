@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What is wrong with an input, when its pipeline has stopped.
+// Decides whether an input was processed completely, after its pipeline has stopped.
 #pragma once
 
 #include <cstdint>
@@ -12,22 +12,22 @@
 
 namespace terrainseg::process {
 
-/// A run that is over.
+/// The facts about a stopped run.
 struct Ended {
   const Input& input;
   const Options& options;
   const Source& source;
   const Complaints& complaints;
-  std::uint64_t frames; ///< that came out of terrainseg
-  GstClockTime end;     ///< of the last of them
-  gint64 duration;      ///< of the file, by its demuxer; 0 and less: unknown
-  bool changed;         ///< the input is not the file any more that it was before
+  std::uint64_t frames; ///< frames that terrainseg output
+  GstClockTime end;     ///< end of the last frame
+  gint64 duration;      ///< of the file, from its demuxer; 0 or less = unknown
+  bool changed;         ///< the input was replaced or modified
 };
 
-/// Why not a single frame came.
+/// Why there was no frame.
 Fault why_empty(const Ended& run);
 
-/// What is wrong with an input of which frames came; no cause: it is whole.
+/// What is wrong with an input that gave frames. No cause: it is complete.
 Fault damage_of(const Ended& run);
 
 } // namespace terrainseg::process

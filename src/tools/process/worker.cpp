@@ -30,13 +30,12 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-constexpr int tick = 100; // milliseconds between two looks at signals and progress
+constexpr int tick = 100; // interval of checking signals and progress, milliseconds
 
-/// What a message is; the first byte of it.
+/// Kind of a message: its first byte.
 enum Kind : char { work = 'w', interrupt = 'i', progress_made = 'p', done = 'd' };
 
-/// Messages with their length in front. What the other end does not take any more is lost, which the reader
-/// notices.
+/// Messages with a length in front. If the other end is closed, a message is lost; the reader detects that.
 void send(int socket, Kind kind, const std::string& content) {
   const std::uint32_t length = static_cast<std::uint32_t>(content.size() + 1);
   std::string bytes(reinterpret_cast<const char*>(&length), sizeof length);
@@ -48,7 +47,7 @@ void send(int socket, Kind kind, const std::string& content) {
 class Messages {
  public:
   explicit Messages(int socket) : socket_(socket) {}
-  /// Waits at most a tick for bytes; false when the other end is closed.
+  /// Waits at most a tick for data. Returns false if the other end is closed.
   bool receive() {
     pollfd what{socket_, POLLIN, 0};
     if (poll(&what, 1, tick) <= 0)
@@ -60,7 +59,7 @@ class Messages {
     bytes_.append(bytes, static_cast<std::size_t>(count));
     return true;
   }
-  /// The next message that is whole: its kind and its content.
+  /// The next complete message: its kind and its content.
   std::optional<std::pair<char, std::string>> next() {
     std::uint32_t length = 0;
     if (bytes_.size() < sizeof length)
@@ -94,7 +93,8 @@ Outcome lost(const Input& input, const Options& options, Cause cause, const std:
   return outcome;
 }
 
-/// Takes away the unfinished files that a lost process has left: who opens one owns it, and deletes it.
+/// Removes the unfinished files of a crashed worker. Opening a file takes its lock, and deletes it at the
+/// end.
 void remove_parts(const Naming& naming, const Options& options) {
   AtomicFile record;
   if (record.open(naming.record()))
@@ -110,7 +110,7 @@ void remove_parts(const Naming& naming, const Options& options) {
         continue;
     }
     if (path.parent_path() != naming.record().parent_path())
-      fs::remove(path.parent_path(), error); // of a recording; stays where something else is in it
+      fs::remove(path.parent_path(), error); // folder of a recording; fails if it contains other files
   }
 }
 
@@ -162,7 +162,7 @@ Record to_record(const json& from) {
   return record;
 }
 
-/// The end of the socket that a worker has, for its two threads.
+/// A worker's end of the socket, for its two threads.
 class Line {
  public:
   Line(int socket, const Options& options) : socket_(socket), options_(options) {}
@@ -175,14 +175,14 @@ class Line {
   const int socket_;
   const Options& options_;
   std::atomic<int> interrupted_{0};
-  std::mutex mutex_; ///< guards what follows, and what is sent
+  std::mutex mutex_; ///< guards the following members, and sending
   std::condition_variable given_;
-  std::optional<Input> input_;         ///< to do
-  std::unique_ptr<Progress> progress_; ///< of what is being done
+  std::optional<Input> input_;         ///< input to process
+  std::unique_ptr<Progress> progress_; ///< progress of the current input
   std::uint64_t told_frames_ = 0;
 };
 
-/// Does what it is given.
+/// Processes requests.
 void Line::work_on() {
   for (;;) {
     std::unique_lock lock(mutex_);
@@ -205,8 +205,8 @@ void Line::work_on() {
   }
 }
 
-/// Hears what the run says, and tells it how far the work is. Without a run there is nothing to finish: what
-/// was begun stays as after a power cut.
+/// Receives the run's messages and sends the progress. If the run has ended, the worker exits at once:
+/// unfinished files remain as after a power failure.
 void Line::listen() {
   Messages messages(socket_);
   while (messages.receive()) {
@@ -220,7 +220,7 @@ void Line::listen() {
     }
     tell_progress();
   }
-  std::quick_exit(0); // what other threads hold is nobody's any more
+  std::quick_exit(0); // skips destructors, because other threads may hold locks
 }
 
 void Line::tell_progress() {
@@ -278,17 +278,16 @@ Loss loss_of(int status, bool file) {
              : "exit code " + std::to_string(WIFEXITED(status) ? WEXITSTATUS(status) : status);
   for (const int ended : {SIGKILL, SIGTERM, SIGINT, SIGHUP, SIGQUIT, SIGXCPU})
     if (number == ended)
-      return {Cause::resources,
-              "the process that decoded it was ended from outside (" + named +
-                  "): by somebody, or for want of memory; a smaller --jobs takes less of it"};
+      return {Cause::resources, "the process that decoded it was killed from outside (" + named +
+                                    "): by a user, or because memory ran out; a smaller --jobs needs less"};
   return {Cause::crashed,
-          "the decoder crashed (" + named + "); nothing of it is kept; " +
+          "the decoder crashed (" + named + "); no output is kept; " +
               (file ? make_it_anew
-                    : "look whether another program reads it (ffmpeg), and process what that makes of it")};
+                    : "if another program (ffmpeg) can read it, process the output of that program")};
 }
 
 void serve(int socket, const Options& options) {
-  static Line line(socket, options); // its threads end with the process
+  static Line line(socket, options); // static: its threads run until the process ends
   std::thread([] { line.listen(); }).detach();
   line.work_on();
 }
@@ -311,8 +310,9 @@ bool Worker::start() {
 
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_adddup2(&actions, ends[1], ends[1]); // stays open
-  // Ctrl-C reaches all processes of a terminal, `kill` only one: the run hears both, and tells its workers.
+  posix_spawn_file_actions_adddup2(&actions, ends[1], ends[1]); // remains open in the child
+  // Ctrl-C reaches all processes of a terminal, `kill` only one: workers ignore both and get a message from
+  // the run.
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
   sigset_t told;
@@ -334,7 +334,7 @@ bool Worker::start() {
   return true;
 }
 
-/// How it ended, as waitpid() says; it ends when its socket is closed.
+/// Exit status as from waitpid(). The process ends when its socket is closed.
 int Worker::stop() {
   if (pid_ < 0)
     return 0;
@@ -346,7 +346,7 @@ int Worker::stop() {
   return status;
 }
 
-/// Nothing when the process is lost before it has answered.
+/// Returns nothing if the process is lost before it answers.
 std::optional<Outcome> Worker::ask(const Input& input, Progress& progress,
                                    const std::atomic<int>& interrupted) {
   send(socket_, work, packed(input));
@@ -375,7 +375,7 @@ Outcome Worker::process(const Input& input, const Naming& naming, const Options&
       return *outcome;
     const int status = stop();
     remove_parts(naming, options);
-    if (used && !interrupted) { // it may have been an earlier input that broke it
+    if (used && !interrupted) { // the crash may have been caused by an earlier input
       progress.frames = 0;
       progress.permille = -1;
       continue;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Inputs are decoded in a process of their own: libraries that crash on a file take that input with them, and
-// not the run. A process serves one input after the other, and is replaced when it is lost.
+// Inputs are decoded in worker processes: if a library crashes, only that input is lost. A worker processes
+// one input after the other and is replaced when it crashes.
 #pragma once
 
 #include <sys/types.h>
@@ -17,19 +17,19 @@
 
 namespace terrainseg::process {
 
-/// The first argument of the program when it works for another of its kind; the second is a socket.
+/// First argument of the program for a worker; the second one is a socket.
 inline constexpr const char* worker_option = "--worker";
 
-/// The side of the run; belongs to one of its threads.
+/// A worker as the run sees it; used by one thread.
 class Worker {
  public:
-  /// `arguments` are those that the program was started with.
+  /// `arguments` are those of the program.
   explicit Worker(std::vector<std::string> arguments) : arguments_(std::move(arguments)) {}
   ~Worker();
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
 
-  /// process() of pipeline.hpp in the other process. Where none can be started the work is done in this one.
+  /// Runs process() of pipeline.hpp in the worker; in this process if none can be started.
   Outcome process(const Input& input, const Naming& naming, const Options& options, Progress& progress,
                   const std::atomic<int>& interrupted);
 
@@ -39,22 +39,22 @@ class Worker {
   int stop();
 
   std::vector<std::string> arguments_;
-  pid_t pid_ = -1; ///< -1: there is none
+  pid_t pid_ = -1; ///< -1: not running
   int socket_ = -1;
 };
 
-/// The side of the worker: serves what comes through the socket until its other end is closed. Never returns.
+/// The worker's main loop: processes requests from the socket until the other end is closed. Never returns.
 [[noreturn]] void serve(int socket, const Options& options);
 
-/// Why an input is lost whose process ended with that status of waitpid(); `file`: it is one, which can be
-/// converted.
+/// Why an input failed whose worker ended with that status of waitpid(). `file`: whether it is a file, which
+/// can be converted.
 struct Loss {
   Cause cause = Cause::none;
   std::string text;
 };
 Loss loss_of(int status, bool file);
 
-/// What goes through the socket. File names are bytes, and need be no UTF-8.
+/// Messages of the socket. File names are bytes and may be invalid UTF-8.
 std::string packed(const Input& input);
 std::string packed(const Outcome& outcome);
 Input unpacked_input(const std::string& bytes);

@@ -12,7 +12,7 @@ from gi.repository import GLib, GObject, Gst  # noqa: E402
 # The ten properties that both programs offer, and the step of one press of + or -.
 KEYS = (('preset', 1), ('caution', 2), ('doubtful', 4), ('window-sigma', 0.25), ('forget-shift', 1), ('connected-ground', 1),
         ('odd-spots', 1), ('motion', 1), ('temporal', 1), ('overlay-style', 1))
-# Properties that are not saved: display, place in the pipeline, state of the moment or of one run, and mirrors of other properties.
+# Properties that are not saved: display, position in the pipeline, temporary states, and mirrors of other properties.
 NOT_KEPT = {'name', 'parent', 'overlay', 'navigation', 'post-messages', 'settings-location', 'model-location', 'instance',
             'stages', 'qos', 'learning', 'near-clear', 'n-threads', 'ignore-regions', 'start-time'}
 WINDOW_IN_PIXELS = ('window-x', 'window-bottom', 'window-width', 'window-height')
@@ -25,7 +25,7 @@ def fields_of(buffer):
 
 
 def text_of(element, name):
-    """The value of a property as gst-launch-1.0 and a settings file take it."""
+    """The value of a property as text for gst-launch-1.0 and a settings file."""
     spec = element.find_property(name)
     value = element.get_property(name)
     if spec.value_type.is_a(GObject.TYPE_ENUM):
@@ -48,7 +48,7 @@ def regions_text(regions):
 
 
 def rect_text(x, y, width, height):
-    """Fractions of the frame as window-rect takes them."""
+    """Fractions of the frame as the text of window-rect."""
     return ','.join(f'{side:.5f}'.rstrip('0').rstrip('.') for side in (x, y, width, height))
 
 
@@ -67,7 +67,7 @@ def horizon_of(element):
 
 
 def window_of(element, fields):
-    """The training window in fractions: as it was drawn, where that fits the frame, else where the last frame had it."""
+    """The training window in fractions: as drawn if that fits the frame, otherwise that of the last frame."""
     width, height = fields.get_value('frame-width'), fields.get_value('frame-height')
     x, bottom, w, h = (element.get_property(name) for name in WINDOW_IN_PIXELS)
     y = height - bottom - h
@@ -84,8 +84,8 @@ def stock_of(element):
 
 
 def settings_of(element, regions, fields=None):
-    """What differs from the preset, as pairs of name and text, the preset first. A window in pixels is kept as window-rect, so that
-    it holds for every frame size, once the metadata (`fields`) of a frame tells where it lies."""
+    """The settings that differ from the preset, as pairs of name and text, the preset first. A window in pixels is saved as window-rect,
+    which is valid for every frame size, if the metadata (`fields`) of a frame is known."""
     stock = stock_of(element)
     preset = text_of(element, 'preset')
     kept = [('preset', preset)] if preset != 'default' else []
@@ -107,7 +107,7 @@ def settings_of(element, regions, fields=None):
 
 
 def read_group(path):
-    """The group [terrainseg] of a settings file as a dictionary; empty when there is no file. ValueError when it cannot be read."""
+    """The group [terrainseg] of a settings file as a dictionary; empty without a file. Raises ValueError if it cannot be read."""
     keys = GLib.KeyFile()
     if not os.path.exists(path):
         return {}
@@ -119,7 +119,7 @@ def read_group(path):
 
 
 def write_settings(path, settings):
-    """Other groups and comments of a file that is there stay; the file is whole or as it was."""
+    """Writes the file atomically; keeps other groups and comments of an existing file."""
     keys = GLib.KeyFile()
     if os.path.exists(path):
         keys.load_from_file(str(path), GLib.KeyFileFlags.KEEP_COMMENTS)
@@ -136,11 +136,11 @@ def write_settings(path, settings):
 
 
 def set_text(element, name, value):
-    """Sets a property from text; ValueError says what is wrong with it."""
+    """Sets a property from text; raises ValueError with the reason."""
     spec = element.find_property(name)
     if not spec:
         raise ValueError(f'terrainseg has no property {name}; gst-inspect-1.0 terrainseg lists them')
-    # util_set_object_arg() leaves what it cannot read as it was, and of what is out of range it warns.
+    # util_set_object_arg() ignores invalid text, and only warns about values out of range.
     least, most = getattr(spec, 'minimum', None), getattr(spec, 'maximum', None)
     try:
         number = least is not None and (int(value, 0) if isinstance(least, int) else float(value))

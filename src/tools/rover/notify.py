@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""systemd's notify protocol (sd_notify): ready with the first frame, and a watchdog that only frames feed."""
+"""systemd's notify protocol (sd_notify): READY with the first frame, WATCHDOG only while frames pass."""
 import os
 import socket
 import time
@@ -15,16 +15,16 @@ class Watchdog:
     def send(self, text):
         if not self.address:
             return
-        # An @ in front stands for the zero byte of an abstract address.
+        # A leading @ means the zero byte of an abstract address.
         address = '\0' + self.address[1:] if self.address.startswith('@') else self.address
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
                 sender.sendto(text.encode(), address)
         except OSError:
-            pass  # systemd counts what comes
+            pass  # systemd notices missing messages
 
     def tick(self, frames, problem):
-        """Several times a second, with the number of frames that have passed."""
+        """Call several times a second with the number of frames so far."""
         now = time.monotonic()
         status = f'camera: {problem}' if problem else 'frames pass'
         if status != self.told:

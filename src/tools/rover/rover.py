@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""The camera's pipeline and its consumers. Frames pass terrainseg once; pictures, recordings and WebRTC are pipelines of their own
-that get references to the frames, so that an error, a full disk or a slow encoder in one of them does not reach the camera."""
+"""The camera's pipeline and its consumers. Frames pass terrainseg once. Pictures, recordings and WebRTC are separate pipelines that
+get references to the frames, so errors, full disks and slow encoders do not affect the camera."""
 import array
 import math
 import os
@@ -21,8 +21,8 @@ from filter_settings import (FLAGS, KEYS, NOT_KEPT, WINDOW_IN_PIXELS, fields_of,
 
 SCENE = 'terrainscenesrc is-live=true ! video/x-raw,format=I420,width=640,height=360,framerate=30/1'
 CAMERA = 'v4l2src ! decodebin'
-FIRST_FRAME, SILENCE, RETRY = 15, 3, 1  # seconds: to the first frame, without a frame, between two tries
-LEAST_DISK = 300_000_000  # bytes that a recording leaves free
+FIRST_FRAME, SILENCE, RETRY = 15, 3, 1  # seconds: limit for the first frame, limit without a frame, interval between two attempts
+LEAST_DISK = 300_000_000  # minimum free space in bytes during a recording
 RECORDING = re.compile(r'rover-\d{8}-\d{6}\.(mcap|jsonl)')
 MOST_REGIONS = 32
 PICTURES = ('videoscale ! video/x-raw,width=[16,{width}],pixel-aspect-ratio=1/1 ! terrainoverlay name=overlay ! videoconvert '
@@ -48,13 +48,13 @@ def numbers_of(fields, name, kind):
 
 
 class Feed:
-    """A pipeline behind an appsrc. `depth` frames wait in it; when it is slower than the camera it loses the oldest."""
+    """A pipeline behind an appsrc, which queues `depth` frames. If it is slower than the camera, the oldest frame is dropped."""
 
     def __init__(self, main, description, depth):
         self.pipeline = Gst.parse_launch('appsrc name=in is-live=true format=time leaky-type=downstream max-bytes=0 max-time=0 '
                                          f'max-buffers={depth} ! {description}')
         self.source = self.get('in')
-        # The frames' time stamps are those of the camera's pipeline.
+        # Frames keep the time stamps of the camera's pipeline.
         self.pipeline.use_clock(main.get_clock())
         self.pipeline.set_start_time(Gst.CLOCK_TIME_NONE)
         self.pipeline.set_base_time(main.get_base_time())
@@ -71,7 +71,7 @@ class Feed:
         return message and message.parse_error()[0].message
 
     def end(self, wait=0):
-        """Stops it; with `wait` (seconds) what is in it is written first. Returns the error that it ended with."""
+        """Stops it; with `wait` (seconds) it finishes queued frames first. Returns its error, if any."""
         error = self.error()
         if wait and not error:
             self.source.emit('end-of-stream')
@@ -108,7 +108,7 @@ class Rover:
         self.terrain = self.pipeline.get_by_name('terrain')
         self.pipeline.get_by_name('out').connect('new-sample', self.on_frame)
         self.load_settings()
-        Gst.parse_bin_from_description(self.source(), True)  # a mistake in it ends the program at the start
+        Gst.parse_bin_from_description(self.source(), True)  # an invalid source ends the program at the start
         bus = self.pipeline.get_bus()
         bus.add_signal_watch()
         bus.connect('message', self.on_message)
@@ -131,7 +131,7 @@ class Rover:
             self.fail(message.parse_error()[0].message if message else 'the camera cannot be started')
 
     def stop(self):
-        """Ends what depends on the camera, and the camera."""
+        """Stops the feeds and the camera."""
         if self.recording:
             self.end_recording()
         self.pipeline.set_state(Gst.State.NULL)
@@ -160,13 +160,13 @@ class Rover:
             self.note = text
 
     def report(self, level, text):
-        """To the log and the page; what is repeated is logged once."""
+        """Reports to the log and the page; repetitions are logged once."""
         if text != self.note:
             self.log(level, text)
         self.note = text
 
     def watch(self):
-        """Called four times a second: starts the camera anew when it is gone, and looks after the feeds."""
+        """Called four times a second: restarts a failed camera, and checks the feeds."""
         now = time.monotonic()
         if not self.camera:
             if now >= self.retry_at:
@@ -234,7 +234,7 @@ class Rover:
         return Gst.FlowReturn.OK
 
     def next_picture(self, seen, wait):
-        """The number of the newest picture and the picture, as soon as it is another than `seen`; None after `wait` seconds."""
+        """Waits for a picture with another number than `seen`. Returns number and picture; None after `wait` seconds."""
         with self.picture_came:
             self.picture_came.wait_for(lambda: self.pictures != seen, wait)
             return self.pictures, self.picture if self.pictures != seen else None
@@ -259,7 +259,7 @@ class Rover:
     # Status
 
     def status(self):
-        """As JSON would have it; made at most five times a second, however many ask."""
+        """The status as a JSON-compatible dictionary; updated at most five times a second for all viewers."""
         with self.lock:
             now = time.monotonic()
             if not self.made or now - self.made_at > 0.2:
@@ -289,7 +289,7 @@ class Rover:
         width, height = get('frame-width'), get('frame-height')
         flags = get('flags')
         boundary = numbers_of(fields, 'boundary', 'H')
-        # The columns of the mask that lie ahead of the window.
+        # The columns of the mask above the window.
         scale = len(boundary) / max(1, get('mask-w'))
         first = max(0, int((get('window-x') - get('mask-x')) * scale))
         last = max(first + 1, math.ceil((get('window-x') + get('window-w') - get('mask-x')) * scale))
@@ -306,7 +306,7 @@ class Rover:
                 'ms': round(of_stats('total-median-us') / 1000, 2), 'learned': of_stats('learned'), 'seen': of_stats('frames')}
 
     def lesson(self, flags):
-        """Why nothing is learned; empty when the window is."""
+        """Why the window is not learned; empty if it is."""
         if not self.terrain.get_property('learning'):
             return 'learning is switched off'
         if not self.terrain.get_property('near-clear'):
@@ -317,7 +317,7 @@ class Rover:
 
     @staticmethod
     def metres(buffer, first, last):
-        """The nearest end of the free space ahead of the window: metres, and whether it is free as far as ranges go."""
+        """The shortest range ahead of the window in metres, and whether it is free up to range-max."""
         meta = buffer.get_custom_meta('GstTerrainMetricMeta')
         if not meta:
             return None
@@ -329,7 +329,7 @@ class Rover:
         return {'free': math.isinf(nearest), 'value': round(fields.get_value('range-max') if math.isinf(nearest) else nearest, 2)}
 
     def keys(self):
-        """What the page needs to offer the settings."""
+        """Description of the settings for the page."""
         for name, step in KEYS:
             spec = self.terrain.find_property(name)
             entry = {'name': name, 'blurb': spec.blurb}
@@ -354,7 +354,7 @@ class Rover:
             raise ValueError('this is not a value')
 
     def set_window(self, sides):
-        """Fractions of the frame, or None for what preset and size of the frame say."""
+        """Sets the window in fractions of the frame; None = the default of the preset."""
         if sides is None:
             for name in ('window-rect', *WINDOW_IN_PIXELS):
                 self.terrain.emit('unset-property', name)
@@ -364,7 +364,7 @@ class Rover:
 
     @staticmethod
     def rectangle(sides):
-        """Inside the frame, in steps of 1/100000 as window-rect is written."""
+        """Limits it to the frame and rounds to 1/100000, the resolution of window-rect."""
         if not isinstance(sides, list) or len(sides) != 4:
             raise ValueError('a rectangle is [x, y, width, height]')
         x, y, width, height = (round(1e5 * number(side)) for side in sides)
@@ -388,7 +388,7 @@ class Rover:
             self.put_regions([*self.regions, (left, top, max(1, round((x + w) * width) - left), max(1, round((y + h) * height) - top))])
 
     def remove_regions(self, point):
-        """Those under a point."""
+        """Removes the regions that contain a point."""
         if not isinstance(point, list) or len(point) != 2:
             raise ValueError('a point is [x, y]')
         with self.lock:
@@ -400,13 +400,14 @@ class Rover:
         Gst.util_set_object_arg(self.terrain, 'ignore-regions', regions_text(regions))
 
     def fit_regions(self, size):
-        """The property is in pixels: after a change of the frame's size the regions keep their place in the picture."""
+        """Converts the regions to pixels after a change of the frame size; they keep their position in the picture."""
         before, self.size = self.size, size
         if before and before != size and self.regions:
             across, down = size[0] / before[0], size[1] / before[1]
             self.put_regions([(round(x * across), round(y * down), max(1, round(w * across)), max(1, round(h * down))) for x, y, w, h in self.regions])
 
     def set_horizon(self, row):
+        """Sets where level ground ends as a fraction of the height; None = the filter finds it."""
         set_horizon(self.terrain, None if row is None else number(row))
 
     def set_learning(self, on):
@@ -417,15 +418,15 @@ class Rover:
     # What is kept
 
     def load_settings(self):
-        """From the file, then what the command line says."""
+        """Applies the settings file, then the command line."""
         kept = read_group(self.options.settings)
         self.regions = []
         for spec in self.terrain.list_properties():
             if spec.name not in NOT_KEPT:
                 self.terrain.emit('unset-property', spec.name)
         for name, text in [*kept.items(), *self.options.properties]:
-            regions = name == 'ignore-regions'  # the bindings cannot read its value
-            if regions or not self.terrain.find_property(name) or text_of(self.terrain, name) != text:  # some can be set before the start only
+            regions = name == 'ignore-regions'  # the Python bindings cannot read its value
+            if regions or not self.terrain.find_property(name) or text_of(self.terrain, name) != text:  # some can be set only before the start
                 set_text(self.terrain, name, text)
             if regions:
                 self.regions = rectangles_of(text)
@@ -459,7 +460,7 @@ class Rover:
         return [[name, (self.recordings / name).stat().st_size] for name in names[:20]]
 
     def recording_file(self, name):
-        """The path of a finished recording; None when there is none of that name."""
+        """The path of a finished recording; None if that name does not exist."""
         return self.recordings / name if RECORDING.fullmatch(name) and (self.recordings / name).is_file() else None
 
     def start_recording(self):
@@ -472,7 +473,7 @@ class Rover:
             mcap = has('terrainmcapsink')
             path = self.recordings / time.strftime(f'rover-%Y%m%d-%H%M%S.{"mcap" if mcap else "jsonl"}')
             if path.exists():
-                raise ValueError('a recording of this second is there already')
+                raise ValueError('a recording of this second already exists')
             if mcap:
                 feed = Feed(self.pipeline, f"{ENCODE if has('x264enc', 'h264parse') else ''}terrainmcapsink name=file sync=false", 8)
                 for name in 'camera-info', 'mount':
@@ -490,13 +491,13 @@ class Rover:
         self.end_recording(error)
 
     def end_recording(self, error=None):
-        """Writes what is still in it, unless it has failed already."""
+        """Finishes the recording, unless it has failed."""
         with self.lock:
             ended, self.recording = self.recording, None
         if not ended:
             return
         later = self.drop_feed('recording', 0 if error else 5)
-        error = error or later  # the first one has the reason
+        error = error or later  # the first error has the cause
         part = pathlib.Path(f'{ended[0]}.part')
         if ended[0].suffix == '.jsonl' and part.exists():
             part.rename(ended[0])

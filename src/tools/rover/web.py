@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""The page's HTTP server: who may ask (token, Host, Origin), how much (connections, sizes, times), and what for."""
+"""The page's HTTP server: authorisation (token, Host, Origin), limits (connections, sizes, times), and requests."""
 import hashlib
 import hmac
 import http.cookies
@@ -14,7 +14,7 @@ import urllib.parse
 
 HERE = pathlib.Path(__file__).resolve().parent
 MOST_CONNECTIONS, MOST_VIEWERS, LONGEST_BODY = 32, 8, 65536
-PATIENCE = 10  # seconds for a request, and for a viewer that does not read
+PATIENCE = 10  # time limit in seconds for a request, and for a viewer that does not read
 STATUS_EVERY = 0.25
 BOUNDARY = 'terrainseg-part'
 HEADERS = {'Cache-Control': 'no-store', 'X-Content-Type-Options': 'nosniff', 'Referrer-Policy': 'no-referrer',
@@ -24,7 +24,7 @@ HEADERS = {'Cache-Control': 'no-store', 'X-Content-Type-Options': 'nosniff', 'Re
 
 
 class Refused(Exception):
-    """A request that is answered with this status."""
+    """Answers the request with this status."""
 
     def __init__(self, status, text):
         super().__init__(text)
@@ -37,7 +37,7 @@ class Server(http.server.ThreadingHTTPServer):
 
     def __init__(self, address, rover, token, names, context=None, webrtc=None):
         self.rover, self.token, self.context, self.webrtc = rover, token, context, webrtc
-        self.cookie = 'terrainseg-' + hashlib.sha256(token.encode()).hexdigest()[:8]  # cookies know no ports: one for each rover
+        self.cookie = 'terrainseg-' + hashlib.sha256(token.encode()).hexdigest()[:8]  # cookies do not depend on the port: a name for each rover
         self.names = {'localhost', '127.0.0.1', '::1', *names}
         self.slots = threading.BoundedSemaphore(MOST_CONNECTIONS)
         self.deadlines, self.viewers, self.closing = {}, threading.BoundedSemaphore(MOST_VIEWERS), False
@@ -46,7 +46,7 @@ class Server(http.server.ThreadingHTTPServer):
         super().__init__(address, Handler)
 
     def server_bind(self):
-        http.server.socketserver.TCPServer.server_bind(self)  # HTTPServer asks the DNS for its own name
+        http.server.socketserver.TCPServer.server_bind(self)  # HTTPServer.server_bind() would query the DNS for the host name
         self.server_name, self.server_port = self.server_address[:2]
 
     def process_request(self, request, client_address):
@@ -80,7 +80,7 @@ class Server(http.server.ThreadingHTTPServer):
             super().handle_error(request, client_address)
 
     def sweep(self):
-        """Closes connections whose request does not come to an end."""
+        """Closes connections with an incomplete request after PATIENCE."""
         now = time.monotonic()
         for request, deadline in list(self.deadlines.items()):
             if now > deadline:
@@ -114,10 +114,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
         self.begin(status, kind, len(data), **headers)
         self.wfile.write(data)
 
-    # Who may ask
+    # Authorisation
 
     def check_site(self):
-        """Against pages of other sites, and names that were bent to this address (DNS rebinding)."""
+        """Refuses requests from pages of other sites, and other host names (DNS rebinding)."""
         said = (self.headers.get('Host') or '').lower()
         try:
             host = urllib.parse.urlsplit(f'//{said}').hostname or ''
@@ -186,7 +186,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
 
     def refuse(self, status, text):
         self.reply({'error': text}, status)
-        # What still comes in is read, as far as it is short: else the answer would be lost with the connection.
+        # Reads the rest of a short request: if unread data is left, closing the connection would discard the answer.
         self.wfile.flush()
         try:
             self.connection.shutdown(socket.SHUT_WR)
@@ -203,7 +203,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
     def do_POST(self):
         self.handle_request(self.post)
 
-    # What for
+    # Requests
 
     def get(self):
         self.server.deadlines.pop(self.connection, None)
@@ -252,7 +252,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             webrtc.leave(body)
         else:
             raise Refused(404, 'there is nothing here')
-        rover.made = None  # the next status is a fresh one
+        rover.made = None  # forces an update of the status
         self.reply(result)
 
     def send_file(self, path, name):
@@ -264,13 +264,13 @@ class Handler(http.server.BaseHTTPRequestHandler):
                 self.wfile.write(data)
 
     def stream(self, pictures, status):
-        """Multipart: pictures, and between them the status; a viewer that is slower than the camera gets fewer pictures."""
+        """Multipart stream of pictures and the status; a slow viewer gets fewer pictures."""
         rover, peer = self.server.rover, self.query.get('peer', [''])[0]
         if not self.server.viewers.acquire(blocking=False):
             raise Refused(503, f'{MOST_VIEWERS} viewers are looking already')
         seen = rover.begin_watching('pictures') if pictures else None
         try:
-            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)  # what waits in the kernel is old when it is seen
+            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)  # a small buffer, because queued pictures are shown late
             self.begin(200, f'multipart/x-mixed-replace; boundary={BOUNDARY}')
             status_at, last = 0.0, time.monotonic()
             while not self.server.closing:
@@ -291,7 +291,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         finally:
             if pictures:
                 rover.end_watching('pictures')
-            if self.server.webrtc and peer.isdecimal():  # the page is closed; webrtcbin notices only after half a minute
+            if self.server.webrtc and peer.isdecimal():  # the page was closed; webrtcbin would notice after half a minute
                 self.server.webrtc.leave(int(peer))
             self.server.viewers.release()
 

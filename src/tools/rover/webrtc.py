@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""The picture as H.264 over WebRTC, for links where MJPEG is too much. Encoded while a browser looks, once for all of them."""
+"""The picture as H.264 over WebRTC, for links too slow for MJPEG. Encoded once for all browsers, and only while there is one."""
 import threading
 
 import gi
@@ -10,7 +10,7 @@ from gi.repository import GLib, Gst, GstSdp, GstWebRTC  # noqa: E402
 
 from rover import Feed, has  # noqa: E402
 
-ANSWER_LIMIT = 20  # seconds to an offer, and from there to a connection
+ANSWER_LIMIT = 20  # time limits in seconds for an offer, and then for a connection
 MOST_PEERS = 4
 VIDEO = ('videoscale ! video/x-raw,width=[16,{width}],pixel-aspect-ratio=1/1 ! terrainoverlay name=overlay ! videoconvert ! video/x-raw,format=I420 '
          '! x264enc tune=zerolatency speed-preset=ultrafast bitrate=2000 key-int-max=30 ! video/x-h264,profile=constrained-baseline ! h264parse '
@@ -19,17 +19,17 @@ VIDEO = ('videoscale ! video/x-raw,width=[16,{width}],pixel-aspect-ratio=1/1 ! t
 
 
 def available():
-    """webrtcbin alone does not do: without nicesrc the first viewer would fail."""
+    """Whether all elements exist. Without nicesrc there is a webrtcbin, but the first viewer would fail."""
     return has('webrtcbin', 'nicesrc', 'dtlsenc', 'srtpenc', 'x264enc', 'h264parse', 'rtph264pay')
 
 
 class Peer:
-    """One browser: a queue and a webrtcbin behind the feed's tee. Lives in the main loop's thread."""
+    """One browser: a queue and a webrtcbin behind the feed's tee. Used only in the main loop's thread."""
 
     def __init__(self, peers, feed, number, offered):
         self.peers, self.feed, self.number, self.offered = peers, feed, number, offered
         self.candidates, self.text = [], None
-        # A browser that does not keep up loses packets; the others do not wait for it.
+        # A slow browser loses packets; the others do not wait for it.
         self.queue = Gst.ElementFactory.make('queue')
         for name, value in (('leaky', 2), ('max-size-buffers', 300), ('max-size-bytes', 0), ('max-size-time', 0)):
             self.queue.set_property(name, value)
@@ -82,7 +82,7 @@ class Peer:
             self.peers.remove(self)
 
     def close(self):
-        """Takes the branch off the tee while nothing flows through it."""
+        """Unlinks the branch from the tee while no data flows."""
         def unlinked(pad, _info):
             pad.unlink(self.queue.get_static_pad('sink'))
             GLib.idle_add(self.dispose)
@@ -91,7 +91,7 @@ class Peer:
 
     def dispose(self):
         self.feed.get('t').release_request_pad(self.pad)
-        # From the end on: until a browser has answered, webrtcbin blocks what the queue pushes.
+        # Starts at the downstream end: until a browser answers, webrtcbin blocks the queue.
         for element in self.web, self.queue:
             element.set_state(Gst.State.NULL)
             self.feed.pipeline.remove(element)
@@ -108,7 +108,7 @@ class Peers:
         return feed
 
     def offer(self):
-        """The offer for one more browser; called by a thread of the server."""
+        """Creates the offer for another browser; called by a server thread."""
         done, result = threading.Event(), {}
 
         def offered(offer):
@@ -127,7 +127,7 @@ class Peers:
     def add(self, offered, done):
         feed = self.rover.feeds.get('webrtc')
         if not feed and not done.is_set():
-            return True  # it begins with the next frame
+            return True  # it starts with the next frame
         if done.is_set():
             self.rover.end_watching('webrtc')
         else:
@@ -150,7 +150,7 @@ class Peers:
     def remove(self, peer):
         if not peer or not self.peers.pop(peer.number, None):
             return
-        # The last viewer ends the whole feed; a feed that has failed is gone already.
+        # The last viewer stops the feed, unless it has failed before.
         if self.rover.feeds.get('webrtc') is peer.feed and self.rover.watchers['webrtc'] > 1:
             peer.close()
         self.rover.end_watching('webrtc')
