@@ -66,14 +66,15 @@ ColorSpace learning_space(const Settings& settings, const ColorSpace& frames) {
   return space;
 }
 
-Status Segmenter::process(const Frame& frame, const Supervision& supervision, const MaskTarget& target) {
+Status Segmenter::process(const Frame& frame, const Supervision& supervision, const MaskTarget& target,
+                          const Veto& veto) {
   State& s = *state_;
   if (Status status = s.admit(frame, target); !status.ok())
     return status;
   s.adapt(frame);
   s.out.start(frame, target, s.settings, s.window, s.counters.frames++);
   StageClock clock(s.times);
-  s.pipeline->process({frame, supervision, s.settings, s.window, s.level, *s.workers}, s.terrain, s.out,
+  s.pipeline->process({frame, supervision, veto, s.settings, s.window, s.level, *s.workers}, s.terrain, s.out,
                       clock);
   Estimate& estimate = s.out.estimate();
   estimate.model_generation = s.terrain.generation;

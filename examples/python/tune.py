@@ -15,15 +15,18 @@ from gi.repository import GLib, GObject, Gst, GstVideo  # noqa: E402
 
 import find_plugin  # noqa: E402
 sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / 'src/tools/rover'))
-from filter_settings import (FLAGS, KEYS, fields_of, read_group, rectangles_of, set_text, settings_of, stock_of,  # noqa: E402
-                             text_of, write_settings)
+from filter_settings import (FLAGS, KEYS, fields_of, horizon_of, read_group, rectangles_of, set_horizon, set_text,  # noqa: E402
+                             settings_of, stock_of, text_of, write_settings)
 
-PANEL, PANEL_HEIGHT = 380, 520  # pixels beside the picture
+PANEL, PANEL_HEIGHT = 380, 590  # pixels beside the picture
 HELP = '''1..9 0  choose    + -  change
 Backspace  as the preset has it
 left drag   training window
 right drag  region to ignore
 right click removes it
+middle drag, or h at the pointer
+            where level ground ends
+n the filter finds that itself
 Space pause   . step   r forget
 l learning on/off   q leave'''
 
@@ -58,11 +61,15 @@ class Tuner:
         self.pipeline = Gst.parse_launch(
             f'{source_of(options.what)} ! terrainseg name=terrain overlay=true navigation=true '
             f'! videoconvert ! videoscale ! video/x-raw,format=BGRx,width={options.width},pixel-aspect-ratio=1/1 '
+            '! textoverlay name=line font-desc="Monospace 8" halignment=left valignment=position xpad=0 wrap-mode=none '
+            'shaded-background=false '
             f'! videobox name=box right=-{PANEL} ! textoverlay name=text font-desc="Monospace 10" halignment=left valignment=top '
             f'line-alignment=left xpad={options.width + 10} ypad=6 wrap-mode=none auto-resize=false '
             f'! videoconvert ! {options.sink} name=sink')
         self.terrain, self.text = (self.pipeline.get_by_name(name) for name in ('terrain', 'text'))
         self.regions = []
+        self.pointer_row = None  # of the pointer, as a fraction of the height
+        self.dragging = False
         self.apply_settings()
         pad = self.terrain.get_static_pad('src')
         pad.add_probe(Gst.PadProbeType.BUFFER, self.on_frame)
@@ -100,7 +107,13 @@ class Tuner:
             height = self.options.width * read.height * read.par_d // (read.width * read.par_n)
             self.pipeline.get_by_name('box').set_property('bottom', -max(0, PANEL_HEIGHT - height))
 
+    def draw_line(self):
+        row, line = horizon_of(self.terrain), self.pipeline.get_by_name('line')
+        line.set_property('text', '' if row is None else '\u2500' * (self.options.width // 12) + ' ground ends')
+        line.set_property('ypos', row or 0)
+
     def write_panel(self):
+        self.draw_line()
         self.text.set_property('text', '\n'.join([*self.value_lines(), '', *self.number_lines(), '', HELP]))
 
     def value_lines(self):
@@ -123,6 +136,7 @@ class Tuner:
         window = ' '.join(str(get(f'window-{side}')) for side in 'xywh')
         return [f"{state}, frame {get('frame')}, {get('frame-width')}x{get('frame-height')}",
                 f"horizon     {horizon}, sure {100 * get('horizon-confidence') // 255} %",
+                f"ground ends {'as the filter finds' if horizon_of(self.terrain) is None else f'{horizon_of(self.terrain):.1%} from the top'}",
                 f"confidence  {100 * get('confidence') // 255} %",
                 f"traversable {get('traversable-permille') / 10:.1f} %",
                 f'window      {window}', f'ignored     {len(self.regions)}',
@@ -140,15 +154,37 @@ class Tuner:
 
     def on_event(self, _pad, info):
         fields = info.get_event().get_structure()
-        if fields and fields.get_name() == 'application/x-gst-navigation' and fields.get_string('event') == 'key-press':
-            GLib.idle_add(self.on_key, fields.get_string('key'))
+        if fields and fields.get_name() == 'application/x-gst-navigation':
+            if fields.get_string('event') == 'key-press':
+                GLib.idle_add(self.on_key, fields.get_string('key'))
+            elif self.fields and fields.has_field('pointer_y'):
+                button = fields.get_value('button') if fields.has_field('button') else 0
+                row = fields.get_value('pointer_y') / self.fields.get_value('frame-height')
+                GLib.idle_add(self.on_pointer, fields.get_string('event'), button, row)
         return Gst.PadProbeReturn.OK
+
+    def on_pointer(self, event, button, row):
+        """The middle button drags the line at which level ground ends."""
+        self.pointer_row = row
+        if button == 2:
+            self.dragging = event == 'mouse-button-press'
+        if self.dragging or (button == 2 and event == 'mouse-button-release'):
+            self.set_line(row)
+        return False
+
+    def set_line(self, row):
+        set_horizon(self.terrain, row)
+        self.refresh()
+
+    def set_line_at_pointer(self):
+        if self.pointer_row is not None:
+            self.set_line(self.pointer_row)
 
     def on_key(self, key):
         actions = {'plus': lambda: self.change(1), 'KP_Add': lambda: self.change(1), 'equal': lambda: self.change(1),
                    'Up': lambda: self.change(1), 'minus': lambda: self.change(-1), 'KP_Subtract': lambda: self.change(-1),
                    'Down': lambda: self.change(-1), 'BackSpace': self.unset, 'space': self.pause, 'period': self.step,
-                   'Right': self.step, 'r': self.forget, 'l': self.toggle_learning, 'q': self.loop.quit,
+                   'Right': self.step, 'r': self.forget, 'l': self.toggle_learning, 'h': self.set_line_at_pointer, 'n': lambda: self.set_line(None), 'q': self.loop.quit,
                    'Escape': self.loop.quit}
         if key in '0 1 2 3 4 5 6 7 8 9'.split():
             self.chosen = (int(key) - 1) % 10

@@ -31,8 +31,8 @@
 #include "support/metric_drawing.hpp"
 #include "support/metric_meta.hpp"
 #include "support/object.hpp"
+#include "support/pixel_metas.hpp"
 #include "support/plugin_api.hpp"
-#include "support/training_meta.hpp"
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
 #include "support/wall_clock.hpp"
@@ -49,8 +49,10 @@ struct Streaming {
   bool fresh = true;    ///< no frame since the start
   Once<> misfit;        ///< video, terrain or calibration that does not fit
   Once<> training_flaw; ///< of training pixels
+  Once<> veto_flaw;     ///< of vetoed pixels
   ColourWatch colours;
   TrainingReader training;
+  VetoReader veto;
   MaskPool masks, confidence_maps;
   SmallPool boundaries;
   MetricStage metres;     ///< its poses come from any thread: it locks them by itself
@@ -284,6 +286,7 @@ gboolean start(GstBaseTransform* transform) {
     s.fresh = true;
     s.announcer.reset();
     s.training_flaw.again();
+    s.veto_flaw.again();
     s.misfit.again();
     s.colours = {};
     s.summary = {};
@@ -497,6 +500,16 @@ Supervision read_training(gpointer object, Streaming& s, GstBuffer* buffer) {
   return supervision;
 }
 
+/// Pixels of the frame that a detector upstream vetoes; invalid ones are reported once a stream.
+Veto read_veto(gpointer object, Streaming& s, GstBuffer* buffer) {
+  s.veto.choose(s.settings.values().veto_roi_types);
+  const Veto veto = s.veto.read(buffer, GST_VIDEO_INFO_WIDTH(&s.info), GST_VIDEO_INFO_HEIGHT(&s.info));
+  if (s.veto.error() && s.veto_flaw.first())
+    GST_ELEMENT_WARNING(GST_ELEMENT(object), STREAM, FAILED, ("Invalid veto, ignored: %s.", s.veto.error()),
+                        ("%s", s.veto.error()));
+  return veto;
+}
+
 /// Adds the frame to `stats`, and to the log: GST_DEBUG=terrainseg:5 has a line a second, :6 one a frame.
 void note_times(gpointer object, const Outcome& outcome, bool supplied,
                 std::chrono::steady_clock::time_point began) {
@@ -536,12 +549,12 @@ void draw(const MappedFrame& mapped, Streaming& s, const Outcome& outcome) {
 
 /// Runs the segmenter into the buffers of `outcome`.
 Status run(GstBaseTransform* transform, GstBuffer* buffer, const Frame& frame, const Supervision& supervision,
-           const MaskTarget& target, guint8* boundary, Outcome& outcome) {
+           const Veto& veto, const MaskTarget& target, guint8* boundary, Outcome& outcome) {
   Streaming& s = streaming_of(transform);
   const LearnedTerrain::Turn turn(shared_of(transform).learned);
   Segmenter& segmenter = turn.segmenter();
   s.settings.configure(segmenter, is_learnable(transform->segment, buffer));
-  const Status status = segmenter.process(frame, supervision, target);
+  const Status status = segmenter.process(frame, supervision, target, veto);
   if (!status.ok())
     return status;
   outcome.estimate = segmenter.estimate();
@@ -575,9 +588,10 @@ bool label(GstBaseTransform* transform, GstBuffer* buffer, const MappedFrame& ma
     return false;
   }
   const Supervision supervision = read_training(transform, s, buffer);
-  const Status status = run(transform, buffer, frame, supervision, {{mask.data(), width}, width, height},
-                            boundary.data(), outcome);
+  const Status status = run(transform, buffer, frame, supervision, read_veto(transform, s, buffer),
+                            {{mask.data(), width}, width, height}, boundary.data(), outcome);
   s.training.release();
+  s.veto.release();
   if (!status.ok())
     return fail(transform, status);
   outcome.metric = s.metres.measure(outcome.estimate, running_time, set.range_max);

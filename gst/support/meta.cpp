@@ -76,7 +76,7 @@ void rescale(GstStructure* fields, Axis x, Axis y) {
   rescale_horizon(fields, y);
   int old_height = 0;
   if (!get(fields, "frame-height", old_height))
-    return; // metres, truth and training pixels do not contain rows
+    return; // metres, truth, training and vetoed pixels do not contain rows
   rescale_length(fields, "frame-width", x);
   rescale_length(fields, "frame-height", y);
   rescale_boundary(fields, old_height, y.edge(old_height), y);
@@ -137,7 +137,8 @@ bool register_one(const char* name) {
 
 bool register_metas() {
   return register_one(GST_TERRAIN_SEG_META_NAME) && register_one(GST_TERRAIN_METRIC_META_NAME) &&
-         register_one(GST_TERRAIN_TRAINING_META_NAME) && register_one(GST_TERRAIN_TRUTH_META_NAME);
+         register_one(GST_TERRAIN_TRAINING_META_NAME) && register_one(GST_TERRAIN_VETO_META_NAME) &&
+         register_one(GST_TERRAIN_TRUTH_META_NAME);
 }
 
 void remove_metas(GstBuffer* buffer, const char* name, const char* instance) {

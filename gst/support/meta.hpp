@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Registers the custom metas of the plugin: GstTerrainSegMeta, GstTerrainMetricMeta,
-// GstTerrainTrainingMeta, GstTerrainTruthMeta.
+// GstTerrainTrainingMeta, GstTerrainVetoMeta, GstTerrainTruthMeta.
 #pragma once
 
 #include <gst/gst.h>

@@ -63,7 +63,8 @@ class TERRAINSEG_API Segmenter {
 
   /// Labels one frame and learns from it. Allocates memory only after a change of the frame's size or format
   /// or of the settings. Errors: bad_frame, window_outside_frame, bad_target.
-  Status process(const Frame& frame, const Supervision& supervision = {}, const MaskTarget& target = {});
+  Status process(const Frame& frame, const Supervision& supervision = {}, const MaskTarget& target = {},
+                 const Veto& veto = {});
   /// The estimate of the last successful process(). Before the first one it has flag_unknown.
   const Estimate& estimate() const;
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Training pixels from an external source.
+// Pixels from an external source: training pixels and vetoed pixels.
 #pragma once
 
+#include <algorithm>
 #include <span>
 
 #include "terrainseg/frame.hpp"
@@ -14,6 +15,18 @@ struct Supervision {
   std::span<const Rectangle> rectangles; ///< in pixels of the frame
   GrayView mask;                         ///< any size, stretched over the frame; pixels >= 128 are trained on
   bool empty() const { return rectangles.empty() && mask.empty(); }
+};
+
+/// Pixels of one frame that an external detector (of vehicles, of people) takes away from the ground. They
+/// are not traversable, the boundary does not pass them, and they are not learned.
+struct Veto {
+  std::span<const Rectangle> rectangles; ///< in pixels of the frame
+  /// Any size, stretched over the frame: each pixel of the frame that a pixel >= 128 touches is vetoed.
+  std::span<const GrayView> masks;
+  bool empty() const {
+    return rectangles.empty() &&
+           std::ranges::all_of(masks, [](const GrayView& mask) { return mask.empty(); });
+  }
 };
 
 } // namespace terrainseg

@@ -42,6 +42,14 @@ inline constexpr std::uint64_t most_histogram = (std::uint64_t{1} << 30) + (std:
 inline constexpr int color_bins = 2048;
 inline constexpr int texture_bins = 24;
 
+/// The vanishing line of the ground that motion found last, for a mount that stays as it is: it is used only
+/// in frames of the same size. Unknown when `height` is 0.
+struct KeptLine {
+  std::uint16_t width = 0, height = 0; ///< of the frames in which it was found
+  std::uint32_t row_q8 = 0;            ///< Q8 rows, at most the height
+  bool operator==(const KeptLine&) const = default;
+};
+
 /// Histograms are empty when the settings with which the terrain was learned do not use them.
 struct Terrain {
   ColorSpace space;
@@ -51,7 +59,8 @@ struct Terrain {
   std::vector<std::uint32_t> negative_texture; ///< texture_bins or empty
   std::uint32_t exposure_mean = 0; ///< running mean of the luma for the exposure, Q8; 0 = not yet known
   std::uint32_t horizon = 0;       ///< running mean of the horizon row, Q8 of the height; 0 = not yet known
-  std::uint32_t generation = 0;    ///< incremented at each change of the learned models
+  KeptLine line;
+  std::uint32_t generation = 0; ///< incremented at each change of the learned models
   bool operator==(const Terrain&) const = default;
 };
 

@@ -19,6 +19,7 @@ inline constexpr int samples_per_model = 16;
 struct FrameTask {
   const Frame& frame;
   const Supervision& supervision;
+  const Veto& veto;
   const Settings& settings;
   Rectangle window;   ///< the training window, in pixels of the frame
   int grid_level = 0; ///< the pyramid level for learning

@@ -133,7 +133,7 @@ void select_cells(const TrainingArea& area, int level, std::vector<Cell>& cells)
       cells_in(hull(area), level, subsampled(area.frame_width, level), subsampled(area.frame_height, level));
   for (int y = range.y; y < range.y + range.height; ++y)
     for (int x = range.x; x < range.x + range.width; ++x)
-      if (trains(area, x << level, y << level))
+      if (trains(area, x << level, y << level) && (area.veto.empty() || !area.veto.touches_cell(level, x, y)))
         cells.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
 }
 

@@ -10,6 +10,7 @@
 
 #include "coarse/grid.hpp"
 #include "coarse/moments.hpp"
+#include "coarse/veto.hpp"
 #include "terrainseg/settings.hpp"
 #include "terrainseg/supervision.hpp"
 
@@ -23,12 +24,13 @@ std::optional<Rectangle> place_window(const Settings& settings, int frame_width,
 std::string window_does_not_fit(const Settings& settings, int frame_width, int frame_height);
 
 /// Which pixels of a frame train: the window, or the supervision that stands in for it, without what is
-/// ignored.
+/// ignored or vetoed.
 struct TrainingArea {
   Rectangle window;
   Supervision supervision;            ///< used instead of the window where not empty
   std::span<const Rectangle> ignored; ///< frame pixels
   int frame_width = 0, frame_height = 0;
+  VetoArea veto{}; ///< a cell with a vetoed pixel does not train
 };
 
 /// Fills `cells` with the cells of a pyramid level that train, in raster order. Capacity is kept.

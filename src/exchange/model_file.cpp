@@ -20,7 +20,7 @@ constexpr std::array<std::uint8_t, 8> magic = {'T', 'E', 'R', 'R', 'A', 'I', 'N'
 constexpr std::size_t header_size = magic.size() + 4 + 4;
 constexpr std::size_t model_size = 3 * 2 + 3 * 4 + 8;
 constexpr std::size_t largest_content =
-    4 + max_models * model_size + 3 * 4 + 4 * (color_bins + 2 * texture_bins) + 3 * 4;
+    4 + max_models * model_size + 3 * 4 + 4 * (color_bins + 2 * texture_bins) + 3 * 4 + 2 * 2 + 4;
 constexpr std::size_t largest_file = header_size + largest_content + 4;
 
 template <class Number> void put(std::vector<std::uint8_t>& out, Number value) {
@@ -168,6 +168,9 @@ std::vector<std::uint8_t> serialize_terrain(const Terrain& terrain) {
   put(content, terrain.exposure_mean);
   put(content, terrain.horizon);
   put(content, terrain.generation);
+  put(content, terrain.line.width);
+  put(content, terrain.line.height);
+  put(content, terrain.line.row_q8);
 
   std::vector<std::uint8_t> file(magic.begin(), magic.end());
   put(file, model_file_version);
@@ -233,6 +236,11 @@ TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
   terrain.exposure_mean = in.take<std::uint32_t>();
   terrain.horizon = in.take<std::uint32_t>();
   terrain.generation = in.take<std::uint32_t>();
+  if (version >= 2) {
+    terrain.line.width = in.take<std::uint16_t>();
+    terrain.line.height = in.take<std::uint16_t>();
+    terrain.line.row_q8 = in.take<std::uint32_t>();
+  }
   if (in.ran_out() || in.left() != 0)
     return refuse("the file is damaged: its content does not have the size that its counts add up to");
   if (const std::string flaw = flaw_of(terrain); !flaw.empty())

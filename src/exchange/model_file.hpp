@@ -3,14 +3,15 @@
 //
 // Layout, all numbers little-endian:
 //   8 bytes   the letters "TERRAIN" and a line feed (detects text-mode copies)
-//   u32       version, 1
+//   u32       version, 2
 //   u32       size of the content in bytes
 //   content   u8 rgb (0 YUV, 1 RGB), u8 range (0 limited, 1 full), u8 matrix (0 BT.601, 1 BT.709, 2 BT.2020),
 //             u8 number of models (0..8),
 //             per model: 3 x u16 mean, 3 x u32 variance, u64 mass, as in terrain.hpp,
 //             three histograms (negative colours, terrain texture, negative texture): u32 number of bins (0
 //             or as many as terrain.hpp says), then u32 per bin, u32 exposure mean, u32 horizon, u32
-//             generation
+//             generation, u16 width and u16 height of the frames of the kept line, u32 its row (not in
+//             version 1)
 //   u32       CRC-32 (the one of zlib and PNG) of everything before it
 // A file with a field outside the ranges of terrain.hpp is refused, because learning continues from it. A
 // later version that only adds fields must still read version 1. A reader refuses a newer version and names
@@ -27,7 +28,7 @@
 
 namespace terrainseg {
 
-inline constexpr std::uint32_t model_file_version = 1;
+inline constexpr std::uint32_t model_file_version = 2;
 
 /// A terrain, or the reason why there is none.
 struct TerrainResult {

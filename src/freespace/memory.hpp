@@ -19,8 +19,6 @@ struct Memory {
   GridCurve boundary; ///< boundary of the last frame; empty = none
   HorizonHold horizon;
   HoleMemory holes;
-  FrameLine line; ///< the last line found by motion; remains known while the rover stands still and across
-                  ///< cuts
 };
 
 } // namespace terrainseg

@@ -42,14 +42,28 @@ FrameLine end_of_plane(const FrameTask& task, bool continued, const MotionTrack&
   return known.lower_by(corrected ? track.line_offset : 0).within(task.frame.height);
 }
 
+/// The line that motion found last in frames of this size. It remains known while the rover stands still,
+/// across cuts, and with the saved terrain.
+FrameLine kept_line(const FrameTask& task, const KeptLine& kept) {
+  const bool same = kept.height > 0 && kept.width == task.frame.width && kept.height == task.frame.height;
+  return same ? FrameLine{FrameLine::Source::motion, static_cast<std::int32_t>(kept.row_q8)} : FrameLine{};
+}
+
+void keep_line(const FrameTask& task, const FrameLine& found, KeptLine& kept) {
+  if (const FrameLine line = found.within(task.frame.height); line.known())
+    kept = {static_cast<std::uint16_t>(task.frame.width), static_cast<std::uint16_t>(task.frame.height),
+            static_cast<std::uint32_t>(line.row_q8)};
+}
+
 /// The line at which the ground ends: end_of_plane(), otherwise the line that motion found last, otherwise
 /// the horizon hint.
-FrameLine end_of_ground(const FrameTask& task, bool continued, const Memory& memory) {
-  const FrameLine measured = end_of_plane(task, continued, memory.holes.motion);
+FrameLine end_of_ground(const FrameTask& task, bool continued, const MotionTrack& track,
+                        const KeptLine& kept) {
+  const FrameLine measured = end_of_plane(task, continued, track);
   if (measured.known() || known_line(task).known())
     return measured;
-  if (task.settings.motion != Motion::off && memory.line.known())
-    return memory.line;
+  if (const FrameLine line = kept_line(task, kept); task.settings.motion != Motion::off && line.known())
+    return line;
   const int hint = task.settings.horizon_hint_q8;
   return hint < 0 ? FrameLine{} : FrameLine{FrameLine::Source::hint, hint * task.frame.height};
 }
@@ -69,14 +83,14 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   remember(view.grid, task.frame.pts, memory_.last);
   const Scores scores = scorer_.score(view, lesson.trusted, continued, memory_.average, tables_, terrain);
   clock.lap(Stage::scoring);
-  const Ground& ground =
-      tracer_.trace(view, scores, lesson.horizon.row, end_of_ground(task, continued, memory_), continued,
-                    memory_.boundary, terrain.horizon);
+  const Ground& ground = tracer_.trace(view, scores, lesson.horizon.row,
+                                       end_of_ground(task, continued, memory_.holes.motion, terrain.line),
+                                       continued, memory_.boundary, terrain.horizon);
   curves_.refine(view, ground);
   holes_.find({view, ground, curves_, terrain.horizon, known_line(task), continued}, memory_.holes);
   const MotionTrack& track = memory_.holes.motion;
-  if (task.settings.motion != Motion::off && track.line.known())
-    memory_.line = track.line;
+  if (task.settings.motion != Motion::off)
+    keep_line(task, track.line, terrain.line);
   answer_.write({view, lesson, scores, ground, curves_.of_mask(), holes_, end_of_plane(task, true, track),
                  task.settings.motion == Motion::off ? 0 : track.speed, continued},
                 memory_.horizon, out, clock);

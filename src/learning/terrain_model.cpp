@@ -149,6 +149,17 @@ std::string flaw_of(const std::vector<std::uint32_t>& histogram, const std::stri
                       most_histogram);
 }
 
+std::string flaw_of(const KeptLine& line) {
+  constexpr std::uint64_t longest_side = 32767;
+  const std::uint64_t least = line.height > 0 ? 1 : 0, most = line.height > 0 ? longest_side : 0;
+  for (std::string flaw : {out_of_range("the height of the line's frames", line.height, 0, longest_side),
+                           out_of_range("the width of the line's frames", line.width, least, most),
+                           out_of_range("the line", line.row_q8, 0, std::uint64_t{line.height} << 8)})
+    if (!flaw.empty())
+      return flaw;
+  return {};
+}
+
 } // namespace
 
 std::string flaw_of(const Terrain& terrain) {
@@ -158,11 +169,12 @@ std::string flaw_of(const Terrain& terrain) {
   for (std::size_t i = 0; i < terrain.models.size(); ++i)
     if (std::string flaw = flaw_of(terrain.models[i], i); !flaw.empty())
       return flaw;
-  for (std::string flaw : {flaw_of(terrain.negative_colors, "negative colours", color_bins),
-                           flaw_of(terrain.terrain_texture, "terrain texture", texture_bins),
-                           flaw_of(terrain.negative_texture, "negative texture", texture_bins),
-                           out_of_range("the exposure mean", terrain.exposure_mean, 0, most_exposure_mean),
-                           out_of_range("the horizon", terrain.horizon, 0, most_horizon)})
+  for (std::string flaw :
+       {flaw_of(terrain.negative_colors, "negative colours", color_bins),
+        flaw_of(terrain.terrain_texture, "terrain texture", texture_bins),
+        flaw_of(terrain.negative_texture, "negative texture", texture_bins),
+        out_of_range("the exposure mean", terrain.exposure_mean, 0, most_exposure_mean),
+        out_of_range("the horizon", terrain.horizon, 0, most_horizon), flaw_of(terrain.line)})
     if (!flaw.empty())
       return flaw;
   return {};

@@ -37,8 +37,9 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
   Estimate& estimate = out.estimate();
 
   // A: octave pyramid.
-  const TrainingArea area{task.window, task.supervision, settings.ignore_regions, task.frame.width,
-                          task.frame.height};
+  const TrainingArea area{
+      task.window,      task.supervision,  settings.ignore_regions,
+      task.frame.width, task.frame.height, VetoArea(task.veto, task.frame.width, task.frame.height)};
   const int training_level = select_training_level(
       area, task.grid_level, samples_per_model * settings.training_models, window_cells_);
   plan_.finest_color = plan_.finest_luma = std::min(plan_.finest_color, training_level);
@@ -98,6 +99,8 @@ void PaperPipeline::label(const FrameTask& task, const Grid& grid, const Rectang
   const Settings& settings = task.settings;
   Estimate& estimate = out.estimate();
 
+  const VetoArea veto(task.veto, task.frame.width, task.frame.height);
+
   // Scores of the cells, for the confidence.
   table_.score(grid, scores_);
   estimate.confidence = mean_closeness(scores_, grid.width, window_cells);
@@ -114,10 +117,11 @@ void PaperPipeline::label(const FrameTask& task, const Grid& grid, const Rectang
           : table_.label(pyramid_.grid(settings.mask_level), first_row, out.mask(), task.workers);
   traversable -=
       mark_ignored(settings.ignore_regions, settings.mask_level, out.mask(), mask.width, mask.height);
+  traversable -= veto.mark(settings.mask_level, out.mask(), mask.width, mask.height);
   clock.lap(Stage::mask);
 
   // The free space that is connected to the training window.
-  find_reach(grid, window_cells, horizon, settings, out);
+  find_reach(grid, window_cells, horizon, veto, settings, out);
   out.tell_free_space(traversable, settings, grid.level);
   clock.lap(Stage::boundary);
 }
@@ -125,14 +129,21 @@ void PaperPipeline::label(const FrameTask& task, const Grid& grid, const Rectang
 // An addition to the paper: finds the free cells connected to the window. Replaces the scores by 1 (free) or
 // 0.
 void PaperPipeline::find_reach(const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
-                               const Settings& settings, EstimateWriter& out) {
+                               const VetoArea& veto, const Settings& settings, EstimateWriter& out) {
   for (std::uint8_t& cell : scores_)
     cell = cell <= kernels::score_limit;
   std::fill_n(scores_.begin(), static_cast<std::ptrdiff_t>(std::max(horizon.row, 0)) * grid.width, 0);
   fill_ignored(settings.ignore_regions, grid.level, grid.width, grid.height, 0, scores_.data());
+  veto.fill_cells(grid.level, grid.width, grid.height, 0, scores_.data());
   find_reachable(scores_, grid.width, window_cells, top_);
   const Estimate& estimate = out.estimate();
   refine_reachable(grid, top_, estimate.mask, settings.mask_level, estimate.frame_height, out.boundary());
+  if (veto.empty())
+    return;
+  veto.lower(settings.mask_level, out.boundary());
+  for (std::uint16_t& row : out.boundary())
+    if (row >= estimate.window.y + estimate.window.height)
+      row = static_cast<std::uint16_t>(estimate.frame_height); // no ground is left in the window's rows
 }
 
 } // namespace terrainseg

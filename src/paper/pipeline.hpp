@@ -29,7 +29,7 @@ class PaperPipeline final : public Pipeline {
   void label(const FrameTask& task, const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
              EstimateWriter& out, StageClock& clock);
   void find_reach(const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
-                  const Settings& settings, EstimateWriter& out);
+                  const VetoArea& veto, const Settings& settings, EstimateWriter& out);
 
   PyramidPlan plan_;
   Pyramid pyramid_;

@@ -21,7 +21,7 @@ SHOWN void learned(const Terrain*, const ColorSpace*, const TerrainModel*) {}
 SHOWN void settings(const Settings*, const SettingsError*, const Setting*, const Choice*, Preset,
                     PipelineKind) {}
 SHOWN void filter(const Segmenter*, const Status*, const Counters*, const MaskTarget*, const Supervision*,
-                  Stage) {}
+                  const Veto*, Stage) {}
 SHOWN void metadata(GstTerrainSegFlags, GstTerrainMetricFlags) {}
 
 } // namespace terrainseg::abi

@@ -238,8 +238,9 @@ TEST_F(MetaTest, OtherTransformsAndPartsOfBuffersAreRefused) {
 }
 
 TEST_F(MetaTest, TagsAreExactlyVideoOrientationSize) {
-  for (const char* name : {GST_TERRAIN_SEG_META_NAME, GST_TERRAIN_METRIC_META_NAME,
-                           GST_TERRAIN_TRAINING_META_NAME, GST_TERRAIN_TRUTH_META_NAME}) {
+  for (const char* name :
+       {GST_TERRAIN_SEG_META_NAME, GST_TERRAIN_METRIC_META_NAME, GST_TERRAIN_TRAINING_META_NAME,
+        GST_TERRAIN_VETO_META_NAME, GST_TERRAIN_TRUTH_META_NAME}) {
     const GstMetaInfo* info = gst_meta_get_info(name);
     ASSERT_NE(info, nullptr) << name;
     EXPECT_TRUE(gst_meta_info_is_custom(info));

@@ -4,26 +4,50 @@
 #include "../support/allocations.hpp"
 
 #include <glib/gstdio.h>
+#include <gst/terrainseg/terrainsegmeta.h>
 
 #include "harness.hpp"
 
 namespace terrainseg::test {
 namespace {
 
-long allocations_of_a_frame(const char* settings, const char* format) {
+void add_vetoes(GstBuffer* buffer, int index);
+
+long allocations_of_a_frame(const char* settings, const char* format, bool vetoes = false) {
   Rig rig(settings, caps_text(format, 320, 240));
-  for (int i = 0; i < 12; ++i)
-    rig.step();
+  for (int i = 0; i < 12; ++i) {
+    GstBuffer* buffer = new_frame(rig.info(), i);
+    if (vetoes)
+      add_vetoes(buffer, i % 2);
+    EXPECT_EQ(rig.push(buffer), GST_FLOW_OK);
+    rig.pull();
+  }
   constexpr int frames = 10;
   std::vector<GstBuffer*> buffers;
   for (int i = 0; i < frames; ++i)
     buffers.push_back(new_frame(rig.info(), 12 + i, 1 + i));
+  if (vetoes)
+    for (int i = 0; i < frames; ++i)
+      add_vetoes(buffers[static_cast<std::size_t>(i)], i);
   const long before = allocations;
   for (GstBuffer* buffer : buffers) {
     EXPECT_EQ(rig.push(buffer), GST_FLOW_OK);
     rig.pull();
   }
   return allocations - before;
+}
+
+/// A person who walks: a region and a mask whose number of runs changes.
+void add_vetoes(GstBuffer* buffer, int index) {
+  gst_buffer_add_video_region_of_interest_meta(buffer, "person", static_cast<guint>(100 + 5 * index), 100, 30,
+                                               80);
+  GstBuffer* mask = new_mask_buffer(64, 48);
+  gst_buffer_memset(mask, 0, 0, 64 * 48);
+  for (gsize i = 0; i < static_cast<gsize>(10 * index); ++i)
+    gst_buffer_memset(mask, (i * 97) % (64 * 48), 255, 1);
+  GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, GST_TERRAIN_VETO_META_NAME);
+  gst_structure_set(gst_custom_meta_get_structure(meta), "mask", GST_TYPE_BUFFER, mask, nullptr);
+  gst_buffer_unref(mask);
 }
 
 TEST(Allocation, IsCountedInThePluginToo) {
@@ -94,6 +118,11 @@ TEST(Allocation, MetresTakeNone) {
   EXPECT_EQ(allocations_of_a_frame(metres.c_str(), "I420"), 0);
   g_unlink(path);
   g_free(path);
+}
+
+TEST(Allocation, VetoesTakeNone) {
+  EXPECT_EQ(allocations_of_a_frame("terrainseg veto-roi-types=person", "I420", true), 0);
+  EXPECT_EQ(allocations_of_a_frame("terrainseg preset=paper veto-roi-types=person", "NV12", true), 0);
 }
 
 TEST(Allocation, NoneAFrameOnceRunning) {

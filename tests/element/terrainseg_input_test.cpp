@@ -584,5 +584,186 @@ TEST(Training, BadTrainingPixelsAreReportedOnceAndIgnored) {
   EXPECT_EQ(warned([](GstBuffer* b) { return with_region(b, 10, 10, 100, 100); }), 0u);
 }
 
+// ---- vetoed pixels from upstream -------------------------------------------------------------------------
+
+GstBuffer* with_veto(GstBuffer* buffer, GstBuffer* mask) {
+  GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, GST_TERRAIN_VETO_META_NAME);
+  gst_structure_set(gst_custom_meta_get_structure(meta), "mask", GST_TYPE_BUFFER, mask, nullptr);
+  gst_buffer_unref(mask);
+  return buffer;
+}
+
+/// A mask whose left half is vetoed.
+GstBuffer* left_half(int width, int height) {
+  GstBuffer* mask = new_mask_buffer(width, height);
+  for (int y = 0; y < height; ++y) {
+    const auto row = static_cast<gsize>(y) * static_cast<gsize>(width), half = static_cast<gsize>(width / 2);
+    gst_buffer_memset(mask, row, 255, half);
+    gst_buffer_memset(mask, row + half, 0, static_cast<gsize>(width) - half);
+  }
+  return mask;
+}
+
+/// Per mille of a rectangle of the mask that is traversable.
+int traversable_in(const Rectangle& r, GstBuffer* out) {
+  const EstimateReader reader(out);
+  EXPECT_TRUE(reader);
+  int count = 0;
+  for (int y = r.y; y < r.y + r.height; ++y)
+    for (int x = r.x; x < r.x + r.width; ++x)
+      count += reader.estimate().mask.plane.row(y)[x] == mask_traversable;
+  return 1000 * count / (r.width * r.height);
+}
+
+const Rectangle near_left{130, 180, 20, 20}, near_right{170, 180, 20, 20}; // on the road of 320 x 240
+
+GstBuffer* with_roi(GstBuffer* buffer, const char* type, const Rectangle& r) {
+  gst_buffer_add_video_region_of_interest_meta(buffer, type, static_cast<guint>(r.x), static_cast<guint>(r.y),
+                                               static_cast<guint>(r.width), static_cast<guint>(r.height));
+  return buffer;
+}
+
+TEST(Veto, TheRoadIsFreeWithoutOne) {
+  Rig rig("terrainseg", caps_text("I420", 320, 240));
+  rig.step();
+  const auto out = rig.step();
+  EXPECT_EQ(traversable_in(near_left, out.get()), 1000);
+  EXPECT_EQ(traversable_in(near_right, out.get()), 1000);
+}
+
+TEST(Veto, AMaskOfAnySizeTakesGroundAway) {
+  for (const char* element : {"terrainseg", "terrainseg preset=paper"})
+    for (const auto& [width, height] : {std::pair{320, 240}, {32, 16}, {640, 480}}) {
+      Rig rig(element, caps_text("I420", 320, 240));
+      for (int i = 0; i < 3; ++i) {
+        ASSERT_EQ(rig.push(with_veto(new_frame(rig.info(), i), left_half(width, height))), GST_FLOW_OK);
+        const auto out = rig.pull();
+        EXPECT_EQ(traversable_in(near_left, out.get()), 0) << element << " " << width;
+        EXPECT_GT(traversable_in(near_right, out.get()), 700) << element << " " << width; // paper's is noisy
+        const EstimateReader reader(out.get());
+        for (int x = 0; x < 160; ++x)
+          EXPECT_EQ(reader.estimate().boundary[static_cast<std::size_t>(x)], 240);
+      }
+      EXPECT_TRUE(rig.warnings().empty());
+    }
+}
+
+TEST(Veto, SeveralMasksAddUp) {
+  Rig rig("terrainseg", caps_text("I420", 320, 240));
+  GstBuffer* right = new_mask_buffer(320, 240);
+  gst_buffer_memset(right, 0, 255, 320 * 240);
+  for (gsize y = 0; y < 240; ++y)
+    gst_buffer_memset(right, y * 320, 0, 160);
+  ASSERT_EQ(rig.push(with_veto(with_veto(new_frame(rig.info()), left_half(320, 240)), right)), GST_FLOW_OK);
+  const auto out = rig.pull();
+  EXPECT_TRUE(EstimateReader(out.get()).estimate().flags & flag_starved);
+  EXPECT_EQ(traversable_in({0, 0, 320, 240}, out.get()), 0);
+}
+
+TEST(Veto, RegionsOfChosenTypesAreVetoes) {
+  const auto seen = [](const char* element, const char* type) {
+    Rig rig(element, caps_text("I420", 320, 240));
+    rig.step();
+    EXPECT_EQ(rig.push(with_roi(new_frame(rig.info(), 1), type, {120, 160, 40, 60})), GST_FLOW_OK);
+    const auto out = rig.pull();
+    EXPECT_EQ(traversable_in(near_right, out.get()), 1000) << element << " " << type;
+    EXPECT_TRUE(rig.warnings().empty());
+    const int left = traversable_in(near_left, out.get());
+    EXPECT_TRUE(left == 0 || left == 1000) << left;
+    return left == 0;
+  };
+  EXPECT_TRUE(seen("terrainseg", GST_TERRAIN_VETO_ROI));
+  EXPECT_FALSE(seen("terrainseg", "person"));
+  EXPECT_TRUE(seen("terrainseg veto-roi-types=person", "person"));
+  EXPECT_TRUE(seen("terrainseg veto-roi-types=\"car, person\"", "person"));
+  EXPECT_FALSE(seen("terrainseg veto-roi-types=\"car, person\"", "face"));
+  EXPECT_FALSE(seen("terrainseg veto-roi-types=\"car, person\"", "car, person"));
+  EXPECT_TRUE(seen("terrainseg veto-roi-types=car", GST_TERRAIN_VETO_ROI));
+  EXPECT_TRUE(seen("terrainseg veto-roi-types=*", "anything"));
+}
+
+TEST(Veto, TheTypesChangeWhilePlaying) {
+  Rig rig("terrainseg", caps_text("I420", 320, 240));
+  const auto left = [&](const char* types) {
+    g_object_set(rig.element(), "veto-roi-types", types, nullptr);
+    EXPECT_EQ(rig.push(with_roi(new_frame(rig.info()), "person", {120, 160, 40, 60})), GST_FLOW_OK);
+    return traversable_in(near_left, rig.pull().get());
+  };
+  EXPECT_GT(left("car"), 900);
+  EXPECT_EQ(left("person"), 0);
+  EXPECT_EQ(left("*"), 0);
+  EXPECT_GT(left(nullptr), 900);
+}
+
+TEST(Veto, TrainingRegionsAreNoVetoes) {
+  Rig rig("terrainseg veto-roi-types=*", caps_text("I420", 320, 240));
+  ASSERT_EQ(rig.push(with_region(new_frame(rig.info()), 120, 160, 80, 60)), GST_FLOW_OK);
+  EXPECT_GT(traversable_in(near_left, rig.pull().get()), 900);
+}
+
+TEST(Veto, OfTheWindowIsNotLearned) {
+  Rig rig("terrainseg", caps_text("I420", 320, 240));
+  const guint before = rig.generation_after(3);
+  ASSERT_EQ(rig.push(with_roi(new_frame(rig.info(), 3), GST_TERRAIN_VETO_ROI, {0, 180, 320, 60})),
+            GST_FLOW_OK);
+  const auto out = rig.pull();
+  EXPECT_EQ(EstimateReader(out.get()).estimate().model_generation, before);
+  EXPECT_EQ(EstimateReader(out.get()).estimate().flags & (flag_learned | flag_starved | flag_blocked),
+            flag_starved | flag_blocked);
+}
+
+TEST(Veto, BadOnesAreReportedOnceAndIgnored) {
+  const auto warned = [](auto spoil) {
+    Rig rig("terrainseg", caps_text("I420", 320, 240));
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_EQ(rig.push(spoil(new_frame(rig.info(), i))), GST_FLOW_OK);
+      EXPECT_GT(traversable_in(near_right, rig.pull().get()), 900);
+    }
+    const auto warnings = rig.warnings();
+    EXPECT_LE(warnings.size(), 1u);
+    return warnings.empty() ? std::string() : warnings[0].user;
+  };
+  EXPECT_NE(warned([](GstBuffer* b) {
+              return with_roi(b, GST_TERRAIN_VETO_ROI, {1000, 1000, 5, 5});
+            }).find("terrain-veto is empty or outside the frame"),
+            std::string::npos);
+  EXPECT_NE(warned([](GstBuffer* b) {
+              return with_roi(b, GST_TERRAIN_VETO_ROI, {10, 10, 0, 5});
+            }).find("empty"),
+            std::string::npos);
+  EXPECT_EQ(warned([](GstBuffer* b) { return with_roi(b, "person", {1000, 1000, 5, 5}); }), "");
+  EXPECT_EQ(warned([](GstBuffer* b) { return with_roi(b, GST_TERRAIN_VETO_ROI, {300, 100, 900, 900}); }), "");
+  EXPECT_NE(warned([](GstBuffer* b) {
+              return with_veto(b, gst_buffer_new_allocate(nullptr, 10, nullptr));
+            }).find("GstTerrainVetoMeta: the mask is not GRAY8"),
+            std::string::npos);
+  EXPECT_NE(warned([](GstBuffer* b) {
+              GstBuffer* mask = gst_buffer_new_allocate(nullptr, 10, nullptr);
+              describe_mask(mask, 320, 240);
+              return with_veto(b, mask);
+            }).find("shorter"),
+            std::string::npos);
+  EXPECT_NE(warned([](GstBuffer* b) {
+              gst_buffer_add_custom_meta(b, GST_TERRAIN_VETO_META_NAME);
+              return b;
+            }).find("needs a field 'mask'"),
+            std::string::npos);
+  EXPECT_NE(warned([](GstBuffer* b) {
+              for (int i = 0; i < 9; ++i) {
+                GstBuffer* mask = new_mask_buffer(8, 8);
+                gst_buffer_memset(mask, 0, 0, 64);
+                with_veto(b, mask);
+              }
+              return b;
+            }).find("more than 8"),
+            std::string::npos);
+  // A bad mask does not take the good one's effect.
+  Rig rig("terrainseg", caps_text("I420", 320, 240));
+  GstBuffer* frame = with_veto(new_frame(rig.info()), gst_buffer_new_allocate(nullptr, 10, nullptr));
+  ASSERT_EQ(rig.push(with_veto(frame, left_half(320, 240))), GST_FLOW_OK);
+  EXPECT_EQ(traversable_in(near_left, rig.pull().get()), 0);
+  EXPECT_EQ(rig.warnings().size(), 1u);
+}
+
 } // namespace
 } // namespace terrainseg::test

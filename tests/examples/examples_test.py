@@ -49,6 +49,57 @@ def mask_to_numpy_gives_the_mask(folder):
 
 
 @case
+def a_detector_takes_ground_away(folder):
+    import numpy
+    mask_to_numpy, veto = module('mask_to_numpy'), module('veto')
+    source = 'terrainscenesrc num-buffers=8 ! video/x-raw,format=I420,width=160,height=120'
+
+    def masks(detect, settings='veto-roi-types=person'):
+        return [mask_to_numpy.estimate_of(sample.get_buffer()) for _, sample in veto.frames(source, detect, settings)]
+
+    free, boxed, unnamed = masks(lambda _: []), masks(lambda _: [(-10, 80, 50, 900)]), masks(lambda _: [(-10, 80, 50, 900)], '')
+    equal((len(free), len(boxed)), (8, 8), 'frames')
+    for before, after, other in zip(free, boxed, unnamed):
+        equal(after['mask'][80:, :40].max(), 0, 'under the box')
+        equal(after['boundary'][:40].min(), 120, 'boundary')
+        assert numpy.array_equal(before['mask'], other['mask']), 'a type that is not named is no veto'
+    assert free[-1]['mask'][80:, :40].max() == 255 and boxed[-1]['mask'][80:, 60:100].min() == 255, 'road'
+    lines = run(PYTHON, EXAMPLES / 'python/veto.py', '--detector', '0,0,320,180').stdout.splitlines()
+    equal((len(lines), lines[-1]), (60, 'frame 59: 1 person, 0.0 % traversable'))
+    for wrong in '1,2,3', '1,2,0,4', 'dogs':
+        contains(run(PYTHON, EXAMPLES / 'python/veto.py', '--detector', wrong, code=2).stderr, 'use people, or X,Y,W,H')
+
+
+@case
+def a_mask_from_python_is_a_veto(folder):
+    import numpy
+    mask_to_numpy, veto = module('mask_to_numpy'), module('veto')
+    shape = numpy.zeros((12, 16), numpy.uint8)
+    shape[8:, :5] = 255  # of 160 x 120: columns up to 49 from row 80 on
+    attach_box = veto.attach_box
+    veto.attach_box = lambda buffer, _kind, _box: veto.attach_mask(buffer, shape)
+    try:
+        source = 'terrainscenesrc num-buffers=3 ! video/x-raw,format=I420,width=160,height=120'
+        for boxes, sample in veto.frames(source, lambda _: [None]):
+            mask = mask_to_numpy.estimate_of(sample.get_buffer())['mask']
+            equal((boxes, int(mask[80:, :50].max())), (1, 0))
+            equal(int(mask[100:, 60:100].min()), 255)
+    finally:
+        veto.attach_box = attach_box
+
+
+@case
+def people_are_found_where_opencv_is(folder):
+    try:
+        detect = module('veto').people()
+    except ImportError:
+        raise Skip('python3-opencv is not installed') from None
+    import numpy
+    equal(detect(numpy.full((240, 320, 3), 90, numpy.uint8)), [], 'nobody')
+    equal(detect(numpy.zeros((20, 20, 3), numpy.uint8)), [], 'too small')
+
+
+@case
 def a_reader_that_leaves_gets_no_traceback(folder):
     for program in 'mask_to_numpy', 'metres', 'steer':
         result = run('bash', '-c', f'{PYTHON} {EXAMPLES}/python/{program}.py | head -n 1')

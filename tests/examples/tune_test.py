@@ -113,6 +113,7 @@ def pointer_and_keys_end_in_a_line_and_a_file(folder):
                 'mousemove 10 10', 'mousedown 3', 'mousemove 60 40', 'mousemove 210 60', 'mouseup 3',
                 'mousemove 600 10', 'mousedown 3', 'mousemove 650 40', 'mousemove 700 60', 'mouseup 3',
                 'mousemove 650 30', 'click 3',
+                'mousemove 300 100', 'mousedown 2', 'mousemove 300 120', 'mousemove 300 180', 'mouseup 2', 'mousemove 300 300',
                 'key 2', 'key plus', 'key plus', 'key 6', 'key plus', 'key 0', 'key plus', 'key BackSpace', 'key q')
     kept = settings()['terrainseg']
     # In fractions: in pixels it would lie somewhere else in frames of another size.
@@ -120,6 +121,7 @@ def pointer_and_keys_end_in_a_line_and_a_file(folder):
     rect = [float(side) for side in kept['window-rect'].split(',')]
     for side, wanted, whole in zip(rect, (200, 240, 200, 80), (640, 360) * 2):
         assert abs(side * whole - wanted) <= 2, kept
+    assert abs(float(kept['horizon-hint']) - 180 / 450) <= 0.005 and len(kept['horizon-hint']) <= 6, kept
     equal({name: kept.get(name) for name in ('caution', 'connected-ground', 'doubtful', 'overlay-style')},
           {'caution': '4', 'connected-ground': 'false', 'doubtful': '-12', 'overlay-style': None}, 'values')
     region = [int(number) for number in kept['ignore-regions'].replace('(int)', '').strip('<>').split(',')]
@@ -132,6 +134,17 @@ def pointer_and_keys_end_in_a_line_and_a_file(folder):
     by_line = lines_with(' '.join(arguments[begin:arguments.index('overlay=true')]))
     by_file = lines_with('settings-location=terrainseg.settings')
     assert by_line == by_file and by_line != lines_with(''), 'line and file differ, or have no effect'
+
+
+@case
+def the_line_is_set_by_key_and_removed(folder):
+    video(30)
+    with display(), tuning('drive.mp4', 'horizon-hint=0.25', '--settings', 'one.settings'):
+        pointer('mousemove 300 240', 'mousemove 300 225', 'key h', 'key q')
+    assert abs(float(settings('one.settings')['terrainseg']['horizon-hint']) - 0.5) <= 0.005, settings('one.settings')
+    with display(), tuning('drive.mp4', '--settings', 'one.settings'):
+        pointer('key n', 'key q')
+    equal(settings('one.settings')['terrainseg'].get('horizon-hint'), None)
 
 
 @case

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // What a pipeline may do to terrainseg, in any order: caps of all formats and sizes, frames with paddings and
-// metas of their own, training pixels, gaps, flushes, segments, events, properties.
+// metas of their own, training and vetoed pixels, gaps, flushes, segments, events, properties.
 #include <gst/terrainseg/terrainsegmeta.h>
 
 #include <glib/gstdio.h>
@@ -204,9 +204,10 @@ class Session {
     gst_harness_query_latency(harness_);
   }
 
-  void add_training(GstBuffer* buffer) {
+  /// Training pixels, or vetoed ones.
+  void add_pixels(GstBuffer* buffer, const char* roi, const char* name) {
     if (in_.byte() & 1) {
-      gst_buffer_add_video_region_of_interest_meta(buffer, GST_TERRAIN_TRAINING_ROI, in_.byte(), in_.byte(),
+      gst_buffer_add_video_region_of_interest_meta(buffer, roi, in_.byte(), in_.byte(),
                                                    static_cast<guint>(in_.number(in_.chance(8) ? 4 : 1)),
                                                    static_cast<guint>(in_.number(in_.chance(8) ? 4 : 1)));
       return;
@@ -216,7 +217,7 @@ class Session {
               height = fits ? GST_VIDEO_INFO_HEIGHT(&info_) : 1 + in_.byte();
     GstBuffer* mask = new_mask_buffer(width, height);
     gst_buffer_memset(mask, 0, in_.byte(), static_cast<gsize>(width) * static_cast<gsize>(height) / 2);
-    GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, GST_TERRAIN_TRAINING_META_NAME);
+    GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, name);
     gst_structure_set(gst_custom_meta_get_structure(meta), "mask", GST_TYPE_BUFFER, mask, nullptr);
     gst_buffer_unref(mask);
   }
@@ -224,7 +225,9 @@ class Session {
   void push_frame() {
     GstBuffer* buffer = frame_from(in_, info_);
     if (in_.chance(6))
-      add_training(buffer);
+      add_pixels(buffer, GST_TERRAIN_TRAINING_ROI, GST_TERRAIN_TRAINING_META_NAME);
+    if (in_.chance(6))
+      add_pixels(buffer, GST_TERRAIN_VETO_ROI, GST_TERRAIN_VETO_META_NAME);
     static constexpr guint flags[] = {0, GST_BUFFER_FLAG_DISCONT, GST_BUFFER_FLAG_GAP,
                                       GST_BUFFER_FLAG_CORRUPTED};
     GST_BUFFER_FLAG_SET(buffer, flags[in_.byte() % 8 < 4 ? 0 : in_.byte() % 4]);

@@ -72,6 +72,25 @@ TEST(Allocation, NoneWhereStonesAppear) {
   EXPECT_GT(doubtful, 1000);
 }
 
+TEST(Allocation, NoneWhereAVetoAppears) {
+  const test::OwnedFrame frame(PixelFormat::I420, 320, 240, test::drive(320, 240, 0));
+  std::vector<std::uint8_t> chequered(160 * 120);
+  for (std::size_t i = 0; i < chequered.size(); ++i)
+    chequered[i] =
+        i < 160 * 100 && (i + i / 160) % 2 ? 255 : 0; // above the window: the paper's would learn finer cells
+  const std::array<GrayView, 1> masks{{{{chequered.data(), 160}, 160, 120}}};
+  const std::array<Rectangle, 2> rectangles{{{10, 100, 50, 50}, {100, 180, 300, 10}}};
+  for (Preset preset : {Preset::paper, Preset::standard}) {
+    Segmenter segmenter(Settings::of(preset));
+    for (int i = 0; i < 4; ++i)
+      ASSERT_TRUE(segmenter.process(frame.frame()).ok());
+    const long before = allocations;
+    for (int i = 0; i < 4; ++i)
+      ASSERT_TRUE(segmenter.process(frame.frame(), {}, {}, {rectangles, masks}).ok());
+    EXPECT_EQ(allocations - before, 0) << static_cast<int>(preset);
+  }
+}
+
 // The rover turns its back to the sun.
 TEST(Allocation, NoneWhereTheOwnShadowFalls) {
   const auto painter = [](int shade) {

@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "exchange/model_file.hpp"
 #include "scene/scene.hpp"
 
 namespace terrainseg {
@@ -309,6 +310,80 @@ TEST(FreeSpacePipeline, AnotherSizeKeepsTheTerrain) {
   s.reset();
   run(s, 0, 1);
   EXPECT_TRUE(s.estimate().flags & flag_unknown);
+}
+
+/// The first row of the mask with ground.
+int first_row_of_ground(const Estimate& e) {
+  const Bytes mask = mask_of(e);
+  const auto found = std::find(mask.begin(), mask.end(), mask_traversable);
+  return static_cast<int>(found - mask.begin()) / e.mask.width;
+}
+
+// Motion's line is part of the terrain: it survives stops, cuts, and a terrain that goes from one filter to
+// the next.
+TEST(FreeSpacePipeline, TheLineOfMotionIsKeptWithTheTerrain) {
+  const Settings settings;
+  Terrain learned = after_drive(settings).terrain();
+  EXPECT_EQ(learned.line, KeptLine{}) << "six frames tell motion nothing";
+  const auto first_row = [](const Terrain& terrain, const Settings& set, const scene::Picture& picture) {
+    Segmenter segmenter(set);
+    EXPECT_TRUE(segmenter.adopt(terrain).ok());
+    EXPECT_TRUE(segmenter.process(picture.frame()).ok());
+    return first_row_of_ground(segmenter.estimate());
+  };
+  const int without = first_row(learned, settings, drive()[5]);
+  learned.line = {320, 240, 180 << 8};
+  const int with = first_row(learned, settings, drive()[5]);
+  EXPECT_LT(without, 130);
+  EXPECT_GE(with, 160);
+
+  Segmenter segmenter(settings);
+  ASSERT_TRUE(segmenter.adopt(learned).ok());
+  run(segmenter);
+  EXPECT_EQ(segmenter.terrain().line, learned.line);
+  segmenter.reset_temporal(); // a cut
+  ASSERT_TRUE(segmenter.process(drive()[0].frame()).ok());
+  EXPECT_GE(first_row_of_ground(segmenter.estimate()), 160);
+  for (int i = 0; i < 3; ++i) // a stop
+    ASSERT_TRUE(segmenter.process(drive()[0].frame()).ok());
+  EXPECT_GE(first_row_of_ground(segmenter.estimate()), 160);
+  segmenter.reset();
+  run(segmenter, 0, 1);
+  EXPECT_EQ(segmenter.terrain().line, KeptLine{});
+  EXPECT_LT(first_row_of_ground(segmenter.estimate()), 130);
+
+  // Another mount does not take it.
+  Settings told;
+  told.vanishing_row = 60;
+  Terrain bare = learned;
+  bare.line = {};
+  EXPECT_EQ(first_row(learned, told, drive()[5]), first_row(bare, told, drive()[5]));
+  Settings still;
+  still.motion = Motion::off;
+  EXPECT_EQ(first_row(learned, still, drive()[5]), first_row(bare, still, drive()[5]));
+  scene::Renderer renderer(trail, 336, 240);
+  scene::Picture wider(PixelFormat::I420, 336, 240);
+  renderer.render(10, wider);
+  EXPECT_EQ(first_row(learned, settings, wider), first_row(bare, settings, wider));
+}
+
+TEST(FreeSpacePipeline, MotionFillsTheKeptLine) {
+  scene::Renderer renderer({scene::Kind::plain, scene::Light::day, scene::Motion::straight, 101}, 320, 180);
+  scene::Picture picture(PixelFormat::I420, 320, 180);
+  Segmenter segmenter{Settings{}};
+  for (std::uint64_t k = 0; k < 150; ++k) {
+    renderer.render(k, picture);
+    Frame frame = picture.frame();
+    frame.pts = static_cast<std::int64_t>(k * 1'000'000'000 / 30);
+    ASSERT_TRUE(segmenter.process(frame).ok());
+  }
+  const auto loaded = parse_terrain(serialize_terrain(segmenter.terrain())).terrain;
+  ASSERT_TRUE(loaded);
+  const KeptLine line = loaded->line;
+  EXPECT_EQ(line.width, 320);
+  EXPECT_EQ(line.height, 180);
+  ASSERT_GE(segmenter.estimate().vanishing_row, 0);
+  EXPECT_EQ(static_cast<int>(line.row_q8), segmenter.estimate().vanishing_row >> 8);
 }
 
 /// Another place: all but the lower quarter upside down.

@@ -39,6 +39,7 @@ Terrain full_terrain(unsigned seed) {
   t.exposure_mean = 0xfe04;
   t.horizon = most_horizon;
   t.generation = 77;
+  t.line = {1280, 720, 719 << 8};
   return t;
 }
 
@@ -115,16 +116,32 @@ TEST(ModelFile, BytesAreTheDocumentedOnes) {
   t.exposure_mean = 0x21222324;
   t.horizon = 0x31;
   t.generation = 2;
-  Bytes expected = {'T', 'E', 'R', 'R', 'A', 'I', 'N', '\n', 1, 0, 0, 0, 54, 0, 0, 0,
+  t.line = {0x0140, 0xf0, 0x5678};
+  Bytes expected = {'T', 'E', 'R', 'R', 'A', 'I', 'N', '\n', 2, 0, 0, 0, 62, 0, 0, 0,
                     // space and one model
                     1, 1, 1, 1, 2, 1, 4, 3, 6, 5, 7, 0, 0, 0, 8, 0, 0, 0, 0xc, 0xb, 0xa, 9, 0x18, 0x17, 0x16,
                     0x15, 0x14, 0x13, 0x12, 0x11,
                     // three empty histograms
                     0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
-                    // exposure, horizon, generation, checksum
-                    0x24, 0x23, 0x22, 0x21, 0x31, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0};
+                    // exposure, horizon, generation, line, checksum
+                    0x24, 0x23, 0x22, 0x21, 0x31, 0, 0, 0, 2, 0, 0, 0, 0x40, 1, 0xf0, 0, 0x78, 0x56, 0, 0, 0,
+                    0, 0, 0};
   fix_crc(expected);
   EXPECT_EQ(serialize_terrain(t), expected);
+}
+
+TEST(ModelFile, VersionOneHasNoLine) {
+  Terrain t = full_terrain(3);
+  Bytes older = serialize_terrain(t);
+  older.erase(older.end() - 12, older.end() - 4);
+  put_u32(older, 8, 1);
+  put_u32(older, 12, static_cast<std::uint32_t>(older.size() - 20));
+  fix_crc(older);
+  t.line = {};
+  EXPECT_EQ(parse_terrain(older).terrain, t);
+  put_u32(older, 8, 2); // this one has to have a line
+  fix_crc(older);
+  EXPECT_SAYS(error_of(older), "does not have the size");
 }
 
 TEST(ModelFile, RefusalsNameTheCause) {
@@ -222,6 +239,13 @@ TEST(ModelFile, EveryFieldHasARange) {
   EXPECT_SAYS(verdict([](Terrain& t) { t.exposure_mean = 100000000; }), "exposure mean is 100000000");
   EXPECT_SAYS(verdict([](Terrain& t) { t.exposure_mean = most_exposure_mean + 1; }), "0..65280");
   EXPECT_SAYS(verdict([](Terrain& t) { t.horizon = 256; }), "horizon is 256");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.line = {0, 0, 1}; }), "the line is 1");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.line = {8, 0, 0}; }), "the width of the line's frames is 8");
+  EXPECT_SAYS(verdict([](Terrain& t) {
+                t.line = {8, 40000, 0};
+              }),
+              "the height of the line's frames is 40000");
+  EXPECT_SAYS(verdict([](Terrain& t) { t.line = {8, 6, (6 << 8) + 1}; }), "the line is 1537");
   EXPECT_SAYS(verdict([](Terrain& t) { t.horizon = 0xffffffff; }), "horizon");
   EXPECT_EQ(verdict([](Terrain& t) { t.models[3].mass = most_mass; }), "");
   EXPECT_SAYS(verdict([](Terrain& t) { t.models[3].mass = ~0ull; }), "mass of model 3");

@@ -175,6 +175,144 @@ TEST(Segmenter, SupervisionTrainsInsteadOfTheWindow) {
   EXPECT_TRUE(segmenter.estimate().flags & flag_starved);
 }
 
+// The lowest row of a veto in a column, and the ground that remains below it.
+TEST(Segmenter, VetoedPixelsAreNeverTraversable) {
+  const auto frame = i420(plain());
+  std::vector<std::uint8_t> blob(64 * 48, 0);
+  for (int y = 30; y < 36; ++y) // stretched by 5: columns 50 to 79, rows 150 to 179
+    std::fill_n(blob.begin() + y * 64 + 10, 6, std::uint8_t{200});
+  const std::array<GrayView, 1> masks{{{{blob.data(), 64}, 64, 48}}};
+  const std::array<Rectangle, 2> rectangles{
+      {{200, 150, 3, 40}, {300, 100, 400, 500}}}; // one leaves the frame
+  for (Preset preset : {Preset::paper, Preset::standard})
+    for (int mask_level : {0, 2}) {
+      Settings settings = Settings::of(preset);
+      settings.mask_level = mask_level;
+      Segmenter segmenter(settings), untouched(settings);
+      for (int i = 0; i < 3; ++i) {
+        ASSERT_TRUE(segmenter.process(frame.frame(), {}, {}, {rectangles, masks}).ok());
+        ASSERT_TRUE(untouched.process(frame.frame()).ok());
+      }
+      const Estimate &vetoed = segmenter.estimate(), &free = untouched.estimate();
+      EXPECT_TRUE(vetoed.flags & flag_learned);
+      int pixels = 0, traversable = 0;
+      for (int y = 0; y < vetoed.mask.height; ++y)
+        for (int x = 0; x < vetoed.mask.width; ++x) {
+          const int left = x << mask_level, top = y << mask_level, right = (x + 1) << mask_level,
+                    bottom = (y + 1) << mask_level;
+          const auto meets = [&](int x0, int y0, int x1, int y1) {
+            return left < x1 && right > x0 && top < y1 && bottom > y0;
+          };
+          const bool under =
+              meets(50, 150, 80, 180) || meets(200, 150, 203, 190) || meets(300, 100, 320, 240);
+          if (under) {
+            EXPECT_EQ(mask_at(vetoed, x, y), mask_not_traversable) << x << "," << y;
+          } else {
+            EXPECT_EQ(mask_at(vetoed, x, y), mask_at(free, x, y)) << x << "," << y;
+          }
+          pixels += under;
+          traversable += mask_at(vetoed, x, y) == mask_traversable;
+        }
+      EXPECT_GE(pixels, (30 * 30 + 3 * 40 + 20 * 140) >> (2 * mask_level));
+      EXPECT_EQ(vetoed.traversable_permille, traversable * 1000 / (vetoed.mask.width * vetoed.mask.height));
+      EXPECT_GT(free.traversable_permille, vetoed.traversable_permille);
+      for (std::size_t x = 0; x < vetoed.boundary.size(); ++x) {
+        const int left = static_cast<int>(x) << mask_level, right = static_cast<int>(x + 1) << mask_level;
+        if (right > 300) {
+          EXPECT_EQ(vetoed.boundary[x], 240) << x;
+        } else if (left < 203 && right > 200) {
+          EXPECT_GE(vetoed.boundary[x], 190) << x;
+          EXPECT_LT(vetoed.boundary[x], 216) << x;
+        } else if (left < 80 && right > 50) {
+          EXPECT_GE(vetoed.boundary[x], 180) << x;
+          EXPECT_LT(vetoed.boundary[x], 204) << x;
+        }
+      }
+      EXPECT_LT(vetoed.boundary[static_cast<std::size_t>(150 >> mask_level)], 120);
+    }
+}
+
+TEST(Segmenter, VetoedPixelsInTheWindowAreNotLearned) {
+  const Painter ground = plain();
+  // The window is rows 204 to 239 and columns 112 to 207: half of it is a red thing.
+  const auto thing_in_window = [&](int x, int y) -> Components {
+    return x >= 160 && y >= 180
+               ? Components{90, 100, static_cast<std::uint8_t>(190 + test::noise_at(x, y, 5, 2))}
+               : ground(x, y);
+  };
+  const auto frame = i420(thing_in_window), bare = i420(ground);
+  const std::array<Rectangle, 1> thing{{{150, 170, 170, 70}}};
+  // The largest V of what was learned.
+  const auto reddest = [](const Segmenter& segmenter) {
+    int most = 0;
+    for (const TerrainModel& model : segmenter.terrain().models)
+      most = std::max(most, model.mass > 0 ? model.mean[2] >> 8 : 0);
+    return most;
+  };
+  for (Preset preset : {Preset::paper, Preset::standard}) {
+    const Settings settings = Settings::of(preset);
+    Segmenter with(settings), without(settings), of_ground(settings);
+    for (int i = 0; i < 3; ++i) {
+      ASSERT_TRUE(with.process(frame.frame(), {}, {}, {thing, {}}).ok());
+      ASSERT_TRUE(without.process(frame.frame()).ok());
+      ASSERT_TRUE(of_ground.process(bare.frame()).ok());
+    }
+    EXPECT_TRUE(with.estimate().flags & flag_learned);
+    EXPECT_LE(reddest(with), reddest(of_ground) + 2);
+    EXPECT_GT(reddest(without), reddest(of_ground) + 20) << "the same window without a veto teaches red";
+  }
+}
+
+// Nor as what is no terrain: a detector's box holds ground too.
+TEST(Segmenter, TheColoursUnderAVetoAreNotLearned) {
+  const auto blue = i420(plain()), green = i420(plain({100, 120, 134}, {210, 60, 60}));
+  const std::array<Rectangle, 1> sky{{{0, 0, 320, 120}}}; // and what its colours reach in coarse cells
+  const auto learned = [](const OwnedFrame& frame, std::span<const Rectangle> vetoed) {
+    Segmenter segmenter{Settings{}};
+    EXPECT_TRUE(segmenter.process(frame.frame(), {}, {}, {vetoed, {}}).ok());
+    return segmenter.terrain().negative_colors;
+  };
+  EXPECT_EQ(learned(blue, sky), learned(green, sky));
+  EXPECT_NE(learned(blue, {}), learned(green, {}));
+}
+
+TEST(Segmenter, AVetoOfTheWholeWindowStarves) {
+  const auto frame = i420(plain());
+  const std::array<Rectangle, 1> all{{{0, 0, 320, 240}}};
+  for (Preset preset : {Preset::paper, Preset::standard}) {
+    Segmenter segmenter(Settings::of(preset));
+    ASSERT_TRUE(segmenter.process(frame.frame(), {}, {}, {all, {}}).ok());
+    EXPECT_EQ(segmenter.estimate().flags, flag_starved | flag_unknown | flag_blocked);
+    EXPECT_EQ(share(segmenter.estimate(), everything, mask_doubtful), 1000);
+    ASSERT_TRUE(segmenter.process(frame.frame()).ok());
+    const Terrain learned = segmenter.terrain();
+    ASSERT_TRUE(segmenter.process(frame.frame(), {}, {}, {all, {}}).ok());
+    EXPECT_EQ(segmenter.terrain(), learned);
+    EXPECT_EQ(share(segmenter.estimate(), everything, mask_not_traversable), 1000);
+    EXPECT_EQ(segmenter.estimate().flags & (flag_starved | flag_blocked), flag_starved | flag_blocked);
+    EXPECT_EQ(segmenter.estimate().traversable_permille, 0);
+  }
+}
+
+TEST(Segmenter, AnEmptyVetoChangesNothing) {
+  const std::array<Rectangle, 2> nothing{{{1000, 1000, 10, 10}, {5, 5, 0, 7}}};
+  const std::vector<std::uint8_t> black(8 * 8, 127);
+  const std::array<GrayView, 2> masks{{{{black.data(), 8}, 8, 8}, {}}};
+  for (Preset preset : {Preset::paper, Preset::standard}) {
+    Segmenter with(Settings::of(preset)), without(Settings::of(preset));
+    for (int i = 0; i < 4; ++i) {
+      const auto frame = i420(drive(320, 240, i));
+      ASSERT_TRUE(with.process(frame.frame(), {}, {}, {nothing, masks}).ok());
+      ASSERT_TRUE(without.process(frame.frame()).ok());
+      EXPECT_EQ(with.terrain(), without.terrain());
+      EXPECT_TRUE(std::ranges::equal(with.estimate().boundary, without.estimate().boundary));
+      for (int y = 0; y < 240; ++y)
+        EXPECT_EQ(std::memcmp(with.estimate().mask.plane.row(y), without.estimate().mask.plane.row(y), 320),
+                  0);
+    }
+  }
+}
+
 TEST(Segmenter, GatesKeepTheTerrainAsItIs) {
   Segmenter segmenter(paper());
   const auto ground = i420(plain()), obstacle = i420(plain({60, 180, 80}));

@@ -180,6 +180,21 @@ TEST(SelectCells, IgnoredPixelsNeverTrain) {
   EXPECT_TRUE(cells.empty());
 }
 
+TEST(SelectCells, CellsWithAVetoedPixelNeverTrain) {
+  // Centres 0, 8, 16, ...; pixel 19 is nearest to the cell at 16, and pixel 20 to that at 24.
+  const std::array<Rectangle, 2> vetoed{{{19, 40, 1, 1}, {1000, 1000, 10, 10}}};
+  TrainingArea area = area_of({0, 32, 64, 16}, 100, 100);
+  area.veto = VetoArea({vetoed, {}}, 100, 100);
+  std::vector<Cell> cells;
+  select_cells(area, 3, cells);
+  EXPECT_EQ(cells.size(), 8u * 2 - 1);
+  EXPECT_EQ(std::ranges::count(cells, Cell{2, 5}), 0);
+  const std::array<Rectangle, 1> everything{{{-5, -5, 200, 200}}};
+  area.veto = VetoArea({everything, {}}, 100, 100);
+  select_cells(area, 3, cells);
+  EXPECT_TRUE(cells.empty());
+}
+
 TEST(SelectCells, SupervisionStandsInForTheWindow) {
   const std::array<Rectangle, 3> rectangles{{{0, 0, 4, 4}, {2, 2, 4, 4}, {-10, -10, 3, 3}}};
   TrainingArea area = area_of({50, 50, 50, 50}, 100, 100);

@@ -120,6 +120,12 @@ const Property<ElementSettings> own_table[] = {
      "time of day get it as a reference time stamp",
      property_before_start,
      PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, start_time)}},
+    {"veto-roi-types", "Veto ROI types",
+     "Types of GstVideoRegionOfInterestMeta whose rectangles are never traversable and are not learned, such "
+     "as "
+     "person,car; * = all types",
+     property_playing,
+     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, veto_roi_types)}},
 #ifdef TERRAINSEG_ANALYTICS
     {"analytics-meta", "Analytics metadata", "Also attach the standard GstAnalytics segmentation metadata",
      property_playing, PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, analytics)}},

@@ -36,6 +36,7 @@ struct ElementSettings {
   std::string camera_info, mount; ///< both together give metres
   double range_max = 0;           ///< metres, 0 = where the expected error reaches 20 %
   std::string start_time;         ///< wall clock of PTS 0
+  std::string veto_roi_types;     ///< types of regions of interest that are vetoes
 };
 
 /// The values of all properties. Not locked: the owner holds the object lock around every call.

@@ -23,9 +23,12 @@ G_BEGIN_DECLS
 #define GST_TERRAIN_SEG_META_NAME "GstTerrainSegMeta"
 #define GST_TERRAIN_METRIC_META_NAME "GstTerrainMetricMeta"
 #define GST_TERRAIN_TRAINING_META_NAME "GstTerrainTrainingMeta"
+#define GST_TERRAIN_VETO_META_NAME "GstTerrainVetoMeta"
 #define GST_TERRAIN_TRUTH_META_NAME "GstTerrainTruthMeta"
 /** Type of a GstVideoRegionOfInterestMeta whose pixels are used for training. */
 #define GST_TERRAIN_TRAINING_ROI "terrain-training"
+/** Type of a GstVideoRegionOfInterestMeta whose pixels are never traversable and are not learned. */
+#define GST_TERRAIN_VETO_ROI "terrain-veto"
 /** Name of the custom event, upstream or downstream, with the boolean field "clear": FALSE while a
  * near-range sensor reports an obstacle in the training window. */
 #define GST_TERRAIN_SEG_NEAR_EVENT "terrainseg-near"

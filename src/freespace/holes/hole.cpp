@@ -92,6 +92,7 @@ void lower_below(const Detection& found, int mask_level, FrameCurve& rows) {
     for (int x = subsampled(hole.left, mask_level); x < right; ++x)
       rows[static_cast<std::size_t>(x)] = std::max(rows[static_cast<std::size_t>(x)], hole.free_from);
   }
+  found.veto.lower(mask_level, {rows.data(), rows.size()});
 }
 
 std::uint64_t mark(const Detection& found, const MutablePlane& mask, int width, int height, int mask_level) {
@@ -103,7 +104,7 @@ std::uint64_t mark(const Detection& found, const MutablePlane& mask, int width, 
     for (int y = subsampled(hole.top, mask_level); y < bottom; ++y)
       turned += label_row(mask.row(y) + left, count, found.label);
   }
-  return turned;
+  return turned + found.veto.mark(mask_level, mask, width, height);
 }
 
 } // namespace terrainseg

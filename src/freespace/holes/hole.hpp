@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "coarse/veto.hpp"
 #include "freespace/curve/frame_curves.hpp"
 #include "freespace/holes/finer_cells.hpp"
 #include "terrainseg/estimate.hpp"
@@ -63,15 +64,16 @@ struct Detection {
   std::uint8_t label = mask_doubtful; ///< new label of the traversable pixels in the holes
   std::vector<Hole> holes;
   /// Evidence against ground; one of the two is empty. `oddness`: difference from the ground beside the cell
-  /// (Q4 of a standard deviation). `standing`: the cell moves as a standing obstacle (Q8).
+  /// (Q4 of a standard deviation). `standing`: the cell moves as a standing obstacle, or is vetoed (Q8).
   FinerCells<std::uint8_t> oddness;
   FinerCells<std::int16_t> standing;
+  VetoArea veto{}; ///< pixels that are labelled 0 whatever they are
 };
 
-/// Lowers a curve (rows of the frame per mask column) to below the holes.
+/// Lowers a curve (rows of the frame per mask column) to below the holes and vetoed pixels.
 void lower_below(const Detection& found, int mask_level, FrameCurve& rows);
 
-/// Labels the traversable pixels of the holes. Returns their number.
+/// Labels the traversable pixels of the holes, and all vetoed pixels. Returns how many were traversable.
 std::uint64_t mark(const Detection& found, const MutablePlane& mask, int width, int height, int mask_level);
 
 } // namespace terrainseg

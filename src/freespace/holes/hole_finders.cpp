@@ -16,6 +16,9 @@ namespace {
 /// error of the drives increases by 0.01 with 36 and by 0.02 with 48.
 TERRAINSEG_TUNED(int, hole_finders, far_rows, 36);
 
+/// Evidence of a vetoed cell: the largest that Evidence takes.
+constexpr std::int16_t certain = 128;
+
 /// The pyramid levels in which spots are searched, and that of the curves. A mask coarser than these cells
 /// has too few columns.
 struct SpotLevels {
@@ -99,6 +102,19 @@ void StoneFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, Ho
                                memory.stones, found_.holes);
   if (any)
     found_.oddness = field_.oddness();
+}
+
+void VetoFinder::find(const OpenGround& open, const FreeSpaceCurves*, HoleMemory&) {
+  const View& view = open.view;
+  const Grid& grid = view.grid;
+  found_.veto = view.veto;
+  found_.standing = {};
+  cells_.resize(grid.size());
+  if (view.vetoed.empty())
+    return;
+  for (std::size_t i = 0; i < cells_.size(); ++i)
+    cells_[i] = view.vetoed[i] ? certain : 0;
+  found_.standing = {cells_, grid.width, grid.height, grid.level, 0, grid.width};
 }
 
 void HoleFinders::find(const OpenGround& open, HoleMemory& memory) {

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The detectors of obstacles in open ground. Each has a setting that switches it off.
+// The detectors of obstacles in open ground. Each has a setting that switches it off. And the veto of a
+// detector outside of the filter.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "base/frame_line.hpp"
 #include "freespace/curve/refinement.hpp"
@@ -88,9 +90,20 @@ class StoneFinder final : public HoleFinder {
   StoneField field_;
 };
 
+/// Pixels that a detector outside of the filter vetoes. An input, not a stage: it has no setting.
+class VetoFinder final : public HoleFinder {
+ public:
+  VetoFinder() { found_.label = mask_not_traversable; }
+  std::optional<int> column_level(const View&) const override { return std::nullopt; } // needs no curves
+  void find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory& memory) override;
+
+ private:
+  std::vector<std::int16_t> cells_; ///< evidence of each cell of the grid
+};
+
 class HoleFinders {
  public:
-  using List = std::array<HoleFinder*, 4>;
+  using List = std::array<HoleFinder*, 5>;
   void find(const OpenGround& open, HoleMemory& memory);
   const List& list() const { return list_; }
 
@@ -98,7 +111,8 @@ class HoleFinders {
   MotionFinder motion_;
   SpotFinder near_spots_{SpotFinder::Reach::whole_picture}, far_spots_{SpotFinder::Reach::far_away};
   StoneFinder stones_;
-  List list_{&motion_, &near_spots_, &far_spots_, &stones_};
+  VetoFinder veto_;
+  List list_{&motion_, &near_spots_, &far_spots_, &stones_, &veto_}; // a veto overrides all other labels
 };
 
 } // namespace terrainseg

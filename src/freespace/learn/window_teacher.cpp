@@ -127,6 +127,9 @@ std::span<const std::uint8_t> WindowTeacher::teach(const View& view, const GridC
     vouched = view.connected.vouched(view.grid, kept_.cells, view.texture);
   }
   mark_lessons(view.grid, view.window_cells, kept_.cells, same_ground, settings.negatives, last, lessons_);
+  for (std::size_t i = 0; i < view.vetoed.size(); ++i)
+    if (view.vetoed[i])
+      lessons_[i] = Lesson::nothing;
   learn_histograms(view.cells, lessons_, settings.forget_shift, terrain);
   ++terrain.generation;
   tables.learned(training, static_cast<int>(256 * view.window_cells.size() / view.grid.size()));

@@ -11,6 +11,7 @@
 #include "base/lattice.hpp"
 #include "base/pipeline.hpp"
 #include "coarse/grid_reader.hpp"
+#include "coarse/veto.hpp"
 #include "freespace/look/color_bins.hpp"
 #include "freespace/look/connected_ground.hpp"
 #include "freespace/look/texture.hpp"
@@ -27,8 +28,10 @@ struct View {
   ColorTransform transform;
   Rectangle window;                   ///< the training window, in pixels of the frame
   std::span<const Cell> window_cells; ///< the training window's cells
-  bool blank;                         ///< a single colour: the following members have not been read
-  Grid grid;                          ///< in the learning colour space
+  VetoArea veto;
+  std::span<const std::uint8_t> vetoed; ///< per cell 1 where a pixel is vetoed; empty when none is
+  bool blank;                           ///< a single colour: the following members have not been read
+  Grid grid;                            ///< in the learning colour space
   const std::vector<std::uint16_t>& texture;
   const ExposureTables& exposure;
   const CellBins& cells;
@@ -52,6 +55,7 @@ class FrameReader {
 
   Pyramid pyramid_;
   std::vector<Cell> window_cells_;
+  std::vector<std::uint8_t> vetoed_;
   GridReader grid_reader_;
   ColorTransform transform_;
   Grid grid_;

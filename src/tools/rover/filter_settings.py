@@ -52,6 +52,20 @@ def rect_text(x, y, width, height):
     return ','.join(f'{side:.5f}'.rstrip('0').rstrip('.') for side in (x, y, width, height))
 
 
+def set_horizon(element, row):
+    """Where level ground ends as a fraction of the height, as the pointer says; None where the filter is to find it."""
+    if row is None:
+        element.emit('unset-property', 'horizon-hint')
+    else:
+        element.set_property('horizon-hint', round(min(max(row, 0.0), 1.0), 4))
+
+
+def horizon_of(element):
+    """The fraction that was set, or None."""
+    row = element.get_property('horizon-hint')
+    return None if row < 0 else row
+
+
 def window_of(element, fields):
     """The training window in fractions: as drawn if that fits the frame, otherwise that of the last frame."""
     width, height = fields.get_value('frame-width'), fields.get_value('frame-height')

@@ -16,8 +16,8 @@ gi.require_version('Gst', '1.0')
 gi.require_version('GstApp', '1.0')
 from gi.repository import GLib, GObject, Gst, GstApp  # noqa: E402,F401 (GstApp: methods of appsrc and appsink)
 
-from filter_settings import (FLAGS, KEYS, NOT_KEPT, WINDOW_IN_PIXELS, fields_of, read_group, rect_text, rectangles_of,  # noqa: E402
-                             regions_text, set_text, settings_of, stock_of, text_of, write_settings)
+from filter_settings import (FLAGS, KEYS, NOT_KEPT, WINDOW_IN_PIXELS, fields_of, horizon_of, read_group, rect_text,  # noqa: E402
+                             rectangles_of, regions_text, set_horizon, set_text, settings_of, stock_of, text_of, write_settings)
 
 SCENE = 'terrainscenesrc is-live=true ! video/x-raw,format=I420,width=640,height=360,framerate=30/1'
 CAMERA = 'v4l2src ! decodebin'
@@ -107,7 +107,6 @@ class Rover:
                                          '! terrainseg name=terrain ! appsink name=out sync=false max-buffers=1 emit-signals=true')
         self.terrain = self.pipeline.get_by_name('terrain')
         self.pipeline.get_by_name('out').connect('new-sample', self.on_frame)
-        self.horizon_name = 'horizon-hint' if self.terrain.find_property('horizon-hint') else 'vanishing-row'
         self.load_settings()
         Gst.parse_bin_from_description(self.source(), True)  # an invalid source ends the program at the start
         bus = self.pipeline.get_bus()
@@ -303,7 +302,7 @@ class Rover:
                 'horizon': None if get('horizon-row') < 0 else round(get('horizon-row') / height, 4),
                 'window': [round(get(f'window-{side}') / whole, 5) for side, whole in zip('xywh', (width, height) * 2)],
                 'regions': [[x / width, y / height, w / width, h / height] for x, y, w, h in self.regions],
-                'hint': self.horizon_hint(height), 'lesson': self.lesson(flags), 'generation': get('model-generation'),
+                'hint': horizon_of(self.terrain), 'lesson': self.lesson(flags), 'generation': get('model-generation'),
                 'ms': round(of_stats('total-median-us') / 1000, 2), 'learned': of_stats('learned'), 'seen': of_stats('frames')}
 
     def lesson(self, flags):
@@ -408,17 +407,8 @@ class Rover:
             self.put_regions([(round(x * across), round(y * down), max(1, round(w * across)), max(1, round(h * down))) for x, y, w, h in self.regions])
 
     def set_horizon(self, row):
-        """Sets the ground's vanishing line as a fraction of the height; None = the filter finds it."""
-        if row is None:
-            self.terrain.emit('unset-property', self.horizon_name)
-        elif self.horizon_name == 'horizon-hint':
-            self.terrain.set_property(self.horizon_name, number(row))
-        else:
-            self.terrain.set_property(self.horizon_name, round(number(row) * self.frame_size()[1]))
-
-    def horizon_hint(self, height):
-        value = self.terrain.get_property(self.horizon_name)
-        return None if value < 0 else value if self.horizon_name == 'horizon-hint' else value / height
+        """Sets where level ground ends as a fraction of the height; None = the filter finds it."""
+        set_horizon(self.terrain, None if row is None else number(row))
 
     def set_learning(self, on):
         if not isinstance(on, bool):
