@@ -15,10 +15,9 @@ import subprocess
 import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
-FUNCTIONS = ['Segmenter::process', 'Pyramid::build', 'FreeSpacePipeline::read_cells', 'FreeSpacePipeline::learn_window',
-             'FreeSpacePipeline::weigh_cells', 'Likelihood::build', 'FreeSpacePipeline::find_boundary', 'Reestimation::revise',
-             'Refinement::refine', 'OddSpots::find', 'StoneField::find', 'StandingThings::find',
-             'FreeSpace::write', 'FreeSpacePipeline::tell_confidence']
+FUNCTIONS = ['Segmenter::process', 'Pyramid::build', 'FrameReader::read_cells', 'WindowTeacher::learn', 'TerrainTables::of',
+             'CellScorer::score', 'UprightCoherence::look', 'GroundTracer::trace', 'Reestimation::revise', 'RefinedCurves::refine',
+             'OddSpots::find', 'StoneField::find', 'StandingThings::find', 'AnswerWriter::write', 'FreeSpace::write']
 
 
 def compiled(source, build, out):

@@ -11,8 +11,9 @@ PyramidPlan coarse_plan(PixelFormat format, int coarsest) {
   const int texture = texture_level(coarsest);
   // Luma of RGB is a mixture of all three components, so its texture bands need all three.
   const int color = layout_of(format).rgb ? texture : refinement_level(coarsest);
-  // The finest level that is read has the whole filter; below it there are pixels enough.
-  return {coarsest, color, texture, std::max(texture - 1, 0), std::max(color - 1, 0)};
+  // The finest level that is read has the whole filter. One sparse level of luma more at 4K misses more
+  // ground of rendered trails.
+  return {coarsest, color, texture, std::clamp(texture - 1, 0, 1), std::clamp(color - 1, 0, 2)};
 }
 
 Grid GridReader::read(const Pyramid& pyramid, int level, const ColorTransform& transform,

@@ -19,7 +19,7 @@ struct PyramidPlan {
   int finest_luma = 2;  ///< finest level at which the first component is kept, <= finest_color
   /// The levels 1 to `sparse_luma` of the first component, and 1 to `sparse_color` of the others, use every
   /// second row of the level below, without a vertical filter. Of level 0, one of 2^sparse_luma rows is read.
-  /// Not above the finest level that is kept; equal for R, G, B.
+  /// Not above the finest level that is kept. R, G, B together follow sparse_luma.
   int sparse_luma = 0, sparse_color = 0;
   bool operator==(const PyramidPlan&) const = default;
 };
