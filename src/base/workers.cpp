@@ -6,6 +6,7 @@
 #include <hwy/cache_control.h>
 #include <sched.h>
 #include <system_error>
+#include <utility>
 
 namespace terrainseg {
 namespace {
@@ -69,7 +70,12 @@ void Workers::work() {
       return;
     if (!left_.compare_exchange_weak(left, left - 1))
       continue;
-    call_(context_, tasks_ - static_cast<int>(tasks));
+    try {
+      call_(context_, tasks_ - static_cast<int>(tasks));
+    } catch (...) {
+      if (!failed_.exchange(true))
+        thrown_ = std::current_exception();
+    }
     if (unfinished_.fetch_sub(1) == 1)
       unfinished_.notify_one();
     left = left_;
@@ -102,6 +108,8 @@ void Workers::run_erased(int tasks, Call call, void* context) {
   work();
   for (int left; (left = unfinished_) != 0;)
     wait_for_change(unfinished_, left, stay_awake_);
+  if (failed_.exchange(false))
+    std::rethrow_exception(std::exchange(thrown_, nullptr));
 }
 
 } // namespace terrainseg

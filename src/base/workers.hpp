@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <exception>
 #include <memory>
 #include <thread>
 #include <type_traits>
@@ -25,7 +26,7 @@ class Workers {
   int count() const { return static_cast<int>(threads_.size()) + 1; }
 
   /// Calls f(0) .. f(tasks - 1), each once, in any order and on any thread. Returns when all calls have
-  /// ended. f must not throw.
+  /// ended. Rethrows one of the exceptions of the calls.
   template <typename F> void run(int tasks, F&& f) {
     using Function = std::remove_reference_t<F>;
     run_erased(
@@ -49,6 +50,8 @@ class Workers {
   /// that wakes late therefore takes no task of a finished run, and no run waits for it.
   std::atomic<std::uint64_t> left_{0};
   std::atomic<int> unfinished_{0};
+  std::atomic<bool> failed_{false}; ///< a task of this run threw; the first to set it writes `thrown_`
+  std::exception_ptr thrown_;
   std::atomic<std::uint32_t> generation_{0}; ///< number of the last run
   std::atomic<bool> stop_{false};
 };

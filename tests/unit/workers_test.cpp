@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <atomic>
+#include <new>
 #include <pthread.h>
 
 namespace {
@@ -30,6 +32,26 @@ TEST(Workers, WhatTasksWroteIsSeenAfterwards) {
     workers.run(8, [&](int task) { sums[static_cast<std::size_t>(task)] += round; });
     for (const std::uint64_t s : sums)
       ASSERT_EQ(s, round * (round + 1) / 2);
+  }
+}
+
+TEST(Workers, AnExceptionOfATaskReachesTheCallerAfterAllTasks) {
+  for (const int threads : {1, 3}) {
+    Workers workers(threads);
+    for (int round = 0; round < 200; ++round) {
+      std::atomic<int> ended{0};
+      EXPECT_THROW(workers.run(7,
+                               [&](int task) {
+                                 if (task == round % 7)
+                                   throw std::bad_alloc();
+                                 ++ended;
+                               }),
+                   std::bad_alloc);
+      EXPECT_EQ(ended, threads == 1 ? round % 7 : 6);
+      ended = 0;
+      workers.run(7, [&](int) { ++ended; }); // the next run knows nothing of it
+      EXPECT_EQ(ended, 7);
+    }
   }
 }
 
