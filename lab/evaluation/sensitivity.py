@@ -26,7 +26,7 @@ geodesic: free_distance most greatest_own_step
 ground_behind: free_below follow_below most margin least_sum
 light_ahead: widest_part sunlit blue
 likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_is_ground rest_of_taught color_weight color_limit other_chroma texture_weight
-local_reference: follow_below free_below most
+local_reference: follow_below free_below greatest
 odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
 own_shadow: least_lit least_dark least_ratio least_step most_chroma most_between
@@ -41,7 +41,7 @@ boundary: edge_limit edge_per_octave shadow_limit step_price edgeless_price
 connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma vouched_darker least_texture
 light_ahead: widest_part sunlit blue
 likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_of_taught color_weight other_chroma texture_weight
-local_reference: follow_below free_below most
+local_reference: follow_below free_below greatest
 odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
 own_shadow: least_lit least_dark least_ratio least_step most_chroma most_between

@@ -47,7 +47,7 @@ const Column columns[] = {
     {"window-sigma", "1.25", "1"},
     {"pyramid-levels", "-1", "5"},
     {"bit-shift", "4", "3"},
-    {"training-models", "1", "3"},
+    {"training-models", "3", "3"},
     {"learned-models", "5", "5"},
     {"match-threshold", "1", "1"},
     {"mass-cap", "0", "64"},

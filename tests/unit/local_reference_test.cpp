@@ -32,8 +32,8 @@ TEST(LocalReference, FollowsAGentleSlopeAndNotABreak) {
   LocalReference().climb(step, gray_100, 256, b);
   for (const int p : a)
     EXPECT_EQ(p, 0);
-  EXPECT_EQ(b[step.at(14, 10)], 36);
-  EXPECT_EQ(b[step.at(0, 10)], 36);
+  EXPECT_EQ(b[step.at(14, 10)], 24);
+  EXPECT_EQ(b[step.at(0, 10)], 24);
   EXPECT_EQ(b[step.at(15, 10)], 0);
 }
 

@@ -20,7 +20,7 @@ TEST(Settings, BothPresetsAreValid) {
 
 TEST(Settings, PresetsHaveTheDocumentedValues) {
   const Settings standard = Settings::of(Preset::standard), paper = Settings::of(Preset::paper);
-  EXPECT_EQ(standard.training_models, 1);
+  EXPECT_EQ(standard.training_models, 3);
   EXPECT_EQ(standard.bit_shift, 4);
   EXPECT_TRUE(standard.free_space);
   EXPECT_EQ(paper.training_models, 3);

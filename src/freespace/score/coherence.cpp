@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/fixed_log.hpp"
+#include "base/tuning.hpp"
 #include "kernels/cells.hpp"
 
 namespace terrainseg {
@@ -13,16 +14,19 @@ namespace {
 /// columns over which the result is averaged.
 constexpr int rows_added = 4, rows_averaged = 5;
 /// Weight of the score in 1/32, because colour and texture are no longer the only evidence.
-constexpr int score_weight = 25;
+TERRAINSEG_TUNED(int, upright, score_weight, 25);
 /// Coherence without evidence (Q8); reduction of the score per additional octave (Q4); and the limits of the
 /// evidence (five eighths of a nat against ground, a third for it).
-constexpr int neutral = -40, weight = 336, against = -20 * 16, in_favour = 10 * 16;
+TERRAINSEG_TUNED(int, upright, neutral, -40);
+TERRAINSEG_TUNED(int, upright, weight, 336);
+TERRAINSEG_TUNED(int, upright, against, -20 * 16);
+TERRAINSEG_TUNED(int, upright, in_favour, 10 * 16);
 /// Sum of 64 steps below which the evidence decreases: half a grey level each. A wall without texture is as
 /// incoherent as sand, and stones in haze have upright edges of one grey level.
 constexpr int full_contrast = 32; // as in kernels::weigh_upright()
-/// Upper limit of the evidence in the lower third, where the row prior already favours ground. With 0, 2 %
-/// more of the obstacles' pixels there are called ground.
-constexpr int near_by = -4 * 16;
+/// Upper limit of the evidence in the lower third (Q4), where the row prior already favours ground. With 0, 2
+/// % more of the obstacles' pixels there are called ground.
+TERRAINSEG_TUNED(int, upright, near_by, -4 * 16);
 
 } // namespace
 

@@ -22,7 +22,7 @@ std::array<int, 3> mean_color(const Grid& grid, std::span<const Cell> cells);
 /// base of a car. Keeps no state between frames.
 class LocalReference {
  public:
-  /// Writes to `penalty` the penalty of each cell, 0..36 (32 = 1 nat). `start` is the window's mean Y U V,
+  /// Writes to `penalty` the penalty of each cell, 0..24 (32 = 1 nat). `start` is the window's mean Y U V,
   /// Q4; `gain` is the exposure's, Q8.
   void climb(const Grid& grid, const std::array<int, 3>& start, int gain, CellPenalties& penalty);
 
