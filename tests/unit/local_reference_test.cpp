@@ -62,7 +62,7 @@ TEST(LocalReference, TheGainScalesItAndIgnoredCellsDoNotLead) {
   test::OwnedGrid led = gray_grid(20, 20, 100);
   for (int i = 0; i < 20; ++i)
     for (int j = 0; j < 20; ++j)
-      led.y[led.at(i, j)] = static_cast<std::uint8_t>(i < 5 ? 200 : 100 + 7 * (19 - i));
+      led.y[led.at(i, j)] = static_cast<std::uint8_t>(i < 5 ? 172 : 100 + 7 * (19 - i));
   CellPenalties free, blocked;
   LocalReference().climb(led, gray_100, 256, free);
   for (int i = 5; i < 20; ++i)
@@ -70,7 +70,7 @@ TEST(LocalReference, TheGainScalesItAndIgnoredCellsDoNotLead) {
       led.ignored[led.at(i, j)] = 1;
   LocalReference().climb(led, gray_100, 256, blocked);
   EXPECT_EQ(free[led.at(2, 10)], 0);
-  EXPECT_EQ(blocked[led.at(2, 10)], 33);
+  EXPECT_EQ(blocked[led.at(2, 10)], 19);
 }
 
 } // namespace
