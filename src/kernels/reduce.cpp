@@ -391,12 +391,12 @@ void reduce(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* 
 }
 
 // The pixels first..last-1 of one row, none of which touches an edge; false when they are fewer than a
-// vector.
+// vector, and on SVE, where vectors of 32 bytes gave other bytes under emulation.
 template <int step, int written>
 bool single_pixels([[maybe_unused]] const std::uint8_t* row, [[maybe_unused]] int first,
                    [[maybe_unused]] int last, [[maybe_unused]] std::ptrdiff_t ahead,
                    [[maybe_unused]] std::uint8_t* out) {
-#if HWY_TARGET != HWY_SCALAR
+#if HWY_TARGET != HWY_SCALAR && !HWY_HAVE_SCALABLE
   const hn::CappedTag<std::uint8_t, 32> d8;
   const hn::Repartition<std::uint16_t, decltype(d8)> d16;
   const hn::Repartition<std::uint32_t, decltype(d8)> d32;
