@@ -38,10 +38,10 @@ configure_and_build() {
     meson setup --reconfigure "$folder" "$@" >"$folder.log" 2>&1
   else
     meson setup "$folder" "$@" >"$folder.log" 2>&1
-  fi || { tail -n 30 "$folder.log"; echo "configuring $folder failed"; count 0 1; return 1; }
+  fi || { tail -n 30 "$folder.log"; echo "FAILED: configuring $folder"; count 0 1; return 1; }
   heartbeat "$folder.log" ninja -k 0 -C "$folder" || {
     grep -E -A6 'error|warning|FAILED' "$folder.log" | head -n 60
-    echo "building $folder failed (see $folder.log)"
+    echo "FAILED: building $folder (see $folder.log)"
     count 0 1
     return 1
   }
@@ -115,7 +115,7 @@ if wants style; then
   step "style and the arrows of the house"
   for check in tests/checks/check_style.sh tests/checks/check_house.py "tests/checks/check_house.py --self-check"; do
     # shellcheck disable=SC2086
-    if "$top/"$check; then count 1 0; else count 0 1; fi
+    if "$top/"$check; then count 1 0; else count 0 1; echo "FAILED: $check"; fi
   done
 fi
 finish

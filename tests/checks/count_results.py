@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Prints "PASSED FAILED" for the last `meson test` of a build folder.
+"""Prints "PASSED FAILED" for the last `meson test` of a build folder, and on stderr what failed, one "FAILED: ..." a line.
 
 usage: count_results.py BUILD/meson-logs
        count_results.py --real-time BUILD/meson-logs     names what failed and measures real time, one a line
@@ -21,21 +21,25 @@ GOOD = 'OK', 'SKIP', 'EXPECTEDFAIL'
 
 
 def read(logs, base):
-    """The programs of a run and how many cases of each passed and failed."""
+    """The programs of a run: result, how many cases passed, and the names of those that failed."""
     programs = [json.loads(line) for line in open(f'{logs}/{base}.json')]
-    cases = {program['name']: [0, 0] for program in programs}
+    passed = {program['name']: 0 for program in programs}
+    failed = {program['name']: [] for program in programs}
     for suite in ElementTree.parse(f'{logs}/{base}.junit.xml').getroot().iter('testsuite'):
         # A GoogleTest suite is named PROJECT.PROGRAM.SUITE, a script that reports its cases PROJECT.PROGRAM; another
         # script is itself a case of the suite PROJECT.
         _, _, rest = suite.get('name').partition('.')
         for case in suite.findall('testcase'):
-            program = next((n for n in cases if f'{rest}.'.startswith(n + '.')), None) if rest else case.get('name')
+            program = next((n for n in passed if f'{rest}.'.startswith(n + '.')), None) if rest else case.get('name')
             bad = case.find('failure') is not None or case.find('error') is not None
             skipped = case.find('skipped') is not None or case.get('status') == 'notrun'
-            if program not in cases:
+            if program not in passed:
                 sys.exit(f'{logs}: {suite.get("name")} belongs to no program of this run')
-            cases[program][bad] += not skipped
-    return {program['name']: (program['result'], *cases[program['name']]) for program in programs}
+            if bad:
+                failed[program].append(case.get('name'))
+            elif not skipped:
+                passed[program] += 1
+    return {p['name']: (p['result'], passed[p['name']], failed[p['name']]) for p in programs}
 
 
 def main():
@@ -53,10 +57,11 @@ def main():
         programs.update(read(logs, 'again'))
     passed = failed = 0
     for name, (result, good, bad) in programs.items():
-        if result not in GOOD:
-            bad = max(bad, 1)
-            print(f'{result}: {name}', file=sys.stderr)
-        passed, failed = passed + good, failed + bad
+        if result not in GOOD and not bad:
+            bad = [f'no case failed, but {result}']
+        for case in bad:
+            print(f'FAILED: {name}: {case}', file=sys.stderr)
+        passed, failed = passed + good, failed + len(bad)
     print(passed, failed)
 
 

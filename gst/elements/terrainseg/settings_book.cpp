@@ -172,6 +172,14 @@ const Property<ElementSettings>& own_of(guint id) {
   return own_table[id - first_own_id()];
 }
 
+// Ids begin at 1, and a release of GStreamer with GstAnalytics has one property more.
+#define TERRAINSEG_SETTING(...) +1
+constexpr std::size_t all_rows =
+#include "terrainseg/settings.def"
+    ;
+#undef TERRAINSEG_SETTING
+static_assert(all_rows + specials + overlay_property_count + std::size(own_table) < SettingsBook::capacity);
+
 /// By id; filled once, when the class is made.
 std::array<GParamSpec*, SettingsBook::capacity> specs;
 
@@ -317,7 +325,6 @@ void put_regions(const std::vector<Rectangle>& regions, GValue* array) {
 // ---- the class -------------------------------------------------------------------------------------------
 
 void SettingsBook::install(GObjectClass* object_class) {
-  g_assert(last_id() < capacity);
   const auto add = [object_class](guint id, GParamSpec* spec) {
     g_object_class_install_property(object_class, id, spec);
   };

@@ -45,7 +45,7 @@ struct ElementSettings {
 /// preset says.
 class SettingsBook {
  public:
-  static constexpr std::size_t capacity = 64;
+  static constexpr std::size_t capacity = 96;
   /// A set of properties by their ids.
   using Ids = std::bitset<capacity>;
 
