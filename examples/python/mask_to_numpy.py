@@ -22,7 +22,8 @@ import find_plugin  # noqa: E402  (where the plugin is installed Gst.init(None) 
 
 find_plugin.init()
 
-FLAGS = {1: 'learned', 2: 'frozen', 4: 'starved', 8: 'unknown', 16: 'horizon held', 32: 'blocked'}
+FLAGS = {1: 'learned', 2: 'frozen', 4: 'starved', 8: 'unknown', 16: 'horizon held', 32: 'blocked',
+         64: 'window still'}
 
 
 def bytes_of(buffer):

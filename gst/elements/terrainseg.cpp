@@ -50,6 +50,7 @@ struct Streaming {
   Once<> misfit;        ///< video, terrain or calibration that does not fit
   Once<> training_flaw; ///< of training pixels
   Once<> veto_flaw;     ///< of vetoed pixels
+  Once<> still_window;
   ColourWatch colours;
   TrainingReader training;
   VetoReader veto;
@@ -287,6 +288,7 @@ gboolean start(GstBaseTransform* transform) {
     s.announcer.reset();
     s.training_flaw.again();
     s.veto_flaw.again();
+    s.still_window.again();
     s.misfit.again();
     s.colours = {};
     s.summary = {};
@@ -606,6 +608,12 @@ bool label(GstBaseTransform* transform, GstBuffer* buffer, const MappedFrame& ma
 }
 
 void post_message(GstBaseTransform* transform, Streaming& s, GstBuffer* buffer, const Estimate& estimate) {
+  if ((estimate.flags & flag_window_still) && s.still_window.first())
+    GST_ELEMENT_WARNING(GST_ELEMENT(transform), STREAM, FAILED,
+                        ("The training window does not change, but the picture above it does: it shows the "
+                         "vehicle or a still picture. Move it onto the ground (window-bottom, window-rect)."),
+                        ("window %dx%d at %d,%d", estimate.window.width, estimate.window.height,
+                         estimate.window.x, estimate.window.y));
   if (!s.settings.values().post_messages) {
     s.announcer.reset();
     return;

@@ -135,6 +135,7 @@ static_assert(int{GST_TERRAIN_SEG_FLAG_STARVED} == flag_starved);
 static_assert(int{GST_TERRAIN_SEG_FLAG_UNKNOWN} == flag_unknown);
 static_assert(int{GST_TERRAIN_SEG_FLAG_HORIZON_HELD} == flag_horizon_held);
 static_assert(int{GST_TERRAIN_SEG_FLAG_BLOCKED} == flag_blocked);
+static_assert(int{GST_TERRAIN_SEG_FLAG_WINDOW_STILL} == flag_window_still);
 static_assert(int{GST_TERRAIN_SEG_NOT_TRAVERSABLE} == mask_not_traversable);
 static_assert(int{GST_TERRAIN_SEG_DOUBTFUL} == mask_doubtful);
 static_assert(int{GST_TERRAIN_SEG_TRAVERSABLE} == mask_traversable);

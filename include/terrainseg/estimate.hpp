@@ -29,6 +29,8 @@ enum Flag : std::uint32_t {
                           ///< its confidence decreases with each frame
   flag_blocked = 32,      ///< the share of free columns ahead of the window is below blocked_below, or no
                           ///< terrain is known
+  flag_window_still = 64, ///< the picture above the training window changes, but the window does not: it
+                          ///< shows the vehicle or a still picture. The confidence is a quarter
 };
 
 /// Summary of one learned model, in 8-bit units of the colour space in which it was learned.

@@ -82,7 +82,8 @@ void put_flags(std::string& out, std::uint32_t flags) {
   };
   constexpr Name names[] = {{flag_learned, "\"learned\""},           {flag_frozen, "\"frozen\""},
                             {flag_starved, "\"starved\""},           {flag_unknown, "\"unknown\""},
-                            {flag_horizon_held, "\"horizon-held\""}, {flag_blocked, "\"blocked\""}};
+                            {flag_horizon_held, "\"horizon-held\""}, {flag_blocked, "\"blocked\""},
+                            {flag_window_still, "\"window-still\""}};
   out += '[';
   bool first = true;
   for (const Name& name : names) {

@@ -14,7 +14,7 @@ namespace terrainseg {
 /// segmenter's Terrain.
 struct Memory {
   LastPicture last;
-  WindowGuard guard;
+  WindowMemory window;
   CellScores average; ///< running average of the scores
   GridCurve boundary; ///< boundary of the last frame; empty = none
   HorizonHold horizon;

@@ -76,7 +76,7 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   answer_.start(view, out);
   const auto [same_place, continued] = continuity_of(view, memory_.last);
   const WindowLesson lesson =
-      teacher_.learn(view, same_place ? memory_.boundary : no_curve, memory_.guard, tables_, terrain, clock);
+      teacher_.learn(view, same_place ? memory_.boundary : no_curve, memory_.window, tables_, terrain, clock);
   out.estimate().flags = lesson.flags;
   if (!lesson.known)
     return AnswerWriter::write_unknown(out, clock);

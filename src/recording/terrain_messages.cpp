@@ -23,7 +23,7 @@ const char* text_of(bool value) {
 DiagnosticStatus status_of(const Estimate& e, bool has_metres, std::optional<bool> near_clear) {
   const auto has = [&](Flag flag) { return (e.flags & flag) != 0; };
   DiagnosticStatus status;
-  status.level = has(flag_unknown) ? DiagnosticStatus::warn : DiagnosticStatus::ok;
+  status.level = has(flag_unknown) || has(flag_window_still) ? DiagnosticStatus::warn : DiagnosticStatus::ok;
   status.name = "terrainseg: terrain";
   const char* learning = "learned before";
   if (has(flag_learned))
@@ -32,7 +32,9 @@ DiagnosticStatus status_of(const Estimate& e, bool has_metres, std::optional<boo
     learning = "paused: learning or near-clear is off";
   else if (has(flag_starved))
     learning = "waiting: the training window shows no usable ground";
-  status.message = has(flag_unknown) ? "nothing is learned yet" : "terrain is known";
+  status.message = has(flag_unknown)        ? "nothing is learned yet"
+                   : has(flag_window_still) ? "the training window shows the vehicle or a still picture"
+                                            : "terrain is known";
   status.values = {{"learning", learning},
                    {"confidence", std::to_string(e.confidence)},
                    {"traversable_permille", std::to_string(e.traversable_permille)},

@@ -3,6 +3,7 @@
 #include <gst/terrainseg/terrainsegmeta.h>
 
 #include "harness.hpp"
+#include "../support/frames.hpp"
 
 namespace terrainseg::test {
 namespace {
@@ -763,6 +764,36 @@ TEST(Veto, BadOnesAreReportedOnceAndIgnored) {
   ASSERT_EQ(rig.push(with_veto(frame, left_half(320, 240))), GST_FLOW_OK);
   EXPECT_EQ(traversable_in(near_left, rig.pull().get()), 0);
   EXPECT_EQ(rig.warnings().size(), 1u);
+}
+
+// Noise in blocks of 8 x 8 pixels; what lies above row 190 moves by five blocks a frame.
+GstBuffer* frame_with_dashboard(int index) {
+  GstBuffer* buffer = gst_buffer_new_allocate(nullptr, 320 * 240, nullptr);
+  GstMapInfo map;
+  EXPECT_TRUE(gst_buffer_map(buffer, &map, GST_MAP_WRITE));
+  for (int y = 0; y < 240; ++y)
+    for (int x = 0; x < 320; ++x)
+      map.data[y * 320 + x] =
+          static_cast<guint8>(90 + noise_at(x / 8 + (y < 190 ? 5 * index : 0), y / 8, 2, 6));
+  gst_buffer_unmap(buffer, &map);
+  GST_BUFFER_PTS(buffer) = static_cast<GstClockTime>(index) * GST_SECOND / 30;
+  return buffer;
+}
+
+TEST(Input, ADashboardInTheWindowIsWarnedOfOnce) {
+  for (const bool guarded : {true, false}) {
+    Rig rig(guarded ? "terrainseg" : "terrainseg window-guard=false", caps_text("GRAY8", 320, 240));
+    guint32 flags = 0;
+    for (int k = 0; k < 40; ++k) {
+      ASSERT_EQ(rig.push(frame_with_dashboard(k)), GST_FLOW_OK);
+      const auto out = rig.pull();
+      flags = EstimateReader(out.get()).estimate().flags;
+      EXPECT_EQ((flags & flag_window_still) != 0, guarded && k >= 12) << k;
+    }
+    const auto warnings = rig.warnings();
+    ASSERT_EQ(warnings.size(), guarded ? 1u : 0u);
+    EXPECT_TRUE(!guarded || warnings[0].contains("window-bottom"));
+  }
 }
 
 } // namespace

@@ -16,7 +16,7 @@ import jsonschema
 
 import klv_decoder
 
-FLAGS = ['learned', 'frozen', 'starved', 'unknown', 'horizon-held', 'blocked']
+FLAGS = ['learned', 'frozen', 'starved', 'unknown', 'horizon-held', 'blocked', 'window-still']
 
 
 def refuse_constant(name):

@@ -405,5 +405,43 @@ TEST(NothingToBelieve, ALeadCarInTheWindow) {
   EXPECT_LT(s.now.confidence, s.before.confidence * 2 / 3);
 }
 
+// A drive in frames far enough apart that each changes the picture; with `dashboard` a picture of one hides
+// the bottom. The number of the 30 frames that have flag_window_still.
+int still_frames(Kind kind, Motion motion, bool dashboard, std::uint8_t* confidence = nullptr) {
+  scene::Renderer renderer({kind, Light::day, motion, 3}, 320, 240);
+  scene::Picture picture(PixelFormat::I420, 320, 240);
+  Segmenter segmenter{Settings()};
+  int frames = 0;
+  for (int k = 0; k < 30; ++k) {
+    renderer.render(static_cast<std::uint64_t>(12 * k), picture);
+    const Frame& f = picture.frame();
+    const test::OwnedFrame shown(PixelFormat::I420, 320, 240, [&](int x, int y) {
+      if (dashboard && y >= 190)
+        return test::Components{static_cast<std::uint8_t>(70 + test::noise_at(x / 6, y / 6, 1, 6)), 124, 130};
+      return test::Components{f.planes[0].row(y)[x], f.planes[1].row(y / 2)[x / 2],
+                              f.planes[2].row(y / 2)[x / 2]};
+    });
+    EXPECT_TRUE(segmenter.process(shown.frame()).ok());
+    frames += (segmenter.estimate().flags & flag_window_still) != 0;
+  }
+  if (confidence)
+    *confidence = segmenter.estimate().confidence;
+  return frames;
+}
+
+TEST(WindowStill, ADashboardIsNoted) {
+  std::uint8_t with = 255, without = 0;
+  EXPECT_GT(still_frames(Kind::trail, Motion::straight, true, &with), 10);
+  EXPECT_EQ(still_frames(Kind::trail, Motion::straight, false, &without), 0);
+  EXPECT_LE(with, 63); // a quarter of 255
+  EXPECT_GT(without, 63);
+}
+
+TEST(WindowStill, NoPlaceIsTakenForADashboard) {
+  for (const Kind kind : {Kind::road, Kind::trail, Kind::corridor, Kind::plain})
+    for (const Motion motion : {Motion::straight, Motion::turn, Motion::bumpy})
+      EXPECT_EQ(still_frames(kind, motion, false), 0) << static_cast<int>(kind) << static_cast<int>(motion);
+}
+
 } // namespace
 } // namespace terrainseg

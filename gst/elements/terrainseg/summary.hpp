@@ -56,7 +56,8 @@ class Summary {
             std::to_string(e.traversable_permille) + " permille" +
             (e.flags & flag_unknown   ? ", nothing is known"
              : e.flags & flag_blocked ? ", blocked"
-                                      : "");
+                                      : "") +
+            (e.flags & flag_window_still ? ", the training window is still" : "");
     return line + "; " + std::to_string(total_ / std::max<std::int64_t>(frames_, 1) / 1000) +
            " us a frame, " + std::to_string(worst_ / 1000) + " us at most";
   }

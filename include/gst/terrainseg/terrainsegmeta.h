@@ -55,7 +55,9 @@ typedef enum {
       4, /* not learned: too few usable window pixels, an obstacle in the window, or a blank frame */
   GST_TERRAIN_SEG_FLAG_UNKNOWN = 8,       /* no terrain is known, the mask is 128 everywhere */
   GST_TERRAIN_SEG_FLAG_HORIZON_HELD = 16, /* the horizon row is that of an earlier frame */
-  GST_TERRAIN_SEG_FLAG_BLOCKED = 32 /* too little free space ahead of the window, or no terrain is known */
+  GST_TERRAIN_SEG_FLAG_BLOCKED = 32, /* too little free space ahead of the window, or no terrain is known */
+  GST_TERRAIN_SEG_FLAG_WINDOW_STILL = 64 /* the picture above the training window changes, the window does
+                                            not: it shows the vehicle, or a still picture */
 } GstTerrainSegFlags;
 
 /** Bits of gst_terrain_metric_meta_get_flags(). */

@@ -27,7 +27,10 @@ void AnswerWriter::write(const Findings& f, HorizonHold& hold, EstimateWriter& o
   estimate.speed_over_height = f.speed;
   estimate.vanishing_row = f.end.row_q16(f.view.task.frame.height);
   write_rows(f, confidence, hold, out);
-  estimate.confidence = f.lesson.from_memory ? confidence / 2 : confidence;
+  // A window that shows the vehicle says nothing about the ground.
+  estimate.confidence = f.lesson.flags & flag_window_still ? confidence / 4
+                        : f.lesson.from_memory             ? confidence / 2
+                                                           : confidence;
   clock.lap(Stage::boundary);
   write_mask(f, out);
   write_confidence(f, estimate);

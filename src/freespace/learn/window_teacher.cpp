@@ -12,46 +12,6 @@
 namespace terrainseg {
 namespace {
 
-/// Thresholds of the mean score beside the window minus that inside, and of the mean score inside, 32 = 1
-/// nat. While an obstacle is in the window lower thresholds apply, because a car's smooth flanks look like
-/// the road in one frame and unlike it in the next. (A drive at dusk among queueing cars has 25 % unsafe
-/// pixels with the second pair and 31 % without it; the result is nearly constant around both values.)
-struct Limits {
-  int gap, inside;
-};
-constexpr Limits to_enter{20, 16}, to_stay{8, 24};
-TERRAINSEG_TUNED(int, window_guard, score_limit, 48);
-TERRAINSEG_TUNED(int, window_guard, patience, 64); ///< frames
-
-} // namespace
-
-bool WindowGuard::refuses(const CellBins& cells, const LikelihoodTables& tables, int grid_width,
-                          const Rectangle& window) {
-  std::int64_t inside = 0, beside = 0;
-  const std::int64_t cells_inside = std::int64_t{window.width} * window.height,
-                     cells_beside = std::int64_t{grid_width - window.width} * window.height;
-  for (int i = window.y; i < window.y + window.height; ++i)
-    for (int j = 0; j < grid_width; ++j) {
-      const std::size_t cell = static_cast<std::size_t>(i) * grid_width + j;
-      const int score = std::clamp(tables.color[cells.color[cell]] + tables.texture[cells.texture[cell]],
-                                   -score_limit, score_limit);
-      (j >= window.x && j < window.x + window.width ? inside : beside) += score;
-    }
-  const Limits& limits = held_ > 0 ? to_stay : to_enter;
-  const bool foreign =
-      cells_inside > 0 && cells_beside > 0 && inside < limits.inside * cells_inside &&
-      beside * cells_inside - inside * cells_beside > limits.gap * cells_inside * cells_beside;
-  if (!foreign || held_ >= patience) {
-    // After the limit is reached the count decreases slowly, so that the decision does not alternate.
-    held_ = std::max(held_ - 4, 0);
-    return false;
-  }
-  ++held_;
-  return true;
-}
-
-namespace {
-
 /// Floor of the variance (Q8): uniform ground of one colour still has noise.
 TERRAINSEG_TUNED(std::uint32_t, window_teacher, prefilter_floor, 41 << 8);
 /// Smallest variance of a training model, per component (Q8).
@@ -68,7 +28,7 @@ bool is_foreign(const View& view, WindowGuard& guard, TerrainTables& tables, con
 
 } // namespace
 
-WindowLesson WindowTeacher::learn(const View& view, const GridCurve& last, WindowGuard& guard,
+WindowLesson WindowTeacher::learn(const View& view, const GridCurve& last, WindowMemory& memory,
                                   TerrainTables& tables, Terrain& terrain, StageClock& clock) {
   const Settings& settings = view.task.settings;
   WindowLesson lesson;
@@ -80,8 +40,11 @@ WindowLesson WindowTeacher::learn(const View& view, const GridCurve& last, Windo
   const Gaussian moments = moments_of(colors, taught);
   prefilter(colors, taught, moments,
             {settings.window_sigma_q8, prefilter_floor, PrefilterRule::Scarce::all_below_one_quarter}, kept_);
-  const bool foreign = is_foreign(view, guard, tables, terrain);
+  const bool foreign = is_foreign(view, memory.guard, tables, terrain);
   lesson.flags = learning_flag(settings, kept_.cells.empty() || foreign || colors.size() < samples_per_model);
+  if (settings.window_guard && view.task.supervision.empty() &&
+      memory.still.look(view.grid, view.window_of_grid()))
+    lesson.flags |= flag_window_still;
   clock.lap(Stage::prefilter);
 
   if (lesson.flags & flag_learned)

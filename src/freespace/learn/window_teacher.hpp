@@ -10,32 +10,16 @@
 #include "coarse/grid.hpp"
 #include "coarse/horizon.hpp"
 #include "coarse/window.hpp"
-#include "freespace/look/color_bins.hpp"
+#include "freespace/learn/window_guard.hpp"
 #include "freespace/score/likelihood.hpp"
 
 namespace terrainseg {
-
-// Prevents the learning of an obstacle that fills the training window.
-
-/// The learned terrain is visible left and right of the window but not in it: an obstacle stands in front. A
-/// change of the terrain itself is visible on both sides too, and is learned immediately. A window that keeps
-/// looking foreign is learned after 64 frames, so that the guard cannot stop learning permanently.
-class WindowGuard {
- public:
-  /// Returns true when this frame's window must not be learned. `tables` are those of the terrain before this
-  /// frame; `window` is in cells of the grid.
-  bool refuses(const CellBins& cells, const LikelihoodTables& tables, int grid_width,
-               const Rectangle& window);
-
- private:
-  int held_ = 0; ///< number of consecutive refused frames
-};
 
 struct View;
 
 /// The result of one frame's window: views into memory of the teacher, valid until its next frame.
 struct WindowLesson {
-  std::uint32_t flags = 0;  ///< flag_learned, or the reason for not learning
+  std::uint32_t flags = 0;  ///< flag_learned, or the reason for not learning; flag_window_still
   bool known = false;       ///< a terrain is known, from this frame or from earlier ones
   bool from_memory = false; ///< the window was not examined
   Vouched trusted;          ///< the window's cells that are ground, and the ground connected to them
@@ -47,7 +31,7 @@ class WindowTeacher {
   /// Learns the window unless it is foreign, has too few cells, or learning is disabled. Updates the
   /// Gaussians (paper, stages C and D) and the histograms of terrain and non-terrain. `last` is the boundary
   /// of the previous frame when it shows the same place, otherwise empty.
-  WindowLesson learn(const View& view, const GridCurve& last, WindowGuard& guard, TerrainTables& tables,
+  WindowLesson learn(const View& view, const GridCurve& last, WindowMemory& memory, TerrainTables& tables,
                      Terrain& terrain, StageClock& clock);
 
  private:

@@ -16,7 +16,8 @@ KEYS = (('preset', 1), ('caution', 2), ('doubtful', 4), ('window-sigma', 0.25), 
 NOT_KEPT = {'name', 'parent', 'overlay', 'navigation', 'post-messages', 'settings-location', 'model-location', 'instance',
             'stages', 'qos', 'learning', 'near-clear', 'n-threads', 'ignore-regions', 'start-time'}
 WINDOW_IN_PIXELS = ('window-x', 'window-bottom', 'window-width', 'window-height')
-FLAGS = ((1, 'learned'), (2, 'frozen'), (4, 'starved'), (8, 'unknown'), (16, 'horizon held'), (32, 'blocked'))
+FLAGS = ((1, 'learned'), (2, 'frozen'), (4, 'starved'), (8, 'unknown'), (16, 'horizon held'), (32, 'blocked'),
+         (64, 'window still'))
 
 
 def fields_of(buffer):

@@ -311,6 +311,8 @@ class Rover:
             return 'learning is switched off'
         if not self.terrain.get_property('near-clear'):
             return 'the near-range sensor reports an obstacle (near-clear=false)'
+        if flags & 64:
+            return 'the window shows the vehicle or a still picture: move it onto the ground'
         if flags & 4:
             return 'too few usable pixels in the window'
         return 'this frame was not to be learned' if flags & 2 else ''
