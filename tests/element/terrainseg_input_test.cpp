@@ -2,8 +2,8 @@
 // terrainseg with bad or strange input: an error that names the cause, or a defined answer.
 #include <gst/terrainseg/terrainsegmeta.h>
 
-#include "harness.hpp"
 #include "../support/frames.hpp"
+#include "harness.hpp"
 
 namespace terrainseg::test {
 namespace {
