@@ -49,7 +49,7 @@ double worth(const test::OwnedGrid& g, const CellScores& score, const RowPriors&
           std::clamp(10.0 * std::floor((g.y[g.at(r, j)] - g.y[g.at(r - 1, j)]) * gain / 256.0), 0.0, 215.0);
     }
     if (r < g.height && !edgeless.empty() && edgeless[g.at(r, j)])
-      sum -= 300;
+      sum -= 400;
     double stretch = 0; // the best one above the curve with a row between them
     for (int first = 0; behind && first < r - 1; ++first) {
       double turned = -360;

@@ -26,10 +26,23 @@ TEST_F(Confidence, GrowsWithTheSeparation) {
   EXPECT_EQ(of(0, 0, level_), 0);
   EXPECT_EQ(of(-20, 20, level_), 0);
   int last = 0;
-  for (int s = 5; s < 48; s += 5) {
+  for (int s = 16; s < 48; s += 5) { // ground from half a nat on is sure
     EXPECT_GT(of(s, 0, level_), last);
     last = of(s, 0, level_);
   }
+}
+
+// The mean score of the ground is 20 both times.
+TEST_F(Confidence, FallsWithTheShareOfTheGroundThatIsNotSure) {
+  const auto with_part = [this](int other, int rest) {
+    CellScores score;
+    for (int i = 0; i < 30; ++i)
+      for (int j = 0; j < 40; ++j)
+        score.push_back(static_cast<std::int16_t>(16 * (i < 12 ? -20 : i < 21 ? other : rest)));
+    return mask_confidence(grid_, score, level_, {});
+  };
+  EXPECT_NEAR(with_part(20, 20), 2 * with_part(15, 25), 20);
+  EXPECT_EQ(with_part(15, 15), 0);
 }
 
 TEST_F(Confidence, FallsWithTheJumpsOfTheCurve) {

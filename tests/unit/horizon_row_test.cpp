@@ -25,8 +25,8 @@ TEST(HorizonRow, IsTheUpperEndLessOutliers) {
 TEST(HorizonRow, NoneWhereTheCurveTellsNothing) {
   EXPECT_EQ(of(FrameCurve(200, 0)).row, -1);
   EXPECT_EQ(of(FrameCurve(200, 100)).row, -1);
-  EXPECT_EQ(of(FrameCurve(200, 40), 47).row, -1);
-  EXPECT_EQ(of(FrameCurve(200, 40), 48).row, 40);
+  EXPECT_EQ(of(FrameCurve(200, 40), 15).row, -1);
+  EXPECT_EQ(of(FrameCurve(200, 40), 16).row, 40);
 }
 
 TEST(HorizonHold, HoldsWithFallingConfidenceWhileFramesContinue) {

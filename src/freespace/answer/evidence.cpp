@@ -16,7 +16,10 @@ namespace {
 TERRAINSEG_TUNED(int, confidence, near_rows, 3);
 TERRAINSEG_TUNED(int, confidence, near_limit, 24 * 16);
 TERRAINSEG_TUNED(int, confidence, near_weight, 3);
-TERRAINSEG_TUNED(int, confidence, full_separation, 130 * 16); ///< Q4; the best frames reach 168
+TERRAINSEG_TUNED(int, confidence, full_separation, 105 * 16); ///< Q4; the best frames reach 168
+/// Smallest score of ground that is sure (Q4): half a nat. The share of the ground that is sure is a
+/// factor of the confidence: where the mask swallowed something, the scores of much of its ground are low.
+TERRAINSEG_TUNED(int, confidence, sure_score, 16 * 16);
 TERRAINSEG_TUNED(int, confidence, half_at_jumps,
                  200); ///< percent of the grid's width: sum of the jumps in rows that halves the confidence
 TERRAINSEG_TUNED(int, confidence, spread_weight, 16); ///< a spread of 1/16 of the height halves the
@@ -30,7 +33,7 @@ std::uint8_t of_separation(std::int64_t separation) {
 
 std::uint8_t mask_confidence(const Grid& grid, const CellScores& score, const GridCurve& boundary,
                              const GroundBehind& behind) {
-  std::int64_t ground = 0, other = 0, cells_ground = 0, near = 0, cells_near = 0, jumps = 0;
+  std::int64_t ground = 0, other = 0, cells_ground = 0, sure = 0, near = 0, cells_near = 0, jumps = 0;
   for (int i = 0; i < grid.height; ++i)
     for (int j = 0; j < grid.width; ++j) {
       const auto x = static_cast<std::size_t>(j);
@@ -38,6 +41,7 @@ std::uint8_t mask_confidence(const Grid& grid, const CellScores& score, const Gr
       const int s = score[grid.at(i, j)];
       (is_ground ? ground : other) += s;
       cells_ground += is_ground;
+      sure += is_ground && s >= sure_score;
       if (i >= boundary[x] - near_rows && i < boundary[x] + near_rows) {
         near += std::clamp(is_ground ? s : -s, -near_limit, near_limit);
         ++cells_near;
@@ -50,7 +54,8 @@ std::uint8_t mask_confidence(const Grid& grid, const CellScores& score, const Gr
     return 0;
   const std::int64_t separation = ground / cells_ground - other / cells_other +
                                   near_weight * near / std::max<std::int64_t>(cells_near, 1);
-  return of_separation(separation * half_at_jumps / (half_at_jumps + jumps * 100 / grid.width));
+  return of_separation(separation * half_at_jumps / (half_at_jumps + jumps * 100 / grid.width) * sure /
+                       cells_ground);
 }
 
 std::uint8_t horizon_confidence(std::uint8_t mask_confidence, int spread, int frame_height) {
@@ -76,7 +81,7 @@ TERRAINSEG_TUNED(int, evidence, most_standing, 8 * 32);
 TERRAINSEG_TUNED(int, evidence, most_levels_finer, 2);
 /// Evidence for the whole picture: for a label with zero confidence of the mask, and its increase at
 /// confidence 255.
-TERRAINSEG_TUNED(int, evidence, without_confidence, -45);
+TERRAINSEG_TUNED(int, evidence, without_confidence, -36);
 TERRAINSEG_TUNED(int, evidence, full_confidence, 80);
 
 /// Table of 255 * tanh(x / 2) for x = 0, 1/2, 1 .. 6 nats.

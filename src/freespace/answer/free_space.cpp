@@ -15,7 +15,7 @@ namespace {
 
 TERRAINSEG_TUNED(int, horizon_row, horizon_percent, 5);   ///< percent of the columns that are higher and
                                                           ///< count as outliers
-TERRAINSEG_TUNED(int, horizon_row, least_confidence, 48); ///< smallest confidence of the mask for a valid
+TERRAINSEG_TUNED(int, horizon_row, least_confidence, 16); ///< smallest confidence of the mask for a valid
                                                           ///< horizon
 
 } // namespace
