@@ -2,6 +2,7 @@
 #include "kernels/cells.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cstdlib>
 
 #include "kernels/targets.hpp"
@@ -374,14 +375,9 @@ void octaves_looked_up(const std::uint32_t* __restrict values, const std::int16_
   }
 #endif
   for (; i < count; ++i) {
-    int octave = 0;
-    std::uint32_t shifted = values[i] >> 2;
-    for (const int octaves : {8, 4, 2, 1})
-      if (shifted >> octaves >= 256) {
-        shifted >>= octaves;
-        octave += octaves;
-      }
-    out[i] = values[i] ? table[octave * 256 + static_cast<int>(shifted & 255)] : std::int16_t{0};
+    const int octave = static_cast<int>(std::bit_width(values[i] | 1024)) - 11;
+    out[i] =
+        values[i] ? table[octave * 256 + static_cast<int>(values[i] >> (octave + 2) & 255)] : std::int16_t{0};
   }
 }
 
