@@ -2,6 +2,7 @@
 #include "kernels/cells.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cstdlib>
 
 #include "kernels/targets.hpp"
@@ -338,12 +339,6 @@ void strongest_of_strip(const Strip& strip, const std::array<std::array<std::int
 #endif
 }
 
-// Compilers make vectors of it.
-void write_segment(int start, int step, int most, int count, std::uint16_t* __restrict out) {
-  for (int i = 0; i < count; ++i)
-    out[i] = static_cast<std::uint16_t>(within((start + i * step) >> 1, 0, most));
-}
-
 void octaves_looked_up(const std::uint32_t* __restrict values, const std::int16_t* __restrict table,
                        int count, std::int16_t* __restrict out) {
   int i = 0;
@@ -374,14 +369,9 @@ void octaves_looked_up(const std::uint32_t* __restrict values, const std::int16_
   }
 #endif
   for (; i < count; ++i) {
-    int octave = 0;
-    std::uint32_t shifted = values[i] >> 2;
-    for (const int octaves : {8, 4, 2, 1})
-      if (shifted >> octaves >= 256) {
-        shifted >>= octaves;
-        octave += octaves;
-      }
-    out[i] = values[i] ? table[octave * 256 + static_cast<int>(shifted & 255)] : std::int16_t{0};
+    const int octave = static_cast<int>(std::bit_width(values[i] | 1024)) - 11;
+    out[i] =
+        values[i] ? table[octave * 256 + static_cast<int>(values[i] >> (octave + 2) & 255)] : std::int16_t{0};
   }
 }
 
@@ -402,7 +392,6 @@ HWY_EXPORT(color_steps_between);
 HWY_EXPORT(follow_cells);
 HWY_EXPORT(smooth_cells);
 HWY_EXPORT(strongest_of_strip);
-HWY_EXPORT(write_segment);
 HWY_EXPORT(octaves_looked_up);
 
 void weigh_components(const ComponentRow& in, const std::array<std::int32_t, 3>& weights, std::int32_t offset,
@@ -449,10 +438,6 @@ void smooth_row(const std::int32_t* in, int count, std::int32_t* out) {
 void strongest_edges(const Strip& strip, const std::array<std::array<std::int32_t, 3>, 3>& matrix, int rows,
                      const std::uint8_t* last, std::uint8_t* best) {
   HWY_DYNAMIC_DISPATCH(strongest_of_strip)(strip, matrix, rows, last, best);
-}
-
-void write_line(int start, int step, int most, int count, std::uint16_t* out) {
-  HWY_DYNAMIC_DISPATCH(write_segment)(start, step, most, count, out);
 }
 
 void look_up_octaves(const std::uint32_t* values, const std::int16_t* table, int count, std::int16_t* out) {

@@ -75,9 +75,6 @@ using Strip = std::array<std::array<std::array<std::uint8_t, strip_columns>, 3>,
 void strongest_edges(const Strip& strip, const std::array<std::array<std::int32_t, 3>, 3>& matrix, int rows,
                      const std::uint8_t* last, std::uint8_t* best);
 
-/// out[i] = clamp((start + i * step) >> 1, 0, most).
-void write_line(int start, int step, int most, int count, std::uint16_t* out);
-
 /// out[i] = table[256 e + m] where values[i] is at least (256 + m) 2^(e + 2), and less than with m + 1; 0
 /// where it is 0. Other values are from 2^10 on and below 2^25. The table has octaves_of_table * 256 entries
 /// and one more.

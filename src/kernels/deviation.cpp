@@ -36,12 +36,13 @@ void near_of_row(const std::uint8_t* __restrict luma, const std::uint8_t* __rest
                  std::uint16_t* __restrict cells, std::uint16_t* __restrict sums,
                  std::uint16_t* __restrict distances) {
   for (int i = 0; i < count; ++i) {
-    const auto x = static_cast<std::int16_t>(luma[i]), m = static_cast<std::int16_t>(middle[i]);
-    const auto away = static_cast<std::int16_t>(x > m ? x - m : m - x);
-    const auto taken = static_cast<std::int16_t>(away <= reach[i] ? -ground[i] : 0);
-    cells[i] = static_cast<std::uint16_t>(cells[i] - taken);
-    sums[i] = static_cast<std::uint16_t>(sums[i] + (x & taken));
-    distances[i] = static_cast<std::uint16_t>(distances[i] + (away & taken));
+    const std::uint8_t x = luma[i], m = middle[i], high = x > m ? x : m, low = x > m ? m : x;
+    const auto away = static_cast<std::uint8_t>(high - low);
+    const auto taken = static_cast<std::uint8_t>(ground[i] & static_cast<int>(away <= reach[i]));
+    const auto all = static_cast<std::uint8_t>(-taken);
+    cells[i] = static_cast<std::uint16_t>(cells[i] + taken);
+    sums[i] = static_cast<std::uint16_t>(sums[i] + (x & all));
+    distances[i] = static_cast<std::uint16_t>(distances[i] + (away & all));
   }
 }
 

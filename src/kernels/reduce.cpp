@@ -208,12 +208,19 @@ alignas(16) constexpr std::uint8_t pairing_of_4[16] = {0, 4, 1, 5, 2, 6, 3, 7, 8
 alignas(16) constexpr std::uint8_t pairing_of_3[16] = {0, 3, 1, 4,  2, 5,  0x80, 0x80,
                                                        6, 9, 7, 10, 8, 11, 0x80, 0x80};
 
-// Which 32-bit lanes bring four three-byte pixels into each 16-byte block, from lane `from` on.
-template <class D32> HWY_INLINE auto spreading(D32 d32, std::size_t from) {
-  HWY_ALIGN std::uint32_t index[hn::MaxLanes(D32())];
-  for (std::size_t i = 0; i < hn::Lanes(d32); ++i)
-    index[i] = static_cast<std::uint32_t>(from + i / 4 * 3 + std::min<std::size_t>(i % 4, 2));
-  return hn::SetTableIndices(d32, index);
+template <int step, class D8> HWY_INLINE hn::Vec<D8> pairing_of(D8 d8) {
+  return hn::LoadDup128(d8, step == 2 ? pairing_of_2 : (step == 3 ? pairing_of_3 : pairing_of_4));
+}
+
+// Which 32-bit lanes bring four three-byte pixels into each 16-byte block, from lane `from` on. Computed in
+// lanes: of a loop that fills a table GCC 12 makes a wrong one for SVE vectors of 32 bytes.
+template <class D8> HWY_INLINE auto spreading(D8, std::size_t from) {
+  const hn::Repartition<std::uint32_t, D8> d32;
+  const auto lane = hn::Iota(d32, 0), block = hn::ShiftRight<2>(lane);
+  const auto in_block = hn::Min(hn::And(lane, hn::Set(d32, 3)), hn::Set(d32, 2));
+  const auto first =
+      hn::Add(hn::Add(block, hn::ShiftLeft<1>(block)), hn::Set(d32, static_cast<std::uint32_t>(from)));
+  return hn::IndicesFromVec(d32, hn::Add(first, in_block));
 }
 
 // Reads two pixels for each 16-bit sum, paired. Of three-byte pixels a vector holds more than it needs: the
@@ -261,14 +268,12 @@ template <int step, int written, class D8>
 HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t* even, int first, int last,
                               std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
   const hn::Repartition<std::uint16_t, D8> d16;
-  const hn::Repartition<std::uint32_t, D8> d32;
   const std::size_t block = hn::Lanes(d8), half = block / 2;
   const std::size_t count = static_cast<std::size_t>(std::max(0, last - first)) * written;
   if (count < block)
     return false;
-  const auto pairing =
-      hn::LoadDup128(d8, step == 2 ? pairing_of_2 : (step == 3 ? pairing_of_3 : pairing_of_4));
-  const auto lower_spread = spreading(d32, 0), upper_spread = spreading(d32, block / 16);
+  const auto pairing = pairing_of<step>(d8);
+  const auto lower_spread = spreading(d8, 0), upper_spread = spreading(d8, block / 16);
   const auto rounding = hn::Set(d16, 128);
   std::uint16_t* partial = waiting.partial + first * written;
   std::uint16_t* held = waiting.held + first * written;
@@ -391,22 +396,20 @@ void reduce(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* 
 }
 
 // The pixels first..last-1 of one row, none of which touches an edge; false when they are fewer than a
-// vector, and on SVE, where vectors of 32 bytes gave other bytes under emulation.
+// vector.
 template <int step, int written>
 bool single_pixels([[maybe_unused]] const std::uint8_t* row, [[maybe_unused]] int first,
                    [[maybe_unused]] int last, [[maybe_unused]] std::ptrdiff_t ahead,
                    [[maybe_unused]] std::uint8_t* out) {
-#if HWY_TARGET != HWY_SCALAR && !HWY_HAVE_SCALABLE
+#if HWY_TARGET != HWY_SCALAR
   const hn::CappedTag<std::uint8_t, 32> d8;
   const hn::Repartition<std::uint16_t, decltype(d8)> d16;
-  const hn::Repartition<std::uint32_t, decltype(d8)> d32;
   const std::size_t block = hn::Lanes(d8), half = block / 2;
   const std::size_t count = static_cast<std::size_t>(std::max(0, last - first)) * written;
   if (count < block)
     return false;
-  const auto pairing =
-      hn::LoadDup128(d8, step == 2 ? pairing_of_2 : (step == 3 ? pairing_of_3 : pairing_of_4));
-  const auto lower_spread = spreading(d32, 0), upper_spread = spreading(d32, block / 16);
+  const auto pairing = pairing_of<step>(d8);
+  const auto lower_spread = spreading(d8, 0), upper_spread = spreading(d8, block / 16);
   const auto rounding = hn::Set(d16, 8);
   row += 2 * first * step;
   out += first * written;

@@ -212,14 +212,17 @@ void oddness_of_row(const DeviationRow& in, const std::int16_t* __restrict neare
                     int most, int count, std::uint8_t* __restrict out) {
   const std::uint8_t *const y = in.y, *const u = in.u, *const v = in.v, *const ground = in.ground,
                             *const dark = in.dark;
-  const auto limit = static_cast<std::int16_t>(most);
+  const auto limit = static_cast<std::uint8_t>(most);
   for (int i = 0; i < count; ++i) {
-    const std::int16_t full = y[i], quarter = static_cast<std::int16_t>(full >> 2), a = u[i], b = v[i];
-    const std::int16_t paler = nearest[i] > reached ? quarter : full, luma = dark[i] ? full : paler;
-    const std::int16_t chroma = a > b ? a : b, largest = luma > chroma ? luma : chroma;
-    const auto half = static_cast<std::int16_t>((largest + luma + a + b) >> 1);
-    const std::int16_t bounded = half < limit ? half : limit;
-    out[i] = static_cast<std::uint8_t>(ground[i] ? bounded : std::int16_t{0});
+    // In bytes from end to end: no sum of two leaves one.
+    const std::uint8_t full = y[i], quarter = full >> 2, a = u[i], b = v[i];
+    const std::uint8_t paler = nearest[i] > reached ? quarter : full, luma = dark[i] ? full : paler;
+    const std::uint8_t chroma = a > b ? a : b, largest = luma > chroma ? luma : chroma;
+    const auto first = static_cast<std::uint8_t>(largest + luma), second = static_cast<std::uint8_t>(a + b);
+    const auto half =
+        static_cast<std::uint8_t>((first & second) + static_cast<std::uint8_t>((first ^ second) >> 1));
+    const std::uint8_t bounded = half < limit ? half : limit;
+    out[i] = ground[i] ? bounded : std::uint8_t{0};
   }
 }
 

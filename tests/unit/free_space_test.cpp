@@ -55,6 +55,38 @@ TEST_P(FreeSpaceMask, HoldsEveryPixelByTheCurves) {
 
 INSTANTIATE_TEST_SUITE_P(WithAndWithoutGroundBehind, FreeSpaceMask, testing::Bool());
 
+// Curves that stay together, cross many rows or leave the picture; rows of more bytes than the mask's.
+TEST(FreeSpace, WritesMasksOfAllShapes) {
+  std::mt19937 dice(5);
+  for (int width = 1; width <= 1200; width += width < 40 ? 1 : 300)
+    for (const int height : {1, 2, 40, 1100})
+      for (const unsigned spread : {1u, 3u, 600u})
+        for (const int threads : {1, 2}) {
+          FreeSpaceCurves curves;
+          const int base = static_cast<int>(dice() % static_cast<unsigned>(height + 1));
+          for (int x = 0; x < width; ++x) {
+            const auto below = [&](int row) {
+              return static_cast<std::uint16_t>(std::min(height, row + static_cast<int>(dice() % spread)));
+            };
+            curves.boundary.push_back(below(base));
+            curves.safe.push_back(below(curves.boundary[x]));
+          }
+          const int stride = width + width % 3;
+          std::vector<std::uint8_t> mask(static_cast<std::size_t>(stride * height), 77);
+          Workers workers(threads);
+          FreeSpace().write(curves, 0, {}, {mask.data(), stride}, height, workers);
+          for (int y = 0; y < height; ++y)
+            for (int x = 0; x < stride; ++x) {
+              const int want = x >= width                ? 77
+                               : y >= curves.safe[x]     ? 255
+                               : y >= curves.boundary[x] ? 128
+                                                         : 0;
+              ASSERT_EQ(mask[static_cast<std::size_t>(y * stride + x)], want)
+                  << width << 'x' << height << " at " << x << ' ' << y;
+            }
+        }
+}
+
 std::vector<std::uint16_t> reached(const FrameCurve& safe) {
   std::vector<std::uint16_t> out(safe.size());
   reachable_rows(safe, 0, {4, 80, 3, 10}, 100, out);

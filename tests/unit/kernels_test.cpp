@@ -778,23 +778,6 @@ TEST(Kernels, StrongestEdges) {
   });
 }
 
-TEST(Kernels, WriteLine) {
-  on_every_target([] {
-    std::mt19937 random(13);
-    for (int count = 1; count <= 140; ++count)
-      for (int round = 0; round < 10; ++round) {
-        const Guarded<std::uint16_t> out(static_cast<std::size_t>(count), round % 2);
-        const int start = between(-20000, 140000, random), step = between(-4000, 4000, random),
-                  most = between(0, 65535, random);
-        write_line(start, step, most, count, out.data());
-        for (int i = 0; i < count; ++i)
-          ASSERT_EQ(out[static_cast<std::size_t>(i)],
-                    std::clamp(floor_shift(start + std::int64_t{i} * step, 1), 0, most))
-              << count << " at " << i;
-      }
-  });
-}
-
 // --- motion ---
 
 std::vector<std::uint8_t> noise_picture(int width, int height, std::uint32_t seed) {

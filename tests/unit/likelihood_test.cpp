@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include <gtest/gtest.h>
@@ -33,6 +34,16 @@ Terrain gray_road() {
   m.mass = 100 << 8;
   t.models = {m};
   return t;
+}
+
+/// The tables with all colours.
+void build(const Terrain& learned, std::span<const TerrainModel> training, int taught_q8,
+           const Settings& settings, LikelihoodTables& tables) {
+  std::vector<std::uint16_t> all(color_bins);
+  std::iota(all.begin(), all.end(), std::uint16_t{0});
+  Likelihood likelihood;
+  likelihood.build(learned, training, taught_q8, settings, tables);
+  likelihood.compute(all, tables);
 }
 
 TEST(Likelihood, CountsWhatItIsTold) {
@@ -97,7 +108,7 @@ TEST(Likelihood, IsTheWeightedLogLikelihoodRatio) {
   // The prior for ground among the rest, octaves in Q8: less the more of the picture was taught as terrain.
   for (const auto& [taught, prior] : {std::pair{0, 950}, {32, 950}, {48, 625}, {64, 300}, {256, 300}}) {
     LikelihoodTables tables;
-    Likelihood().build(t, {}, taught, Settings(), tables);
+    build(t, {}, taught, Settings(), tables);
     for (int i = 0; i < 2048; ++i) {
       const double d[3] = {(i >> 8) * 32 + 16 - 112.0, (i >> 4 & 15) * 16 + 8 - 128.0,
                            (i & 15) * 16 + 8 - 128.0};
@@ -122,8 +133,8 @@ TEST(Likelihood, TheNearestModelSpeaks) {
   two.models.push_back(two.models[0]);
   two.models[1].mean = {60 << 8, 160 << 8, 90 << 8};
   LikelihoodTables a, b;
-  Likelihood().build(one, {}, 0, Settings(), a);
-  Likelihood().build(two, {}, 0, Settings(), b);
+  build(one, {}, 0, Settings(), a);
+  build(two, {}, 0, Settings(), b);
   EXPECT_LT(a.color[bin(60, 160, 90)], 0);
   EXPECT_GT(b.color[bin(60, 160, 90)], 0);
   EXPECT_GT(b.color[bin(112, 128, 128)], 0);
@@ -136,8 +147,8 @@ TEST(Likelihood, WhatIsInTheWindowNowIsTerrain) {
   now.mean = {60 << 8, 160 << 8, 90 << 8};
   now.mass = 70 << 8;
   LikelihoodTables before, after;
-  Likelihood().build(memory, {}, 0, Settings(), before);
-  Likelihood().build(memory, {&now, 1}, 0, Settings(), after);
+  build(memory, {}, 0, Settings(), before);
+  build(memory, {&now, 1}, 0, Settings(), after);
   EXPECT_LT(before.color[bin(60, 160, 90)], -20);
   EXPECT_GT(after.color[bin(60, 160, 90)], 20);
   EXPECT_EQ(after.color[bin(112, 128, 128)], before.color[bin(112, 128, 128)]);
@@ -149,8 +160,8 @@ TEST(Likelihood, InAnyLightTheOtherOneSpeaksToo) {
   lit.models[0].mean[0] = 160 << 8;
   other.models[0] = in_other_light(lit.models[0]);
   LikelihoodTables both, shade;
-  Likelihood().build(lit, {}, 0, Settings(), both);
-  Likelihood().build(other, {}, 0, Settings(), shade);
+  build(lit, {}, 0, Settings(), both);
+  build(other, {}, 0, Settings(), shade);
   EXPECT_LT(both.color[bin(80, 128, 128)], 0);
   EXPECT_GT(both.any_light[bin(80, 128, 128)], 10);
   const double half_a_share = 0.384 * 32 * std::log(2);
@@ -166,13 +177,13 @@ TEST(Likelihood, InAnyLightTheOtherOneSpeaksToo) {
   Terrain blue = gray_road();
   blue.models[0].mean = {60 << 8, 160 << 8, 90 << 8};
   LikelihoodTables trained;
-  Likelihood().build(blue, lit.models, 0, Settings(), trained);
+  build(blue, lit.models, 0, Settings(), trained);
   EXPECT_GT(trained.any_light[bin(80, 128, 128)], trained.color[bin(80, 128, 128)]);
 }
 
 TEST(Likelihood, AColorOfNoLightIsNoGroundHoweverSmooth) {
   LikelihoodTables tables;
-  Likelihood().build(gray_road(), {}, 0, Settings(), tables);
+  build(gray_road(), {}, 0, Settings(), tables);
   const int orange = bin(140, 40, 200), shade = bin(30, 136, 120), white = bin(250, 128, 128);
   for (const auto* table : {&tables.color, &tables.any_light}) {
     EXPECT_EQ((*table)[orange], -128);
@@ -186,13 +197,38 @@ TEST(Likelihood, AColorOfNoLightIsNoGroundHoweverSmooth) {
   Terrain carpet = gray_road();
   carpet.models.push_back(carpet.models[0]);
   carpet.models[1].mean = {60 << 8, 40 << 8, 200 << 8};
-  Likelihood().build(carpet, {}, 0, Settings(), tables);
+  build(carpet, {}, 0, Settings(), tables);
   EXPECT_GE(tables.color[orange], -26);
-  Likelihood().build(gray_road(), std::span(carpet.models).subspan(1), 0, Settings(), tables);
+  build(gray_road(), std::span(carpet.models).subspan(1), 0, Settings(), tables);
   EXPECT_GE(tables.color[orange], -26);
   carpet.models[1].mass = 0; // no model
-  Likelihood().build(carpet, {}, 0, Settings(), tables);
+  build(carpet, {}, 0, Settings(), tables);
   EXPECT_EQ(tables.color[orange], -128);
+}
+
+TEST(Likelihood, ComputesTheColorsThatAreAskedFor) {
+  const Terrain t = gray_road();
+  const auto road = static_cast<std::uint16_t>(bin(112, 128, 128)),
+             orange = static_cast<std::uint16_t>(bin(140, 40, 200));
+  LikelihoodTables all, asked;
+  build(t, {}, 0, Settings(), all);
+  Likelihood likelihood;
+  likelihood.build(t, {}, 0, Settings(), asked);
+  const auto compute = [&](std::uint16_t color) { likelihood.compute({&color, 1}, asked); };
+  compute(road);
+  EXPECT_EQ(asked.color[road], all.color[road]);
+  EXPECT_EQ(asked.any_light[road], all.any_light[road]);
+  EXPECT_EQ(asked.color[orange], 0);
+  compute(orange);
+  EXPECT_EQ(asked.color[orange], -128);
+  // Another terrain makes all of them stale.
+  Terrain bright = t;
+  bright.models[0].mean[0] = 240 << 8;
+  build(bright, {}, 0, Settings(), all);
+  likelihood.build(bright, {}, 0, Settings(), asked);
+  compute(road);
+  EXPECT_EQ(asked.color[road], all.color[road]);
+  EXPECT_LT(asked.color[road], 0);
 }
 
 TEST(Likelihood, TextureIsForWhatTheWindowShows) {
@@ -205,13 +241,13 @@ TEST(Likelihood, TextureIsForWhatTheWindowShows) {
   }
   learn_histograms(cells_of(cells), lessons, 5, t);
   LikelihoodTables tables;
-  Likelihood().build(t, {}, 0, Settings(), tables);
+  build(t, {}, 0, Settings(), tables);
   EXPECT_GT(tables.texture[4], 60);
   EXPECT_LT(tables.texture[17], -60);
   EXPECT_NEAR(tables.texture[4], -tables.texture[17], 2);
   Settings without;
   without.texture = false;
-  Likelihood().build(t, {}, 0, without, tables);
+  build(t, {}, 0, without, tables);
   for (const int v : tables.texture)
     EXPECT_EQ(v, 0);
 }

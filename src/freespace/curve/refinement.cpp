@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 
 #include "freespace/curve/ground.hpp"
 #include "freespace/look/view.hpp"
@@ -39,8 +40,13 @@ void Refinement::refine(const Pyramid& pyramid, const Grid& grid, const ColorTra
             height = pyramid.height(level);
   interpolate(grid, curve, width, height);
   if (snap) {
-    for (int first = 0; first < width; first += kernels::strip_columns)
-      snap_columns(pyramid, transform, level, first, std::min(first + kernels::strip_columns, width));
+    asked_.resize(fine_.size(), std::numeric_limits<int>::min());
+    snapped_.resize(fine_.size());
+    for (int first = 0; first < width; first += kernels::strip_columns) {
+      const int end = std::min(first + kernels::strip_columns, width);
+      if (!ask(first, end))
+        snap_columns(pyramid, transform, level, first, end);
+    }
     take_medians();
   }
   write_rows(level, height, mask_level, frame_width, frame_height, rows);
@@ -65,6 +71,20 @@ void Refinement::interpolate(const Grid& grid, const GridCurve& curve, int width
           open ? (2 * part < ratio ? here : next) : (here * (ratio - part) + next * part) / ratio;
     }
   }
+}
+
+// The curve before was the same in these columns: takes what it was moved to, and returns true. Otherwise
+// keeps this one as the curve before.
+bool Refinement::ask(int first, int end) {
+  bool same = true;
+  for (auto x = static_cast<std::size_t>(first); x < static_cast<std::size_t>(end); ++x) {
+    const int wanted = 2 * fine_[x] + moves_[x];
+    same &= asked_[x] == wanted;
+    asked_[x] = wanted;
+  }
+  if (same)
+    std::copy(snapped_.begin() + first, snapped_.begin() + end, fine_.begin() + first);
+  return same;
 }
 
 // Moves the curve to the strongest edge near it, in each column separately.
@@ -97,6 +117,7 @@ void Refinement::snap_columns(const Pyramid& pyramid, const ColorTransform& tran
     if (best[i] > 0)
       fine_[static_cast<std::size_t>(x)] = 2 * (tops[i] + best[i]) - 1;
   }
+  std::copy(fine_.begin() + first, fine_.begin() + end, snapped_.begin() + first);
 }
 
 void Refinement::take_medians() {
@@ -119,13 +140,14 @@ void Refinement::write_rows(int level, int height, int mask_level, int frame_wid
   for (int x = 0; x < count; x += columns) {
     const std::size_t f = static_cast<std::size_t>(x / columns) << coarser;
     const int a = fine_[f], b = fine_[std::min(f + 1, fine_.size() - 1)];
-    const int written = std::min(columns, count - x);
+    const int written = std::min(columns, count - x),
+              step = is_open(b, height) ? 0 : (b - a) * (1 << mask_level);
     std::uint16_t* out = &rows[static_cast<std::size_t>(x)];
     if (is_open(a, height))
       std::fill_n(out, written, static_cast<std::uint16_t>(a <= all ? 0 : frame_height));
     else
-      kernels::write_line((a << level) + 1, is_open(b, height) ? 0 : (b - a) * (1 << mask_level),
-                          frame_height, written, out);
+      for (int i = 0, at = (a << level) + 1; i < written; ++i, at += step)
+        out[i] = static_cast<std::uint16_t>(std::clamp(at >> 1, 0, frame_height));
   }
 }
 
@@ -149,22 +171,23 @@ void walk_doubtful(const Grid& grid, const CellScores& score, int limit, const G
 
 void RefinedCurves::refine(const View& view, const Ground& ground) {
   finer_made_ = 0;
+  refinement_.start();
   refine(view, ground, view.task.settings.mask_level, of_mask_);
 }
 
 const FreeSpaceCurves& RefinedCurves::at(const View& view, const Ground& ground, int level) {
-  if (level == view.task.settings.mask_level)
+  if (level == of_mask_.level)
     return of_mask_;
   for (std::size_t i = 0; i < finer_made_; ++i)
     if (finer_[i].level == level)
-      return finer_[i].curves;
-  Finer& finer = finer_[std::min(finer_made_++, finer_.size() - 1)];
-  finer.level = level;
-  refine(view, ground, level, finer.curves);
-  return finer.curves;
+      return finer_[i];
+  FreeSpaceCurves& finer = finer_[std::min(finer_made_++, finer_.size() - 1)];
+  refine(view, ground, level, finer);
+  return finer;
 }
 
 void RefinedCurves::refine(const View& view, const Ground& ground, int level, FreeSpaceCurves& curves) {
+  curves.level = level;
   const auto bring = [&](const GridCurve& curve, FrameCurve& rows) {
     refinement_.refine(view.pyramid, view.grid, view.transform, curve, view.task.settings.refine, level,
                        view.task.frame.width, view.task.frame.height, rows);

@@ -18,6 +18,8 @@ namespace terrainseg {
 
 class Refinement {
  public:
+  /// Must be called before the curves of another picture.
+  void start() { asked_.clear(); }
   /// `curve`: per grid column the first row of the ground, 0..grid.height. With `snap` the curve moves to the
   /// strongest colour edge within three quarters of a cell at refinement_level(), then a median of five
   /// columns is applied. `rows` receives the first row of the ground in the frame, 0..frame_height, for each
@@ -28,6 +30,7 @@ class Refinement {
 
  private:
   void interpolate(const Grid& grid, const GridCurve& curve, int width, int height);
+  bool ask(int first, int end);
   void snap_columns(const Pyramid& pyramid, const ColorTransform& transform, int level, int first, int end);
   void take_medians();
   void write_rows(int level, int height, int mask_level, int frame_width, int frame_height,
@@ -35,7 +38,8 @@ class Refinement {
 
   // Doubled rows of the refinement's level, so that half rows are integers.
   std::vector<int> fine_, median_;
-  std::vector<std::uint8_t> moves_; ///< whether a column may move
+  std::vector<std::uint8_t> moves_;  ///< whether a column may move
+  std::vector<int> asked_, snapped_; ///< of the curve before: 2 * fine_ + moves_, and what it was moved to
   kernels::Strip strip_{};
 };
 
@@ -73,11 +77,7 @@ class RefinedCurves {
   Refinement refinement_;
   FreeSpaceCurves of_mask_;
   /// For small masks, whose columns are too coarse for detectors.
-  struct Finer {
-    int level;
-    FreeSpaceCurves curves;
-  };
-  std::array<Finer, 2> finer_{};
+  std::array<FreeSpaceCurves, 2> finer_{};
   std::size_t finer_made_ = 0;
 };
 

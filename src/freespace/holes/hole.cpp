@@ -49,10 +49,11 @@ bool GroundOutline::draw(const FreeSpaceCurves& curves, const OutlineView& view)
   }
   if (first_ >= view.height)
     return false;
-  cells_.resize(stride_ * static_cast<std::size_t>(view.height));
+  cells_.resize(stride_ * static_cast<std::size_t>(view.height) + 1);
+  cells_[static_cast<std::size_t>(first_) * stride_] = 0;
   for (int i = first_; i < view.height; ++i) {
     const auto row = static_cast<std::uint16_t>(i);
-    std::uint8_t* const in = &cells_[static_cast<std::size_t>(i) * stride_];
+    std::uint8_t* const in = &cells_[static_cast<std::size_t>(i) * stride_ + 1];
     outline_row(safe_.data(), row, stride_, in);
     if (curves.ground_behind)
       outline_behind(behind_first_.data(), behind_end_.data(), row, stride_, in);
@@ -60,7 +61,7 @@ bool GroundOutline::draw(const FreeSpaceCurves& curves, const OutlineView& view)
   for (const Rectangle& region : view.ignored) {
     const Rectangle cells = cells_in(region, k, view.width, view.height);
     for (int i = std::max(cells.y, first_); i < cells.y + cells.height; ++i)
-      std::fill_n(&cells_[static_cast<std::size_t>(i) * stride_] + cells.x, cells.width, std::uint8_t{0});
+      std::fill_n(&cells_[static_cast<std::size_t>(i) * stride_ + 1] + cells.x, cells.width, std::uint8_t{0});
   }
   return true;
 }

@@ -36,14 +36,15 @@ class GroundOutline {
 
   int first() const { return first_; } ///< the uppermost row with ground; the height when there is none
   /// 1 = ground, otherwise 0. Valid from row first() on.
-  const std::uint8_t* row(int i) const { return &cells_[static_cast<std::size_t>(i) * stride_]; }
-  bool at(std::uint32_t cell) const { return cells_[cell] != 0; }
+  /// Column -1 is not ground, where rows have additional elements.
+  const std::uint8_t* row(int i) const { return &cells_[static_cast<std::size_t>(i) * stride_ + 1]; }
+  bool at(std::uint32_t cell) const { return cells_[cell + 1] != 0; }
 
  private:
   std::size_t stride_ = 0;
   int first_ = 0;
   std::vector<std::uint16_t> safe_, behind_first_, behind_end_; ///< in rows of cells
-  std::vector<std::uint8_t> cells_;
+  std::vector<std::uint8_t> cells_;                             ///< from column -1 of the first row on
 };
 
 /// A part of an obstacle in open ground: a rectangle in pixels of the frame, and the row from which its

@@ -45,10 +45,10 @@ void MotionFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, H
   const View& view = open.view;
   if (!curves)
     return;
-  const bool any = things_.find(view.pyramid, *curves,
-                                {view.grid.level, *column_level(view), view.task.frame.pts,
-                                 view.task.settings.ignore_regions, open.line},
-                                memory.motion, found_.holes);
+  const bool any = things_.find(
+      view.pyramid, *curves,
+      {view.grid.level, curves->level, view.task.frame.pts, view.task.settings.ignore_regions, open.line},
+      memory.motion, found_.holes);
   evidence_ = things_.evidence();
   if (any)
     found_.standing = evidence_;

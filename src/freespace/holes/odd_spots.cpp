@@ -73,11 +73,11 @@ constexpr auto root_table = [] {
   return table;
 }();
 
-/// Elements per row in memory: whole vectors of cells, and of blocks after the first one, which has one
-/// column. Cells outside the picture are not ground.
+/// Elements per row in memory: whole vectors of cells from column -1 on. Column -1 is the last element of the
+/// row above; cells outside the picture are not ground.
 constexpr int stride_of(int width) {
-  constexpr int vector = 16;
-  return (width + vector - 2) / vector * vector + 1;
+  constexpr int vector = 32;
+  return (width + vector) / vector * vector;
 }
 
 /// Number of blocks of a side at that distance.
@@ -106,10 +106,11 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   horizon_row_ = static_cast<int>(view.horizon) * height_ >> 8;
   if (view.rows > 0)
     height_ = std::min(height_, horizon_row_ + view.rows);
-  blocks_x_ = (stride_ >> 1) + 1;
+  blocks_x_ = stride_ >> 1;
   blocks_y_ = (height_ >> 1) + 1;
   const std::size_t size = static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height_);
-  odd_.resize(size);
+  odd_.resize(size + 1);
+  odd_.back() = 0;
   for (const std::uint32_t cell : candidates_.cells()) // only candidates belong to spots
     spot_[cell] = 0;
   spot_.resize(size);
@@ -121,7 +122,7 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
       curves, {view.level, width_, height_, view.column_level, view.level, view.ignored, stride_});
   first_ = ground_.first();
   candidates_.start(stride_, height_, first_);
-  std::fill_n(odd_.begin(), std::min(first_, height_) * stride_, std::uint8_t{0});
+  std::fill_n(odd_.begin(), std::min(first_, height_) * stride_ + 1, std::uint8_t{0});
   if (!any_ground)
     return false;
   read_cells(pyramid, transform);
@@ -152,7 +153,7 @@ void OddSpots::read_cells(const Pyramid& pyramid, const ColorTransform& transfor
     transform_row(transform,
                   {pyramid.plane(view_.level, 0).row(i), pyramid.plane(view_.level, 1).row(i),
                    pyramid.plane(view_.level, 2).row(i)},
-                  {&color_[0][row], &color_[1][row], &color_[2][row]}, width_);
+                  {&color_[0][row] + 1, &color_[1][row] + 1, &color_[2][row] + 1}, width_);
   }
 }
 
@@ -171,18 +172,10 @@ void OddSpots::sum_blocks() {
       std::copy_n(&sums[above], stride, &sums[here]);
     for (int i = std::max(2 * I - 1, first_); i <= std::min(2 * I, height_ - 1); ++i) {
       const std::size_t row = static_cast<std::size_t>(i) * w;
-      const std::uint8_t* const ground = ground_.row(i);
-      const auto add = [&](const std::uint8_t* values, std::uint32_t* sums, std::uint32_t* squares) {
-        // only one column of the first block is in the picture
-        const std::uint32_t value = ground[0] ? values[0] : 0;
-        sums[0] += value;
-        if (squares)
-          squares[0] += value * value;
-        kernels::add_blocks(values + 1, ground + 1, stride_ / 2, sums + 1, squares ? squares + 1 : nullptr);
-      };
-      add(ground, &sums_[0][here], nullptr);
+      const std::uint8_t* const ground = ground_.row(i) - 1;
+      kernels::add_blocks(ground, ground, blocks_x_, &sums_[0][here], nullptr);
       for (std::size_t c = 0; c < 3; ++c)
-        add(&color_[c][row], &sums_[1 + c][here], &sums_[4 + c][here]);
+        kernels::add_blocks(&color_[c][row], ground, blocks_x_, &sums_[1 + c][here], &sums_[4 + c][here]);
     }
   }
 }
@@ -237,17 +230,18 @@ void OddSpots::compare_sides(int I) {
   }
 }
 
+// From column -1 on.
 void OddSpots::measure_row(int row) {
   const auto w = static_cast<std::size_t>(stride_);
   const std::size_t at = static_cast<std::size_t>(row) * w;
   dark_.resize(w);
   for (std::size_t c = 0; c < 3; ++c) {
     deviation_[c].resize(w);
-    kernels::deviations(&color_[c][at], sides_.left[c].data() + 1, sides_.right[c].data() + 1,
-                        sides_.inverse[c].data() + 1, stride_, deviation_[c].data(),
+    kernels::deviations(&color_[c][at], sides_.left[c].data(), sides_.right[c].data(),
+                        sides_.inverse[c].data(), stride_, deviation_[c].data(),
                         c == 0 ? dark_.data() : nullptr);
   }
-  const std::uint8_t *const ground = ground_.row(row), *const y = deviation_[0].data(),
+  const std::uint8_t *const ground = ground_.row(row) - 1, *const y = deviation_[0].data(),
                             *const dark = dark_.data();
   // One more column on each side.
   shade_.resize(w + 2);
@@ -265,9 +259,10 @@ bool OddSpots::seed() {
   const std::size_t from = static_cast<std::size_t>(first_) * static_cast<std::size_t>(stride_);
   if (largest(&odd_[from], odd_.size() - from) < enough)
     return false;
-  candidates_.list(odd_.data(), odd_enough);
+  const std::uint8_t* const odd = odd_.data() + 1;
+  candidates_.list(odd, odd_enough);
   return candidates_.seed(
-      odd_.data(), ground_, enough, [&](int row) { return reach(seed_reach, row); }, seed_.data());
+      odd, ground_, enough, [&](int row) { return reach(seed_reach, row); }, seed_.data());
 }
 
 // Removes the pieces of spots for which keep() is false. Returns false when none remain.

@@ -49,7 +49,9 @@ class OddSpots {
   int width() const { return width_; }
   int stride() const { return stride_; }
   int height() const { return height_; }
-  FinerCells<std::uint8_t> oddness() const { return {odd_, width_, height_, view_.level, 0, stride_}; }
+  FinerCells<std::uint8_t> oddness() const {
+    return {std::span(odd_).subspan(1), width_, height_, view_.level, 0, stride_};
+  }
   std::span<const std::uint8_t> spots() const { return spot_; }
 
  private:
@@ -78,7 +80,7 @@ class OddSpots {
   int width_ = 0, stride_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
   int blocks_x_ = 0, blocks_y_ = 0;
   GroundOutline ground_;
-  std::array<std::vector<std::uint8_t>, 3> color_;
+  std::array<std::vector<std::uint8_t>, 3> color_; ///< these and odd_ begin with column -1 of the first row
   std::vector<std::uint8_t> odd_, seed_, spot_;
   std::array<std::vector<std::uint32_t>, sum_count>
       sums_; ///< cumulative over blocks of rows, from the first one with ground

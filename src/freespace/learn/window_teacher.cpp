@@ -21,9 +21,15 @@ TERRAINSEG_TUNED(std::uint32_t, window_teacher, least_variance, 180 << 8);
 /// window is not learned or training pixels are supplied.
 bool is_foreign(const View& view, WindowGuard& guard, TerrainTables& tables, const Terrain& terrain) {
   const Settings& settings = view.task.settings;
-  return settings.window_guard && settings.learning && settings.near_clear && view.task.supervision.empty() &&
-         heaviest(terrain.models) >= 0 &&
-         guard.refuses(view.cells, tables.of(terrain, settings), view.grid.width, view.window_of_grid());
+  if (!settings.window_guard || !settings.learning || !settings.near_clear ||
+      !view.task.supervision.empty() || heaviest(terrain.models) < 0)
+    return false;
+  const Rectangle window = view.window_of_grid();
+  const auto width = static_cast<std::size_t>(view.grid.width);
+  const auto colors = std::span(view.cells.color)
+                          .subspan(static_cast<std::size_t>(window.y) * width,
+                                   static_cast<std::size_t>(window.height) * width);
+  return guard.refuses(view.cells, tables.of(terrain, settings, colors), view.grid.width, window);
 }
 
 } // namespace

@@ -94,7 +94,7 @@ static_assert(noise_floor << lookup_shift >= 1 << 10);
 constexpr auto octave_table = [] {
   std::array<std::int16_t, kernels::octaves_of_table * 256 + 1> table{};
   for (std::uint64_t i = 0; i + 1 < table.size(); ++i)
-    table[i] = static_cast<std::int16_t>(log2_q8((256 + i % 256) << (i / 256 + 2)) - 256 * lookup_shift);
+    table[i] = static_cast<std::int16_t>(log2_q8((256 + i % 256) << (i / 256 + 2)));
   return table;
 }();
 
@@ -148,6 +148,10 @@ void blur(std::span<const std::uint32_t> in, std::span<std::uint32_t> out, int s
 
 } // namespace
 
+void log2_q8(const std::uint32_t* values, int count, std::int16_t* out) {
+  kernels::look_up_octaves(values, octave_table.data(), count, out);
+}
+
 void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, const ExposureTables& exposure,
                CellBins& out) {
   out.luma.resize(grid.size());
@@ -168,13 +172,12 @@ void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, cons
   out.differences.resize(grid.size());
   scale_differences(texture.data(), static_cast<std::uint32_t>(exposure.gain), grid.size(),
                     out.differences.data());
-  kernels::look_up_octaves(out.differences.data(), octave_table.data(), static_cast<int>(grid.size()),
-                           out.roughness.data());
+  log2_q8(out.differences.data(), static_cast<int>(grid.size()), out.roughness.data());
   const std::uint8_t* const luma = out.luma.data();
   std::int16_t* __restrict roughness = out.roughness.data();
   std::uint8_t* __restrict bin = out.texture.data();
   for (std::size_t i = 0; i < grid.size(); ++i) {
-    const int rough = roughness[i] - 512 + brightness[luma[i]];
+    const int rough = roughness[i] - 256 * lookup_shift - 512 + brightness[luma[i]];
     roughness[i] = static_cast<std::int16_t>(rough);
     bin[i] = static_cast<std::uint8_t>(std::clamp((rough * bins_per_octave) >> 16, 0, texture_bins - 1));
   }

@@ -61,6 +61,9 @@ inline Grid colors_of(const CellBins& cells, const Grid& grid) {
           grid.ignored};
 }
 
+/// log2 in Q8 of values from 2^10 on and below 2^25.
+void log2_q8(const std::uint32_t* values, int count, std::int16_t* out);
+
 /// `texture` is the output of TextureReader.
 void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, const ExposureTables& exposure,
                CellBins& cells);

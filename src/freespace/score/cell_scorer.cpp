@@ -37,7 +37,7 @@ Scores CellScorer::score(const View& view, const Vouched& trusted, bool continue
   measure_color_steps(view.grid, view.exposure.gain, settings.geodesic, steps_);
   if (settings.geodesic)
     geodesic_.raise(view.grid, steps_, trusted.seeds, penalty_);
-  score_cells(view.grid, view.cells, tables.of(terrain, settings), penalty_, trusted,
+  score_cells(view.grid, view.cells, tables.of(terrain, settings, view.cells.color), penalty_, trusted,
               in_one_light(view, trusted.seeds), score_);
   if (settings.upright) {
     coherence_.look(view.pyramid, view.grid, view.transform, layout_of(view.task.frame.format).rgb);

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "base/fixed_log.hpp"
 #include "base/tuning.hpp"
+#include "freespace/look/color_bins.hpp"
 #include "kernels/cells.hpp"
 
 namespace terrainseg {
@@ -72,6 +72,8 @@ void UprightCoherence::compare(const Grid& grid) {
   coherence_.resize(grid.size());
   contrast_.resize(grid.size());
   most_.resize(columns);
+  values_.resize(2 * columns);
+  logs_.resize(2 * columns);
   // Steps are 0 beyond the picture: its edges are repeated there.
   column_sums_.assign(padded, 0);
   column_steps_.assign(padded, 0);
@@ -94,12 +96,15 @@ void UprightCoherence::compare(const Grid& grid) {
     std::uint16_t* const contrast = &contrast_[grid.at(i, 0)];
     std::fill_n(contrast, columns, std::uint16_t{0});
     kernels::add_boxes(column_steps_.data(), static_cast<int>(per_cell), 2 * scale, grid.width, contrast);
+    // Q8 of log2 of (1 + 4 most / 16) / (1 + 4 all / 64).
     for (std::size_t j = 0; j < columns; ++j) {
-      const unsigned most = most_[j], all = contrast[j];
-      // Q8 of log2 of (1 + 4 most / 16) / (1 + 4 all / 64).
-      coherence_[grid.at(i, 0) + j] =
-          static_cast<std::int16_t>(log2_q8(4 + (most << scale)) - log2_q8(16 + all) + 512);
-      contrast[j] = static_cast<std::uint16_t>(std::min<unsigned>(all, full_contrast));
+      values_[j] = (4 + (std::uint32_t{most_[j]} << scale)) << 8;
+      values_[columns + j] = (16 + std::uint32_t{contrast[j]}) << 8;
+    }
+    log2_q8(values_.data(), static_cast<int>(2 * columns), logs_.data());
+    for (std::size_t j = 0; j < columns; ++j) {
+      coherence_[grid.at(i, 0) + j] = static_cast<std::int16_t>(logs_[j] - logs_[columns + j] + 512);
+      contrast[j] = std::min(contrast[j], std::uint16_t{full_contrast});
     }
     add(i - rows_added / 2, -1);
     add(i + rows_added / 2, 1);

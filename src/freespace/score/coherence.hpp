@@ -36,7 +36,8 @@ class UprightCoherence {
   std::vector<std::uint8_t> luma_;
   std::vector<std::uint16_t> sums_, steps_; ///< of the rows of a cell: luma, and absolute differences
   std::vector<std::uint16_t> column_sums_, column_steps_, most_; ///< of the summed rows
-  std::vector<std::int16_t> coherence_, down_, average_;
+  std::vector<std::uint32_t> values_; ///< of a row of cells: what both logarithms are of
+  std::vector<std::int16_t> logs_, coherence_, down_, average_;
   std::vector<std::uint16_t> contrast_; ///< limited to full_contrast
 };
 

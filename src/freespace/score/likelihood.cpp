@@ -207,115 +207,111 @@ void learn_histograms(const CellBins& cells, const std::vector<Lesson>& lessons,
   }
 }
 
-// Visits all models with their share of the mass, log2 Q8.
-template <typename Weigh>
-void Likelihood::each_model(const Terrain& learned, std::span<const TerrainModel> training, int favour,
-                            const Weigh& weigh) {
+// The models with their shares of the mass; a training model has a fixed one.
+void Likelihood::weigh_for(const Terrain& learned, std::span<const TerrainModel> training, int favour) {
   std::uint64_t mass = 0;
   for (const TerrainModel& model : learned.models)
     mass += model.mass;
+  models_ = 0;
+  const auto weigh = [&](const TerrainModel& model, int share) {
+    own_[models_] = terms_of(model, share + favour);
+    if (light_ahead_)
+      other_[models_] = terms_of(in_other_light(model), share + favour + other_light_share);
+    ++models_;
+  };
   for (const TerrainModel& model : learned.models)
     if (model.mass > 0)
-      weigh(model, log2_q8(model.mass) - log2_q8(mass) + favour);
+      weigh(model, log2_q8(model.mass) - log2_q8(mass));
   for (const TerrainModel& model : training)
-    weigh(model, training_share + favour);
+    weigh(model, training_share);
 }
 
-// Computes the largest density of the mixture's models at each bin's centre.
-void Likelihood::weigh_for(const Terrain& learned, std::span<const TerrainModel> training, int favour) {
-  positive_.fill(least_positive);
-  each_model(learned, training, favour,
-             [this](const TerrainModel& model, int share) { weigh_model(model, share); });
-}
-
-// The same for ground in the other light. Adds to the result of weigh_for().
-void Likelihood::weigh_other_light(const Terrain& learned, std::span<const TerrainModel> training,
-                                   int favour) {
-  each_model(learned, training, favour, [this](const TerrainModel& model, int share) {
-    weigh_model(in_other_light(model), share + other_light_share);
-  });
-}
-
-void Likelihood::weigh_model(const TerrainModel& model, int log_share) {
+Likelihood::Terms Likelihood::terms_of(const TerrainModel& model, int log_share) {
   constexpr int half_log_two_pi = 339; // log2(2 pi) / 2, Q8
   int scale = log_share + colors_per_bin_log2 * 256 - 3 * half_log_two_pi;
-  std::array<std::array<std::int32_t, chroma_bins>, 3> term{};
-  for (int c = 0; c < 3; ++c) {
-    const int shift = c == 0 ? luma_bin_shift : chroma_bin_shift;
+  Terms terms;
+  // Returns the distance of a bin's centre from the mean, Q8.
+  const auto away = [&](std::size_t c, std::size_t bin, int shift) {
+    return ((static_cast<int>(bin) << shift) + (1 << shift >> 1)) * 256 - model.mean[c];
+  };
+  const auto fill = [&](std::size_t c, int shift, auto& term) {
     const std::int64_t variance = std::max<std::uint32_t>(model.variance[c], 256);
     scale -= (log2_q8(static_cast<std::uint64_t>(variance)) - 8 * 256) / 2;
-    for (int bin = 0; bin < 256 >> shift; ++bin) {
-      const std::int64_t d = ((bin << shift) + (1 << shift >> 1)) * 256 - model.mean[c];
+    for (std::size_t bin = 0; bin < term.size(); ++bin) {
+      const std::int64_t d = away(c, bin, shift);
       // d^2 / (2 variance) nats as log2 Q8: d^2 is Q16, variance Q8; log2(e) / 2 = 47274 / 65536.
       const std::int64_t fall = (d * d / variance * 47274) >> 16;
-      term[c][bin] = static_cast<std::int32_t>(-std::min<std::int64_t>(fall, 1 << 20));
+      term[bin] = static_cast<std::int32_t>(-std::min<std::int64_t>(fall, 1 << 20));
     }
+  };
+  fill(0, luma_bin_shift, terms.luma);
+  fill(1, chroma_bin_shift, terms.u);
+  fill(2, chroma_bin_shift, terms.v);
+  for (std::int32_t& term : terms.luma)
+    term += scale;
+  for (std::size_t bin = 0; bin < chroma_bins; ++bin) {
+    terms.away_u[bin] = std::abs(away(1, bin, chroma_bin_shift));
+    terms.away_v[bin] = std::abs(away(2, bin, chroma_bin_shift));
   }
-  for (int l = 0; l < luma_bins; ++l)
-    for (int u = 0; u < chroma_bins; ++u) {
-      const std::int32_t base = scale + term[0][l] + term[1][u];
-      std::int32_t* row = &positive_[static_cast<std::size_t>(l * chroma_bins + u) * chroma_bins];
-      for (int v = 0; v < chroma_bins; ++v)
-        row[v] = std::max(row[v], base + term[2][v]);
-    }
+  return terms;
 }
 
 void Likelihood::weigh_against(const Terrain& learned, Negatives negatives) {
   if (negatives == Negatives::off || learned.negative_colors.size() != color_bins) {
-    negative_.fill(-log2_q8(color_bins));
+    blurred_.fill(0);
+    floor_ = 1;
+    log_total_ = log2_q8(color_bins);
     return;
   }
   blur_colors(learned.negative_colors, half_blurred_, blurred_);
-  const std::uint64_t total = std::max<std::uint64_t>(total_of(blurred_), 1), floor = total / negative_floor;
-  const int log_total = log2_q8(total);
-  for (int i = 0; i < color_bins; ++i)
-    negative_[i] = log2_q8(blurred_[i] + floor) - log_total;
+  const std::uint64_t total = std::max<std::uint64_t>(total_of(blurred_), 1);
+  floor_ = total / negative_floor;
+  log_total_ = log2_q8(total);
 }
 
-void Likelihood::compare(std::array<std::int8_t, color_bins>& table) const {
-  for (int i = 0; i < color_bins; ++i)
-    table[i] = static_cast<std::int8_t>(
-        std::clamp(((positive_[i] - negative_[i]) * color_weight) >> 16, -color_limit, color_limit));
+void Likelihood::compute(std::uint16_t color, LikelihoodTables& tables) const {
+  const std::size_t l = color >> 8, u = color >> 4 & 15, v = color & 15;
+  std::int32_t positive = least_positive;
+  const auto raise = [&](const std::array<Terms, 2 * max_models>& models) {
+    for (std::size_t m = 0; m < models_; ++m)
+      positive = std::max(positive, models[m].luma[l] + models[m].u[u] + models[m].v[v]);
+  };
+  const int negative = log2_q8(blurred_[color] + floor_) - log_total_;
+  int refused = 0;
+  if (vivid_colors_) {
+    // A colour with the largest evidence against the terrain whose chroma is far from that of every model.
+    int nearest = std::numeric_limits<int>::max();
+    for (std::size_t m = 0; m < models_; ++m)
+      nearest = std::min(nearest, own_[m].away_u[u] + own_[m].away_v[v]);
+    refused = nearest > other_chroma << 8 ? no_ground : 0;
+  }
+  const auto ratio = [&] {
+    const int worth = std::clamp(((positive - negative) * color_weight) >> 16, -color_limit, color_limit);
+    return static_cast<std::int8_t>(worth == -color_limit ? std::min(worth, refused) : worth);
+  };
+  raise(own_);
+  tables.color[color] = ratio();
+  if (!light_ahead_)
+    return;
+  raise(other_);
+  tables.any_light[color] = ratio();
 }
 
-// Rejects colours with the largest evidence against the terrain whose chroma is far from that of every model.
-void Likelihood::refuse_other_chroma(const Terrain& learned, std::span<const TerrainModel> training,
-                                     LikelihoodTables& tables) {
-  constexpr std::size_t chromas = std::size_t{chroma_bins} * chroma_bins;
-  std::array<int, chromas> nearest{};
-  nearest.fill(std::numeric_limits<int>::max());
-  each_model(learned, training, 0, [&](const TerrainModel& model, int /*share*/) {
-    std::array<std::array<int, chroma_bins>, 2> away{};
-    for (std::size_t c = 0; c < 2; ++c)
-      for (int bin = 0; bin < chroma_bins; ++bin)
-        away[c][static_cast<std::size_t>(bin)] =
-            std::abs(((bin << chroma_bin_shift) + (1 << chroma_bin_shift >> 1)) * 256 - model.mean[c + 1]);
-    for (std::size_t u = 0; u < chroma_bins; ++u)
-      for (std::size_t v = 0; v < chroma_bins; ++v)
-        nearest[u * chroma_bins + v] = std::min(nearest[u * chroma_bins + v], away[0][u] + away[1][v]);
-  });
-  std::array<std::int8_t, chromas> least{};
-  std::transform(nearest.begin(), nearest.end(), least.begin(),
-                 [](int distance) { return distance > other_chroma << 8 ? no_ground : std::int8_t{0}; });
-  for (auto* table : {&tables.color, &tables.any_light})
-    for (std::size_t luma = 0; luma < color_bins; luma += chromas)
-      for (std::size_t c = 0; c < chromas; ++c) {
-        std::int8_t& worth = (*table)[luma + c];
-        worth = worth == -color_limit ? std::min(worth, least[c]) : worth;
-      }
+void Likelihood::compute(std::span<const std::uint16_t> colors, LikelihoodTables& tables) {
+  for (const std::uint16_t color : colors)
+    if (!computed_[color]) {
+      computed_[color] = true;
+      compute(color, tables);
+    }
 }
 
 void Likelihood::build(const Terrain& learned, std::span<const TerrainModel> training, int taught_q8,
                        const Settings& settings, LikelihoodTables& tables) {
+  light_ahead_ = settings.light_ahead;
+  vivid_colors_ = settings.vivid_colors;
   weigh_for(learned, training, favour(taught_q8));
   weigh_against(learned, settings.negatives);
-  compare(tables.color);
-  if (settings.light_ahead) {
-    weigh_other_light(learned, training, favour(taught_q8));
-    compare(tables.any_light);
-  }
-  if (settings.vivid_colors)
-    refuse_other_chroma(learned, training, tables);
+  computed_.fill(false);
 
   tables.texture.fill(0);
   if (!settings.texture || learned.terrain_texture.size() != texture_bins ||
@@ -349,10 +345,12 @@ void TerrainTables::forget() {
   old_ = true;
 }
 
-const LikelihoodTables& TerrainTables::of(const Terrain& terrain, const Settings& settings) {
+const LikelihoodTables& TerrainTables::of(const Terrain& terrain, const Settings& settings,
+                                          std::span<const std::uint16_t> colors) {
   if (old_)
     likelihood_.build(terrain, training_.span(), taught_q8_, settings, tables_);
   old_ = false;
+  likelihood_.compute(colors, tables_);
   return tables_;
 }
 

@@ -81,30 +81,40 @@ void score_cells(const Grid& grid, const CellBins& cells, const LikelihoodTables
                  const CellPenalties& penalty, const Vouched& vouched, const Columns& ahead,
                  CellScores& score);
 
+/// Colours are computed for the bins that a frame has: a tenth of all.
 class Likelihood {
  public:
-  /// Computes the tables from the terrain and the frame's own training models. These have a fixed share of
-  /// the mass, so that newly learned ground counts as terrain regardless of the mass of the learned models.
-  /// `taught_q8` is the share of the picture that the last frame learned as terrain; the larger it is, the
-  /// less ground is in the rest. Without negatives (Negatives::off) all other colours are equally likely. The
-  /// table for any light is computed only with Settings::light_ahead.
+  /// Prepares the colours and computes the texture's table from the terrain and the frame's own training
+  /// models. These have a fixed share of the mass, so that newly learned ground counts as terrain regardless
+  /// of the mass of the learned models. `taught_q8` is the share of the picture that the last frame learned
+  /// as terrain; the larger it is, the less ground is in the rest. Without negatives (Negatives::off) all
+  /// other colours are equally likely.
   void build(const Terrain& learned, std::span<const TerrainModel> training, int taught_q8,
              const Settings& settings, LikelihoodTables& tables);
+  /// Computes the entries of these bins that were not computed since build(). The table for any light is
+  /// computed only with Settings::light_ahead.
+  void compute(std::span<const std::uint16_t> colors, LikelihoodTables& tables);
 
  private:
+  /// A model's density at the bins' centres, log2 Q8: the sum of three terms. And the distance of its chroma
+  /// from them, Q8.
+  struct Terms {
+    std::array<std::int32_t, luma_bins> luma;
+    std::array<std::int32_t, chroma_bins> u, v;
+    std::array<std::int32_t, chroma_bins> away_u, away_v;
+  };
+  static Terms terms_of(const TerrainModel& model, int log_share);
   void weigh_for(const Terrain& learned, std::span<const TerrainModel> training, int favour);
-  void weigh_model(const TerrainModel& model, int log_share);
-  void weigh_other_light(const Terrain& learned, std::span<const TerrainModel> training, int favour);
-  template <typename Weigh>
-  static void each_model(const Terrain& learned, std::span<const TerrainModel> training, int favour,
-                         const Weigh& weigh);
-  void compare(std::array<std::int8_t, color_bins>& table) const;
-  static void refuse_other_chroma(const Terrain& learned, std::span<const TerrainModel> training,
-                                  LikelihoodTables& tables);
   void weigh_against(const Terrain& learned, Negatives negatives);
+  void compute(std::uint16_t color, LikelihoodTables& tables) const;
 
-  std::array<std::int32_t, color_bins> positive_{}, negative_{}; ///< log2 of a probability, Q8
+  std::array<Terms, 2 * max_models> own_, other_; ///< in their own light and in the other one
+  std::size_t models_ = 0;
   std::array<std::uint32_t, color_bins> blurred_{}, half_blurred_{};
+  std::uint64_t floor_ = 0; ///< added to blurred_
+  int log_total_ = 0;
+  bool light_ahead_ = false, vivid_colors_ = false;
+  std::array<bool, color_bins> computed_{};
 };
 
 // Caches the likelihood tables of the terrain and recomputes them when it has changed.
@@ -118,7 +128,9 @@ class TerrainTables {
   /// The terrain was replaced.
   void forget();
 
-  const LikelihoodTables& of(const Terrain& terrain, const Settings& settings);
+  /// The tables with the entries of these colour bins; others are undefined.
+  const LikelihoodTables& of(const Terrain& terrain, const Settings& settings,
+                             std::span<const std::uint16_t> colors);
 
  private:
   Likelihood likelihood_;
