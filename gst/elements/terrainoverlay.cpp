@@ -110,7 +110,7 @@ gboolean start(GstBaseTransform* transform) {
 
 gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   GstVideoInfo info;
-  if (!gst_video_info_from_caps(&info, caps)) {
+  if (!read_video_info(info, caps)) {
     GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("Unsupported video format."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     return FALSE;

@@ -355,7 +355,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   return guarded<gboolean>(transform, FALSE, [&]() -> gboolean {
     Streaming& s = streaming_of(transform);
     GstVideoInfo info;
-    if (!gst_video_info_from_caps(&info, caps)) {
+    if (!read_video_info(info, caps)) {
       GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, FORMAT, ("Unsupported video format."),
                         ("caps %" GST_PTR_FORMAT, printable(caps)));
       return FALSE;

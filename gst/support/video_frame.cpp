@@ -53,6 +53,17 @@ GstVideoFormat gst_format_of(PixelFormat format) {
   return formats[static_cast<int>(format)];
 }
 
+bool read_video_info(GstVideoInfo& info, const GstCaps* caps) {
+  if (!gst_video_info_from_caps(&info, caps))
+    return false;
+  const gchar* text = gst_structure_get_string(gst_caps_get_structure(caps, 0), "colorimetry");
+  GstVideoColorimetry named;
+  if (text && gst_video_colorimetry_from_string(&named, text) &&
+      named.matrix == GST_VIDEO_COLOR_MATRIX_UNKNOWN && named.range == GST_VIDEO_COLOR_RANGE_0_255)
+    info.colorimetry.range = named.range;
+  return true;
+}
+
 Colorimetry colorimetry_of(const GstVideoInfo& info) {
   const bool rgb = GST_VIDEO_INFO_IS_RGB(&info);
   const bool full = info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255 ||

@@ -29,6 +29,9 @@ GstVideoFormat gst_format_of(PixelFormat format);
 /// Adds pads `sink` and `src` for those formats, in either memory.
 void add_video_pad_templates(GstElementClass* element_class);
 
+/// gst_video_info_from_caps(), which forgets that the range is full where the caps name no matrix, as
+/// decoders of many cameras do; this keeps it.
+bool read_video_info(GstVideoInfo& info, const GstCaps* caps);
 /// Converts range and matrix; unknown values are guessed as GStreamer does.
 Colorimetry colorimetry_of(const GstVideoInfo& info);
 

@@ -91,7 +91,7 @@ std::string cyclone_config(const Discovery& discovery) {
     // Peers are queried at the ports of this many participants.
     finding = "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
               "<SPDPInterval>1s</SPDPInterval><Peers>";
-    finding += local ? "<Peer address=\"localhost\"/>" : "";
+    finding += local ? "<Peer address=\"127.0.0.1\"/>" : "";
     for (const std::string& peer : discovery.peers)
       finding += "<Peer address=\"" + escaped(peer) + "\"/>";
     finding += "</Peers>";

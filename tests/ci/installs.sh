@@ -32,14 +32,20 @@ steps=(
   "the example in Python|/usr/bin/python3 examples/python/mask_to_numpy.py"
   "an example script|env SOURCE='terrainscenesrc num-buffers=20' VIEW=fakesink examples/camera.sh"
   "metres to an autopilot|env SCENE='terrainscenesrc num-buffers=20 ! video/x-raw,width=320,height=180' examples/ardupilot.sh --scene"
+  "the rover's page|{ timeout -s INT 8 terrainseg-rover --source scene --port 0 --folder \$out/state >\$out/address || [ \$? -eq 124 ]; } && grep token= \$out/address"
   "tuning without a display|./install-dependencies.sh tune && examples/tune.sh \$out/drive.mp4 --picture \$out/look.png && test -s \$out/look.png"
 )
+# What the quickstart does not build, as its pages say.
+whole_steps=(
+  "topics for ROS 2|gst-launch-1.0 -q terrainscenesrc num-buffers=20 ! terrainseg ! terrainros2sink"
+)
 here() { in_root "$root" sh -c "cd $source && $1"; }
-# walk WAY PREFIX: each step, by a shell that PREFIX starts.
+# walk WAY PREFIX STEP...: each step, by a shell that PREFIX starts.
 walk() {
   local way=$1 prefix=$2 step
+  shift 2
   here 'rm -rf /tmp/out && mkdir /tmp/out'
-  for step in "${steps[@]}"; do
+  for step in "$@"; do
     printf 'cd %s; out=/tmp/out; %s\n' "$source" "${step#*|}" >"$root/tmp/step.sh"
     check "$way: ${step%%|*}" here "$prefix sh -e /tmp/step.sh"
   done
@@ -49,15 +55,15 @@ for way in "${ways[@]}"; do
   case $way in
     quickstart)
       check "quickstart" here examples/quickstart.sh
-      walk quickstart 'meson devenv -w . -C build-quickstart' ;;
+      walk quickstart 'meson devenv -w . -C build-quickstart' "${steps[@]}" ;;
     devenv)
       check "build" here './install-dependencies.sh build run && { [ -d build ] || meson setup build -Dtests=disabled; } && ninja -C build'
-      walk devenv 'meson devenv -w . -C build' ;;
+      walk devenv 'meson devenv -w . -C build' "${steps[@]}" "${whole_steps[@]}" ;;
     install)
       check "meson install" here './install-dependencies.sh build run && { [ -d build ] || meson setup build -Dtests=disabled; } && ninja -C build && meson install -C build'
       # No build of the tree may answer for what is installed.
       here 'mkdir -p /build/aside && mv build /build/aside/ && if [ -d build-quickstart ]; then mv build-quickstart /build/aside/; fi'
-      walk install ''
+      walk install '' "${steps[@]}" "${whole_steps[@]}"
       here 'mv /build/aside/* .'
       check "ninja uninstall" here 'ninja -C build uninstall && ! gst-inspect-1.0 --exists terrainseg && ! command -v terrainseg-process' ;;
     *) echo "installs.sh: unknown way '$way': quickstart, devenv, install" >&2; exit 2 ;;

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # terrainros2sink beside the other implementation of DDS, Fast DDS, in a network namespace of its own: scans and masks byte for byte,
-# readers of every kind, before and after the sink, one that stops, poses, and the processor time when nobody reads.
+# readers of every kind, before and after the sink, one that stops, poses and hostile messages, a second interface and a second machine,
+# and the processor time when nobody reads.
 # usage: tests/ci/ros2.sh [BUILD_FOLDER]
 #   BUILD_FOLDER  a build that is there (default: build-release, else build)
 # Without Fast DDS or the right to make a network namespace it says so and ends with 77: skipped.
@@ -18,10 +19,15 @@ if [ "${IN_NAMESPACE:-}" != yes ]; then
   [ -e /usr/include/fastdds ] || { echo "ros2.sh: skipped: no Fast DDS (./install-dependencies.sh ros2)"; exit 77; }
   folder=$(mktemp -d)
   trap 'rm -rf "$folder"' EXIT
-  g++ -std=c++20 -O1 tests/ros2/fastdds_peer.cpp -o "$folder/peer" -lfastrtps -lfastcdr -lzstd -pthread
-  unshare -rn true 2>/dev/null || { echo "ros2.sh: skipped: no right to make a network namespace"; exit 77; }
+  library=fastdds
+  [ ! -e /usr/include/fastrtps/fastrtps_dll.h ] || library=fastrtps # its name up to version 2
+  g++ -std=c++20 -O1 tests/ros2/fastdds_peer.cpp -o "$folder/peer" -l$library -lfastcdr -lzstd -pthread
+  cp tests/ros2/rover.py "$folder"
+  namespace=(unshare -rn)
+  "${namespace[@]}" true 2>/dev/null || namespace=(unshare -n) # in a chroot only root may
+  "${namespace[@]}" true 2>/dev/null || { echo "ros2.sh: skipped: no right to make a network namespace"; exit 77; }
   status=0
-  IN_NAMESPACE=yes FOLDER=$folder unshare -rn "$0" "$build" || status=$?
+  IN_NAMESPACE=yes FOLDER=$folder "${namespace[@]}" "$0" "$build" || status=$?
   exit "$status"
 fi
 
@@ -46,9 +52,14 @@ mark() { # mark STATUS WHAT
 rover() {
   recording=$1
   shift
-  gst-launch-1.0 -q -e "${source[@]}" ! terrainseg start-time="$(date +%s%N)" "${metres[@]}" ! tee name=t \
-    t. ! queue ! terrainros2sink "${metres[@]}" "$@" t. ! queue ! terrainmcapsink "${metres[@]}" location="$recording" &
+  ./rover.py "$recording.counts" "${source[@]}" ! terrainseg start-time="$(date +%s%N)" "${metres[@]}" ! tee name=t \
+    t. ! queue ! terrainros2sink name=ros2 "${metres[@]}" "$@" t. ! queue ! terrainmcapsink "${metres[@]}" location="$recording" &
   rover=$!
+}
+# count NUMBER: of its frames (1), messages dropped (2), taken (3) and refused (4).
+count() {
+  until [ -s "$recording.counts" ]; do sleep 0.1; done
+  cut -d ' ' -f "$1" "$recording.counts"
 }
 # Before it records it has no handler, and the signal would be lost.
 halt() {
@@ -60,6 +71,9 @@ reads() { ./peer read "${DOMAIN:-0}" "rt$1" "$2" "$3" "$4" "${5:-}" >"$4.count" 
 readers=()
 gather() { [ ${#readers[@]} -eq 0 ] || wait "${readers[@]}"; readers=(); }
 scan=sensor_msgs::msg::dds_::LaserScan_ grid=nav_msgs::msg::dds_::OccupancyGrid_ image=sensor_msgs::msg::dds_::Image_
+
+[ "$(ip -o link show | grep -c MULTICAST)" -eq 0 ] && status=0 || status=1
+mark $status "an interface has multicast, which these are to do without"
 
 echo "== readers before the sink"
 reads /terrain/scan "$scan" 5 early.bin
@@ -80,18 +94,23 @@ sleep 3
 reads /terrain/scan "$scan" 10 late.bin
 reads /terrain/grid "$grid" 4 grid.bin late
 ./peer read 0 rt/terrain/mask "$image" 10 still.bin >still.count & still=$!
+frames=$(count 1)
 sleep 3
+moved=$(($(count 1) - frames))
 memory() { awk '/VmRSS/ { print $2 }' "/proc/$rover/status"; }
-before=$(memory)
+before=$(memory) frames=$(count 1)
 kill -STOP "$still"
 sleep 5
-after=$(memory)
+after=$(memory) stood=$(($(count 1) - frames))
 kill -CONT "$still"
 gather
 wait "$still"
 halt
 echo "a reader of masks stood still for 5 s: resident memory of the sink's process $before kB before, $after kB after"
 [ $((after - before)) -lt 4000 ] && status=0 || status=1; mark $status "memory"
+echo "frames that passed: $moved in 3 s before, $stood in those 5 s; $(count 2) messages dropped"
+[ $((stood * 3 * 10)) -ge $((moved * 5 * 9)) ] && [ "$(count 2)" -eq 0 ] && status=0 || status=1
+mark $status "a reader that stands still costs frames"
 status=0; ./peer compare late.mcap /terrain/scan late.bin 95 || status=$?; mark $status "scans while another reader stood still"
 # Its first grid is up to two seconds old: the frames between it and the next were not sent.
 status=0; ./peer compare late.mcap /terrain/grid grid.bin 80 late || status=$?; mark $status "a late reader of the grid"
@@ -104,14 +123,16 @@ gather
 halt
 [ "$(cat other.bin.count)" = 0 ] && status=0 || status=1; mark $status "domain 7 read $(cat other.bin.count) scans of domain 0"
 
-echo "== poses"
+echo "== poses, between hostile messages"
 reads /tf tf2_msgs::msg::dds_::TFMessage_ 4 tf.bin
 rover poses.mcap pose-topic=pose pose-type=pose-stamped
-./peer pose 0 rt/pose 60 & poses=$!
+./peer pose 0 rt/pose 60 hostile & poses=$!
 gather
 kill "$poses"
 halt
 status=0; ./peer compare poses.mcap /tf tf.bin 90 || status=$?; mark $status "transforms with the pose"
+echo "poses: $(count 3) taken, $(count 4) refused"
+[ "$(count 3)" -gt 20 ] && [ "$(count 4)" -gt 60 ] && status=0 || status=1; mark $status "hostile messages are refused, others taken"
 
 echo "== a second interface"
 if ip link add second type dummy 2>/dev/null || ip link add second type veth peer name third 2>/dev/null ||
@@ -132,6 +153,38 @@ else
   echo "left out: this kernel makes none (dummy, veth, tap)"
 fi
 
+echo "== a second machine, with multicast and without"
+unshare -n sleep 600 & machine=$!
+far() { nsenter -t "$machine" -n "$@"; }
+until [ "$(readlink /proc/$machine/ns/net)" != "$(readlink /proc/self/ns/net)" ]; do sleep 0.1; done
+ip link delete second 2>/dev/null || true
+if ip link add wire type veth peer name far 2>/dev/null && ip link set far netns "$machine"; then
+  ip address add 10.78.0.1/24 dev wire
+  far ip address add 10.78.0.2/24 dev far
+  ip link set wire up
+  far ip link set lo up
+  far ip link set far up
+  for way in multicast peers; do
+    if [ $way = peers ]; then
+      ip link set wire multicast off
+      far ip link set far multicast off
+    fi
+    far ./peer read 42 rt/terrain/scan "$scan" 5 $way.bin >$way.bin.count & readers+=($!)
+    export ROS_DOMAIN_ID=42
+    case $way in
+      multicast) ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET rover $way.mcap ;;
+      peers) ROS_STATIC_PEERS=10.78.0.2 rover $way.mcap ;;
+    esac
+    unset ROS_DOMAIN_ID
+    gather
+    halt
+    status=0; ./peer compare $way.mcap /terrain/scan $way.bin 95 || status=$?; mark $status "scans on another machine, by $way"
+  done
+else
+  echo "left out: this kernel makes no veth"
+fi
+kill "$machine"
+
 echo "== nobody reads: processor time at 30 frames/s, side by side, after the start, the median of five times 4 s"
 runs() {
   gst-launch-1.0 -q videotestsrc is-live=true ! video/x-raw,format=I420,width=320,height=180,framerate=30/1 \
@@ -143,17 +196,20 @@ plain=$!
 runs terrainros2sink "${metres[@]}"
 sink=$!
 sleep 3
-for _ in 1 2 3 4 5; do
-  a=$(spent $plain) b=$(spent $sink)
-  sleep 4
-  echo "$(($(spent $plain) - a)) $(($(spent $sink) - b))" | awk '{ printf "%.2f %.2f %.2f\n", ($2 - $1) / 40000, $1 / 40000, $2 / 40000 }'
-done | sort -n | sed -n 3p >nobody
+for _ in 1 2 3; do # a busy machine gets three tries
+  for _ in 1 2 3 4 5; do
+    a=$(spent $plain) b=$(spent $sink)
+    sleep 4
+    echo "$(($(spent $plain) - a)) $(($(spent $sink) - b))" | awk '{ printf "%.2f %.2f %.2f\n", ($2 - $1) / 40000, $1 / 40000, $2 / 40000 }'
+  done | sort -n | sed -n 3p >nobody
+  read -r more nothing taken <nobody
+  echo "fakesink $nothing %, terrainros2sink $taken % of a core: $more more"
+  awk -v more="$more" 'BEGIN { exit !(more < 0.5) }' && status=0 || status=1
+  [ $status -ne 0 ] || break
+done
 kill $plain $sink
 wait $plain $sink || true
-read -r more nothing sink <nobody
-echo "fakesink $nothing %, terrainros2sink $sink % of a core: $more more"
-awk -v more="$more" 'BEGIN { exit !(more < 0.5) }' && status=0 || status=1
-mark $status "nobody reads, and the sink takes $sink % instead of $nothing %"
+mark $status "nobody reads, and the sink takes $taken % instead of $nothing %"
 
 echo "$passed passed, $failed failed"
 [ "$failed" -eq 0 ]

@@ -818,6 +818,24 @@ TEST_F(ModelFile, AModelOfAnotherColourSpaceIsNamed) {
   EXPECT_TRUE(errors[0].contains("RGB"));
 }
 
+TEST_F(ModelFile, TheRangeIsReadWithoutAMatrix) {
+  // What decoders say of a camera's H.264 with full range and no description of its colours.
+  const std::string full = caps_text("I420", 160, 120, ",colorimetry=1:0:0:0");
+  {
+    Rig learner("terrainseg preset=paper", full);
+    learner.generation_after(3);
+    ASSERT_TRUE(call(learner, "save-model", path_));
+  }
+  for (const auto& [colorimetry, same] :
+       {std::pair("1:4:0:0", true), {"1:0:5:1", true}, {"2:0:0:0", false}, {"bt601", false}}) {
+    SCOPED_TRACE(colorimetry);
+    Rig reader("terrainseg preset=paper",
+               caps_text("I420", 160, 120, std::string(",colorimetry=") + colorimetry));
+    reader.generation_after(3);
+    EXPECT_EQ(call(reader, "load-model", path_), same);
+  }
+}
+
 TEST_F(ModelFile, TheTwoPipelinesDoNotReadEachOthersModels) {
   // Full-range BT.601: the one space that both could learn in.
   const std::string caps = caps_text("I420", 160, 120, ",colorimetry=1:4:0:0");

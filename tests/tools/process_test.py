@@ -6,6 +6,7 @@ import csv
 import errno
 import hashlib
 import http.server
+import itertools
 import json
 import math
 import os
@@ -150,7 +151,7 @@ def times_are_those_that_a_player_shows(folder):
     video('open.mov', frames=24, extra=b_frames)
     video('b.mkv', frames=24, extra=b_frames)
     video('ten.mp4', frames=24, extra=('-pix_fmt', 'yuv420p10le', '-c:v', 'libx265', '-x265-params', 'log-level=error'))
-    # Cut at a key frame, the edit list begins at a frame. (Inside one, ffprobe leaves that frame out; we show its rest.)
+    # Cut at a key frame, the edit list begins at a frame.
     ffmpeg('-ss', '0.25', '-i', 'b.mp4', '-c', 'copy', 'trimmed.mp4')
     ffmpeg('-itsoffset', '0.5', '-i', 'b.mp4', '-f', 'lavfi', '-i', 'sine=duration=2', '-map', '0:v', '-map', '1:a',
            '-c:v', 'copy', 'late.mp4')
@@ -1485,6 +1486,32 @@ def lines_of(path):
     return [json.loads(line) for line in open(path)]
 
 
+def boxes(data, kind, *inner):
+    """The contents of the boxes at a path, such as 'moov', 'trak'."""
+    at = 0
+    while at + 8 <= len(data):
+        size, name = struct.unpack('>I4s', data[at:at + 8])
+        inside = data[at + 8:at + size]
+        if name.decode('latin1') == kind:
+            yield from boxes(inside, *inner) if inner else [inside]
+        at += max(size, 8)
+
+
+def promised_times(path):
+    """Nanoseconds at which the frames of an MP4 with one edit are shown, by its tables alone (ISO 14496-12): the time of
+    composition minus the begin of the edit, for frames that begin inside it."""
+    data = pathlib.Path(path).read_bytes()
+    track, = [each for each in boxes(data, 'moov', 'trak') if b'vide' in next(boxes(each, 'mdia', 'hdlr'))]
+    movie, media = (int.from_bytes(next(each)[12:16], 'big') for each in (boxes(data, 'moov', 'mvhd'), boxes(track, 'mdia', 'mdhd')))
+
+    def runs(name):
+        pairs = struct.iter_unpack('>Ii', next(boxes(track, 'mdia', 'minf', 'stbl', name))[8:])
+        return [value for count, value in pairs for _ in range(count)]
+    times = [time + offset for time, offset in zip(itertools.accumulate([0, *runs('stts')]), runs('ctts'))]
+    (length, begin, _), = struct.iter_unpack('>IiI', next(boxes(track, 'edts', 'elst'))[8:])
+    return [(time - begin) * 1e9 / media for time in sorted(times) if 0 <= time - begin < length * media / movie]
+
+
 @case
 def trimmed_files_give_every_frame_that_a_player_shows(folder):
     for codec, encoder, size in ('h264', H264, '320x180'), ('hevc', HEVC, '184x320'):
@@ -1496,8 +1523,11 @@ def trimmed_files_give_every_frame_that_a_player_shows(folder):
             ok('-q', '-o', 'out', '--set', 'overlay-alpha=0', 'trim.mp4')
             pts = [line['pts'] for line in lines_of('out/trim.jsonl')]
             equal(len(pts), len(shown), f'frames of {codec} from {start}')
-            # ffmpeg moves the first frame to where the edit begins; we leave it where its own time is.
-            assert all(abs(a - b) < 40e6 for a, b in zip(pts, shown)), (codec, start, pts, shown)
+            promised = promised_times('trim.mp4')
+            assert all(abs(a - b) <= 1 for a, b in zip(pts, promised)), (codec, start, pts, promised)
+            # ffmpeg moves all frames by as much as the first begins behind its edit, so that it is at 0.
+            moved = [a - b for a, b in zip(pts, shown)]
+            assert 0 <= pts[0] < 40e6 and max(abs(each - pts[0]) for each in moved) < 2e3, (codec, start, pts, shown)
             worst = max(differences('trim.mp4', 'out/trim.annotated.mp4', size))
             assert worst < 8, (codec, start, worst)
 

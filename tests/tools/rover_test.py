@@ -323,6 +323,19 @@ def words_that_cannot_be_are_refused(folder):
 
 
 @case
+def a_service_looks_for_its_plugins_again(folder):
+    environment = {name: value for name, value in os.environ.items() if name not in ('GST_REGISTRY', 'GST_PLUGIN_PATH')}
+    environment.update(XDG_CACHE_HOME=str(folder), CACHE_DIRECTORY=str(folder))
+    if not subprocess.run(['gst-inspect-1.0', '--exists', 'terrainseg'], env=environment).returncode:
+        raise Skip('the plugin is installed on this machine')
+    assert list(folder.glob('gstreamer-1.0/registry.*.bin')), 'GStreamer keeps no registry there'
+    result = subprocess.run([sys.executable, ROVER, '--source', 'scene', '--folder', 'state'], capture_output=True, text=True, env=environment, timeout=60)
+    equal(result.returncode, 1, result.stderr)
+    contains(result.stderr, 'GStreamer has no terrainseg')
+    equal(list(folder.glob('gstreamer-1.0/registry.*.bin')), [], 'a plugin that did not load would stay unusable')
+
+
+@case
 def tls_with_a_certificate(folder):
     if not shutil.which('openssl'):
         raise Skip('openssl is not installed')
@@ -379,6 +392,34 @@ def only_frames_feed_the_watchdog(folder):
             settled(lambda: at_least(count('WATCHDOG=1'), before + 1), 20)
             run.stop()
             settled(lambda: equal(count('STOPPING=1'), 1))
+
+
+@case
+def a_reload_applies_all_or_nothing(folder):
+    conf = folder / 'rover.conf'
+    conf.write_text('caution=4\n')
+    with notifications(folder, False) as (address, _), rover(folder, f'@{conf}', source=CHEAP, NOTIFY_SOCKET=address) as run:
+        def reload(text, said):
+            conf.write_text(text)
+            before = len(run.errors.read_text())
+            run.process.send_signal(signal.SIGHUP)
+            settled(lambda: contains(run.errors.read_text()[before:], said))
+            return run.status()['settings']
+        equal(run.status()['settings']['caution'], '4')
+        frames = run.status()['frames']
+        equal(reload('caution=6\ndoubtful=9\n', 'were read again')['caution'], '6')
+        for wrong, said in (('caution=2\nodd-spots=maybe\n', "odd-spots = 'maybe'"), ('caution=2\n--nonsense\n', 'previous values are kept'),
+                            ('caution=2\nno-such=1\n', 'no property no-such')):
+            now = reload(wrong, said)
+            equal((now['caution'], now['doubtful']), ('6', '9'), wrong)
+        equal(reload('caution=2\n--width 320\n', '--width takes effect at the next start')['caution'], '2')
+        (run.folder / 'terrainseg.settings').write_text('[terrainseg]\ncaution=8\n')
+        equal(reload('', 'were read again')['caution'], '8', 'from the settings file')
+        settled(lambda: at_least(run.status()['frames'], frames + 10, 'the camera goes on'))
+        equal(run.errors.read_text().count('frames of'), 1, 'and was not restarted')
+    with rover(folder, source=CHEAP) as run:
+        run.process.send_signal(signal.SIGHUP)
+        equal(run.process.wait(10), -signal.SIGHUP, 'a terminal that is closed ends it')
 
 
 @case

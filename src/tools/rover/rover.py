@@ -420,8 +420,11 @@ class Rover:
     # What is kept
 
     def load_settings(self):
-        """Applies the settings file, then the command line."""
+        """Applies the settings file, then the command line; all or, if a value is invalid, none of it."""
         kept = read_group(self.options.settings)
+        trial = Gst.ElementFactory.make('terrainseg')
+        for name, text in [*kept.items(), *self.options.properties]:
+            set_text(trial, name, text)
         self.regions = []
         for spec in self.terrain.list_properties():
             if spec.name not in NOT_KEPT:
