@@ -104,9 +104,9 @@ void Matcher::flush_frames() {
   clock_.reset();
 }
 
-/// Whether the sender's time begins anew with this frame. Where the units' has, any step back is that one,
-/// and frames that meet no unit for long are behind it, too. Where it has not, neither a single wrong stamp
-/// nor a clock that is set back a little is taken for it.
+/// Whether this frame belongs to the sender's next run (it has restarted). When units of the next run have
+/// arrived, every step back is the restart, and so is a long series of frames without a unit. Otherwise a
+/// single wrong stamp, or a clock that is set back a little, is not a restart.
 bool Matcher::begins_anew(PrecisionTime stamp) const {
   if (units_.has_later_run())
     return stamp < stamps_.last || silence_.frames >= silence_frames;

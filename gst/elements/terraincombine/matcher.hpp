@@ -63,7 +63,7 @@ class Matcher {
     std::uint64_t unused = 0;   ///< units whose frame never came
   };
 
-  void start(); ///< counts and reports begin anew
+  void start(); ///< resets counts and reports
   void set_live(Live live) { live_ = live; }
   Live live() const { return live_; }
 

@@ -24,7 +24,7 @@ inline constexpr Time most_time = std::numeric_limits<Time>::max() / 4;
 /// Microseconds of the sender's clock, which units carry, and frames with a stamp: their precision time.
 using PrecisionTime = std::uint64_t;
 
-/// `time` lies before `now` by more than units are ever reordered: the sender has begun anew.
+/// Whether `time` is before `now` by more than units are ever reordered: the sender has restarted.
 bool is_anew(PrecisionTime time, PrecisionTime now);
 
 /// Where a unit stands, and what is known of those that are still to come.
@@ -37,9 +37,10 @@ struct UnitPlace {
 /// Times lie within most_time, tolerances within 0..most_time. Not locked: the owner does.
 class UnitStore {
  public:
-  /// Going back by more than units are ever reordered means that the sender began anew; then what was kept is
-  /// dropped. Returns how many units that were. `stamped`: frames are matched by precision time; where that
-  /// goes back another run begins, and frames of the one before, which are still to come, keep its units.
+  /// Adds a unit. When its time is before the last one by more than units are ever reordered, the sender has
+  /// restarted: all stored units are dropped. Returns their number. `stamped`: frames are matched by
+  /// precision time. Then a restart begins another run, and the units of the previous run stay for frames
+  /// that have not arrived yet.
   std::uint64_t add(const UnitPlace& place, OwnedBuffer unit, bool stamped = false);
   /// A gap of the units ends there.
   void advance(Time progress) {

@@ -21,9 +21,10 @@ namespace terrainseg {
 
 class MetricStage {
  public:
-  /// Begins anew with the files of camera-info and mount (or a mount as `height=..,pitch=..`); empty = none.
+  /// Resets the stage and reads the files of camera-info and mount (or a mount such as `height=..,pitch=..`);
+  /// empty = none.
   std::optional<SettingFlaw> start(const std::string& camera_info, const std::string& mount);
-  /// Whether both are there.
+  /// Whether both were read.
   bool is_calibrated() const { return camera_ && mount_; }
   /// Takes frames of a size. What is wrong when they are not pictures of the camera that was calibrated, as
   /// the rest of a sentence; empty when nothing is. Then there are no metres of them.
@@ -31,7 +32,7 @@ class MetricStage {
 
   /// Takes the fields of a terrainseg-pose event, from any thread. nullptr, or why it was ignored.
   const char* take_pose(const GstStructure* fields);
-  /// After a flush: running times begin anew, and with them the poses. Metres wait for the next one.
+  /// After a flush: drops all poses, because running times restart. There are no metres until the next pose.
   void flush();
 
   /// Where the pose of the moment, or else the mount, has the vanishing line of level ground in frames of the

@@ -208,9 +208,9 @@ GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& ty
   if (size == 0)
     flaw = "the file is empty";
   else if (!type.starts_with("image/"))
-    flaw = "this is no image" + (type.empty() ? "" : " but " + type);
+    flaw = "not an image" + (type.empty() ? "" : " but " + type);
   else if (next_image_ > 0 && type != image_type_)
-    flaw = "the sequence began as " + image_type_ + " but this is " + type;
+    flaw = "the sequence starts with " + image_type_ + ", but this is " + type;
   else if (caps)
     flaw = too_large(caps.get());
   if (flaw.empty()) {
@@ -332,7 +332,7 @@ std::string Source::choice() const {
     return {};
   return "it has " + std::to_string(videos_) + " video tracks; number " + std::to_string(taken_number_) +
          " was taken" + (track_id_ ? " (track " + std::to_string(track_id_) + " of the file)" : "") +
-         ", the others were left out";
+         ", the others are ignored";
 }
 
 /// Links conversion, deinterlacing and rotation. Each passes frames through that do not need it.
@@ -412,7 +412,7 @@ std::string Source::cut_images() const {
   const std::lock_guard lock(mutex_);
   if (cut_images_ == 0)
     return {};
-  return cut_image_ + ": the picture is cut off, its end mark is missing" +
+  return cut_image_ + ": the picture is truncated, its end mark is missing" +
          (cut_images_ > 1 ? "; so are " + std::to_string(cut_images_ - 1) + " more" : "");
 }
 
