@@ -53,7 +53,7 @@ def display():
     if subprocess.run(['gst-inspect-1.0', '--exists', 'ximagesink']).returncode:
         raise Skip('there is no ximagesink')
     reader, writer = os.pipe()
-    # Without -noreset the server begins anew whenever its only client leaves, and turns away who comes meanwhile: each
+    # Without -noreset the server restarts whenever its only client leaves, and turns away who comes meanwhile: each
     # look of xdotool for the window is such a client.
     server = subprocess.Popen(['Xvfb', '-noreset', '-displayfd', str(writer), '-screen', '0', '1280x800x24'], pass_fds=[writer],
                               stderr=subprocess.DEVNULL)

@@ -241,7 +241,7 @@ function useH264(on) {
   $('h264').setAttribute('aria-pressed', on);
   video.hidden = !on;
   canvas.hidden = on;
-  stopStream(); // begins anew with or without pictures
+  stopStream(); // restarts it with or without pictures
   if (!on) return;
   peer.ontrack = event => { video.srcObject = event.streams[0] || new MediaStream([event.track]); };
   peer.onconnectionstatechange = () => {
