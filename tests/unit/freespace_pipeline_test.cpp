@@ -165,10 +165,12 @@ TEST(FreeSpacePipeline, MoreCautionIsLessGround) {
     ASSERT_FALSE(validate(settings));
     const int now = after_drive(settings).estimate().traversable_permille;
     EXPECT_LE(now, last + 5) << caution; // the prior follows its own horizon: not strictly
-    if (caution == -100)
+    if (caution == -100) {
       EXPECT_GT(now, 500);
-    if (caution == 100)
+    }
+    if (caution == 100) {
       EXPECT_LT(now, 50);
+    }
     last = now;
   }
 }
