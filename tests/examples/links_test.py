@@ -513,7 +513,7 @@ def the_ground_station_says_what_it_waits_for(folder):
     station = subprocess.Popen([EXAMPLES / 'ground_station.sh', f'udp://:{free_port()}'], stderr=subprocess.PIPE, text=True,
                                env={**os.environ, 'VIEW': 'fakesink'})
     try:
-        contains(station.stderr.readline(), 'waits for video and KLV from udp://:')
+        contains(station.stderr.readline(), 'video and KLV from udp://:')
     finally:
         end(station)
 
