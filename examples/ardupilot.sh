@@ -65,7 +65,7 @@ if [[ $target =~ ^(/dev/[A-Za-z0-9._/-]+)(:([0-9]+))?$ ]]; then
   [ -c "$device" ] || fail "there is no serial port $device: ls /dev/tty* /dev/serial/by-id/* lists the ports"
   { [ -r "$device" ] && [ -w "$device" ]; } || fail "no permission to read and write $device: run sudo adduser $(id -un) dialout, and log in again"
   # Bytes as they are, whatever a program before this one has set.
-  stty -F "$device" "$baud" raw -echo -crtscts clocal cs8 -cstopb -parenb || fail "$device does not take $baud baud"
+  stty -F "$device" "$baud" raw -echo -crtscts clocal cs8 -cstopb -parenb || fail "$device does not support $baud baud"
   sink="filesink location=$device buffer-mode=unbuffered"
 elif [[ $target =~ ^[A-Za-z0-9._-]+:[0-9]+$ ]]; then
   check_port "${target##*:}"
@@ -77,7 +77,7 @@ SYSTEM_ID=${SYSTEM_ID:-1} LAYOUT=${LAYOUT:-fine}
 { [[ $SYSTEM_ID =~ ^[0-9]{1,3}$ ]] && [ "$((10#$SYSTEM_ID))" -ge 1 ] && [ "$((10#$SYSTEM_ID))" -le 255 ]; } || fail "SYSTEM_ID '$SYSTEM_ID': use 1 to 255"
 [[ $LAYOUT =~ ^(fine|portable)$ ]] || fail "LAYOUT '$LAYOUT': use fine or portable"
 [ -n "$camera_info" ] && [ -n "$mount" ] ||
-  echo "ardupilot.sh: CAMERA_INFO or MOUNT is not set: no range is known, and everything ahead is sent as an obstacle" >&2
+  echo "ardupilot.sh: CAMERA_INFO or MOUNT is not set: ranges are unknown, and everything ahead is sent as an obstacle" >&2
 text="$SOURCE ! videoconvert ! video/x-raw,format=NV12 ! queue leaky=downstream max-size-buffers=1 ! terrainseg ${camera_info:+camera-info=$(quoted "$camera_info")} \
   ${mount:+mount=$(quoted "$mount")} $SETTINGS ! terrainextract mavlink-layout=$LAYOUT system-id=$SYSTEM_ID \
   ! application/x-mavlink ! $sink sync=false async=false"

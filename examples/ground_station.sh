@@ -27,6 +27,6 @@ case "$uri" in
       ! rtpjitterbuffer latency=100 ! rtpmp2tdepay ! tsdemux name=d  d. ! h264parse ! terrainstamp mode=read ! video.  d. ! meta/x-klv ! klv." ;;
   *) usage 2 ;;
 esac
-echo "ground_station.sh: waits for video and KLV from $uri (the rover's end: examples/stream_*.sh); Ctrl-C ends it" >&2
+echo "ground_station.sh: waiting for video and KLV from $uri (start examples/stream_*.sh on the rover); Ctrl-C ends it" >&2
 pipeline "$input queue name=video ! avdec_h264 ! c.sink  queue name=klv ! c.meta \
   terraincombine name=c ! tee name=t  t. ! queue ! terrainoverlay ! $VIEW  $(lines_branch)"

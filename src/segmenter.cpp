@@ -179,16 +179,16 @@ Status Segmenter::adopt(const Terrain& terrain) {
   State& s = *state_;
   if (s.space && *s.space != terrain.space)
     return {Status::Code::foreign_terrain,
-            "the terrain was learned in another colour space than that of the frames: learn it anew"};
+            "the terrain was learned in another colour space than that of the frames: learn it again"};
   const PipelineKind teacher = teacher_of(terrain);
   if (heaviest(terrain.models) >= 0 && teacher != s.settings.pipeline())
     return {Status::Code::foreign_terrain,
             "the terrain was learned with free-space = " +
                 std::string(teacher == PipelineKind::free_space ? "true" : "false") +
-                ", which learns other colours: set it alike, or learn the terrain anew"};
+                ": set free-space to the same value, or learn the terrain again"};
   if (!well_formed(terrain))
     return {Status::Code::foreign_terrain,
-            "the terrain has another shape than this version learns: learn it anew"};
+            "the terrain does not have the structure that this version uses: learn it again"};
   s.terrain = terrain;
   resize_mixture(s.terrain.models, s.settings.learned_models);
   s.pipeline->forget_terrain();

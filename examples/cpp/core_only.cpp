@@ -115,7 +115,7 @@ int main(int argc, char** argv) {
     if (read == Read::end)
       return 0;
     if (read == Read::error) {
-      std::fprintf(stderr, "core_only: the input ends or breaks off in the middle of a picture\n");
+      std::fprintf(stderr, "core_only: the input is truncated or not a picture of the expected format\n");
       return 1;
     }
     picture.frame.pts = number * 1'000'000'000 / fps; // after a gap of 2 s the averaging of scores restarts

@@ -83,7 +83,7 @@ class Tuner:
         group = read_group(self.options.settings)
         if group:
             self.terrain.set_property('settings-location', self.options.settings)
-            print(f'tune.sh: begins with {self.options.settings}', file=sys.stderr)
+            print(f'tune.sh: starts with the settings of {self.options.settings}', file=sys.stderr)
         self.regions = rectangles_of(group.get('ignore-regions', ''))
         for name, value in self.options.properties:
             set_text(self.terrain, name, value)
@@ -346,7 +346,7 @@ def last_samples(pipeline, count, frames):
     finally:
         pipeline.set_state(Gst.State.NULL)
     if not last:
-        fail('no frame came')
+        fail('no frame was received')
     return last
 
 
@@ -376,7 +376,7 @@ def png_of(samples):
 def pair(text):
     name, equal, value = text.partition('=')
     if not (name and equal and value):
-        raise argparse.ArgumentTypeError(f'{text} is no PROPERTY=VALUE')
+        raise argparse.ArgumentTypeError(f'{text} is not PROPERTY=VALUE')
     return name, value
 
 

@@ -472,7 +472,7 @@ static void gst_terrain_scene_src_init(GstTerrainSceneSrc* self) {
 
 static void gst_terrain_scene_src_class_init(GstTerrainSceneSrcClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainscenesrc_debug, "terrainscenesrc", 0,
-                          "A rendered rover's view with its truth");
+                          "A rover's view, rendered, with its ground truth");
   auto* object_class = G_OBJECT_CLASS(klass);
   auto* element_class = GST_ELEMENT_CLASS(klass);
   auto* source_class = GST_BASE_SRC_CLASS(klass);

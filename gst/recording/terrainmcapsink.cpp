@@ -194,7 +194,7 @@ bool open_recording(GstTerrainMcapSink* self) {
   }
   if (set.location.empty() == (set.fd < 0)) {
     GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND,
-                      ("A recording needs a location (or an fd, and not both): terrainmcapsink "
+                      ("Set either location or fd, not both, for example: terrainmcapsink "
                        "location=drive.mcap."),
                       ("location \"%s\", fd %d", set.location.c_str(), set.fd));
     return false;
@@ -248,8 +248,8 @@ bool finish(GstTerrainMcapSink* self) {
   }
   if (s.frames > 0 && s.labelled == 0)
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                        ("No frame had terrain metadata, so the recording holds none. Put terrainseg in "
-                         "front of terrainmcapsink, and no element between them that drops metadata "
+                        ("No frame had terrain metadata, so the recording contains none. Add terrainseg "
+                         "before terrainmcapsink, without an element between them that drops metadata "
                          "(videocrop, videobox, videoflip, compositor)."),
                         ("no GstTerrainSegMeta on %" G_GUINT64_FORMAT " frames", s.frames));
   GST_DEBUG_OBJECT(self,
@@ -278,21 +278,21 @@ std::optional<std::uint64_t> time_of(GstTerrainMcapSink* self, GstBuffer* buffer
     stream = stream_time_of(segment, stream);
   if (!GST_CLOCK_TIME_IS_VALID(stream)) {
     GST_ELEMENT_ERROR(self, STREAM, FORMAT,
-                      ("Frames without time stamps cannot be recorded. Put do-timestamp=true on the source."),
+                      ("Frames without time stamps cannot be recorded. Set do-timestamp=true on the source."),
                       (nullptr));
     return std::nullopt;
   }
   const auto utc = utc_of(buffer);
   if (s.clock.misses(utc) && !std::exchange(s.warned_clock, true))
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                        ("The time of day became known after the recording had begun: it stays in stream "
-                         "time. Start the recording later, or set start-time on terrainseg."),
+                        ("The time of day became known after the start of the recording, which continues in "
+                         "stream time. Start the recording later, or set start-time on terrainseg."),
                         (nullptr));
   const std::uint64_t time = s.clock.time_of({utc, stream, gst_element_get_base_time(GST_ELEMENT(self))});
   if (const GstClockTimeDiff step = s.clock.take_step(); step != 0 && !std::exchange(s.warned_step, true))
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                        ("%s jumped by %.3f s, as when a clock is set. The recording continues with the time "
-                         "before, so its times keep rising; start a new one for the new time.",
+                        ("%s jumped by %.3f s, as when a clock is set. The recording continues from the "
+                         "previous time, so that its times increase. Start a new recording for the new time.",
                          s.clock.is_wall() ? "The frames' time of day" : "The stream time",
                          static_cast<double>(step) / GST_SECOND),
                         (nullptr));
@@ -310,7 +310,7 @@ GstFlowReturn record(GstTerrainMcapSink* self, GstBuffer* buffer) {
   if (reader.has_b_frame()) {
     GST_ELEMENT_ERROR(self, STREAM, FORMAT,
                       ("The H.264 video has B-frames, which players of recordings do not show. Set bframes=0 "
-                       "on x264enc, or the like on another encoder."),
+                       "on x264enc, or the equivalent property of another encoder."),
                       (nullptr));
     return GST_FLOW_ERROR;
   }

@@ -283,7 +283,7 @@ template <class Take>
 bool read(GstTerrainRos2Sink* self, std::unique_ptr<ros2::Reader>& reader, const std::string& name,
           const recording::MessageType& type, std::string& error, Take take) {
   if (const std::string flaw = ros2::flaw_of_name(name); !flaw.empty()) {
-    error = "\"" + name + "\" is no name of a topic: " + flaw;
+    error = "\"" + name + "\" is not a topic name: " + flaw;
     return false;
   }
   reader = std::make_unique<ros2::Reader>(*self->state->participant, name, type, recording::longest_input,
@@ -454,7 +454,7 @@ GstFlowReturn send(GstTerrainRos2Sink* self, GstBuffer* buffer) {
     GST_ELEMENT_ERROR(
         self, STREAM, FORMAT,
         ("The H.264 video has B-frames, which receivers of messages do not show. Set bframes=0 on "
-         "x264enc, or the like on another encoder."),
+         "x264enc, or the equivalent property of another encoder."),
         (nullptr));
     return GST_FLOW_ERROR;
   }

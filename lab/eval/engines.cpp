@@ -23,17 +23,17 @@ namespace terrainseg::eval {
 const char* const engine_help =
     "  default | paper[,SETTING=VALUE...]   the filter in a preset; settings are the properties of "
     "terrainseg;\n"
-    "                                       input=BGR gives it B G R in place of I420,\n"
-    "                                       pose=true what a pose tells, in rendered places,\n"
-    "                                       tuning.NAME=VALUE another value of a tuned constant\n"
+    "                                       input=BGR uses B G R instead of I420,\n"
+    "                                       pose=true sends the pose (rendered places only),\n"
+    "                                       tuning.NAME=VALUE changes a tuned constant\n"
     "  reference                            the unmodified algorithm: full resolution, full covariances, "
     "doubles\n"
-    "  rows[:R] | ramp | mean-mask          baselines that know the place only: everything below the row R x "
+    "  rows[:R] | ramp | mean-mask          baselines that ignore the image: everything below the row R x "
     "height\n"
     "                                       (without R the best row), the best ramp, the mean of the other "
     "frames' labels\n"
-    "  masks:FOLDER                         masks written by something else, PNG named as the labels, in\n"
-    "                                       FOLDER or, where there is one, in FOLDER/SEQUENCE\n";
+    "  masks:FOLDER                         masks of another program: PNG files named as the labels, in\n"
+    "                                       FOLDER/SEQUENCE if that exists, else in FOLDER\n";
 
 namespace {
 

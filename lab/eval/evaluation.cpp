@@ -68,7 +68,7 @@ void draw_caution_plot(const fs::path& folder, const std::vector<Figures>& all) 
     l.points.emplace_back(f.ground.unsafe_share(), f.ground.error());
   }
   if (!curves.empty())
-    save(folder / "caution.png", chart("caution from -32 (right) to 32 (left): error against unsafe pixels",
+    save(folder / "caution.png", chart("caution from -16 (right) to 16 (left): error against unsafe pixels",
                                        "unsafe %", "error %", "", curves));
 }
 

@@ -49,7 +49,7 @@ metric::Pose pose_of(const scene::View& view, std::int64_t time) {
   return pose;
 }
 
-/// As somebody measures it: the vehicle stands.
+/// As in a measurement by hand: the vehicle stands.
 metric::Mount standing_mount(const MetricDrive& drive) {
   scene::Settings still = drive.scene;
   still.motion = scene::Motion::still;

@@ -61,33 +61,36 @@ struct EvalEntries {
   OptionContext context() {
     const GOptionEntry entries[] = {
         {"engine", 0, 0, G_OPTION_ARG_STRING_ARRAY, &engines.list,
-         "What is measured, more than once if wished (default: default)", "NAME"},
-        {"ablation", 0, 0, G_OPTION_ARG_NONE, &ablation, "Adds the default with each stage removed", nullptr},
+         "Engine to measure; may be repeated (default: default)", "NAME"},
+        {"ablation", 0, 0, G_OPTION_ARG_NONE, &ablation, "Also measure the default with each stage removed",
+         nullptr},
         {"baselines", 0, 0, G_OPTION_ARG_NONE, &with_baselines,
-         "Adds paper, reference, rows, ramp and mean-mask", nullptr},
+         "Also measure paper, reference, rows, ramp and mean-mask", nullptr},
         {"perturb", 0, 0, G_OPTION_ARG_STRING_ARRAY, &inputs.list,
-         "Measures on changed input too, more than once if wished; all = every one", "NAME"},
+         "Also measure on changed input; may be repeated; all = every change", "NAME"},
         {"caution-sweep", 0, 0, G_OPTION_ARG_NONE, &sweep,
-         "Adds the default at nine values of caution: precision, recall and MaxF", nullptr},
+         "Also measure the default at five values of caution: precision, recall and MaxF", nullptr},
         {"confidence", 0, 0, G_OPTION_ARG_NONE, &confidence,
-         "Adds how right labels are by what the confidence map says of them", nullptr},
+         "Also report the share of right labels by the value of the confidence map", nullptr},
         {"leave-out", 0, 0, G_OPTION_ARG_NONE, &leave_out,
-         "Adds, for each kind of place, the engine that is the best on all others and how it does there",
+         "Also report, for each kind of place, the engine that is best on all other kinds, and its result",
          nullptr},
         {"kind", 0, 0, G_OPTION_ARG_STRING_ARRAY, &kinds.list,
-         "Sequences of such a name are of that kind, more than once if wished, the first that fits counts "
-         "(default: names of the project's own data)",
+         "Kind of the sequences whose name matches; may be repeated, the first match counts (default: the "
+         "names "
+         "of the project's own data)",
          "KIND=REGEX"},
         {"unsafe-weight", 0, 0, G_OPTION_ARG_DOUBLE, &unsafe_weight,
-         "The best engine has the least error + WEIGHT x unsafe (default: 0)", "WEIGHT"},
-        {"limit", 0, 0, G_OPTION_ARG_INT, &limit, "The first N frames of each sequence", "N"},
-        {"every", 0, 0, G_OPTION_ARG_INT, &every, "Every Nth frame only", "N"},
-        {"json", 0, 0, G_OPTION_ARG_FILENAME, &json.text, "Figures of every run, and of every frame", "FILE"},
-        {"csv", 0, 0, G_OPTION_ARG_FILENAME, &csv.text, "Figures of every run, one line each", "FILE"},
+         "The best engine is that with the smallest error + WEIGHT x unsafe (default: 0)", "WEIGHT"},
+        {"limit", 0, 0, G_OPTION_ARG_INT, &limit, "Only the first N frames of each sequence", "N"},
+        {"every", 0, 0, G_OPTION_ARG_INT, &every, "Only every Nth frame", "N"},
+        {"json", 0, 0, G_OPTION_ARG_FILENAME, &json.text, "Write the figures of every run and frame", "FILE"},
+        {"csv", 0, 0, G_OPTION_ARG_FILENAME, &csv.text, "Write the figures of every run, one line each",
+         "FILE"},
         {"markdown", 0, 0, G_OPTION_ARG_FILENAME, &markdown.text,
-         "The same as tables (default: on the standard output)", "FILE"},
+         "Write the figures as tables (default: to standard output)", "FILE"},
         {"pictures", 0, 0, G_OPTION_ARG_FILENAME, &pictures.text,
-         "Contact sheets of the best, median and worst frames, and plots", "FOLDER"},
+         "Write contact sheets of the best, median and worst frames, and plots", "FOLDER"},
         {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &sequences.list, nullptr, nullptr},
         {nullptr, 0, 0, G_OPTION_ARG_NONE, nullptr, nullptr, nullptr}};
     OptionContext made(g_option_context_new("SEQUENCE..."));
@@ -112,7 +115,7 @@ std::vector<std::string> engines_of(const EvalEntries& e) {
     for (const std::string& stage : stages_changed)
       wanted.push_back("default," + stage);
   if (e.sweep)
-    for (int caution = -32; caution <= 32; caution += 8)
+    for (int caution = -16; caution <= 16; caution += 8)
       wanted.push_back(caution_mark + std::to_string(caution));
   std::vector<std::string> once;
   for (const std::string& engine : wanted)

@@ -46,7 +46,7 @@ PaperOptions parse_paper_options(const std::vector<std::string>& words, bool wit
 /// What --help prints.
 std::string eval_help();
 
-/// Engines that stand for the default at nine values of caution start with this.
+/// The names of engines with the default preset at several values of caution start with this.
 inline const std::string caution_mark = "default,caution=";
 
 } // namespace terrainseg::eval

@@ -184,7 +184,7 @@ void perturb(const std::string& name, std::vector<Sample>& samples) {
   if (name == "h264")
     encode_h264(scenes);
   else {
-    const Change change = change_named(name); // a generator of random numbers starts anew
+    const Change change = change_named(name); // with a new generator of random numbers
     for (Scene& s : scenes)
       change(s);
   }

@@ -629,7 +629,7 @@ TEST(FilterSettings, ErrorsNameNameValueAndRule) {
   };
   EXPECT_EQ(error("default,threshold=2x"), "threshold = 2x: not a number");
   EXPECT_EQ(error("default,caution=1.5"), "caution = 1.5: not a whole number");
-  EXPECT_EQ(error("default,caution=99"), "caution = 99: outside -32..32 1/32 nat");
+  EXPECT_EQ(error("default,caution=101"), "caution = 101: outside -100..100");
   EXPECT_EQ(error("default,texture=yes"), "texture = yes: not one of false, true");
   EXPECT_EQ(error("default,horizon=low"), "horizon = low: not one of off, paper, auto");
   EXPECT_EQ(error("default,texture"), "texture = : not one of false, true");
@@ -749,7 +749,7 @@ TEST(Rendered, WhatThereIsIsSaid) {
 }
 
 TEST_F(EvalSequence, WrongNamesAreNamed) {
-  for (const char* engine : {"nonsense", "default,texture=maybe", "default,colour=1", "default,caution=99",
+  for (const char* engine : {"nonsense", "default,texture=maybe", "default,colour=1", "default,caution=101",
                              "rows:x", "reference,texture=false", "default,caution=2x", "masks:/nowhere"})
     EXPECT_THROW(run(engine), std::runtime_error) << engine;
 }

@@ -174,7 +174,7 @@ TEST(Options, ArriveWhereTheyBelong) {
   EXPECT_EQ(o.selection.every, 2);
   EXPECT_EQ(o.csv, "x.csv");
   EXPECT_EQ(parse_eval_options({"a"}).engines, std::vector<std::string>{"default"});
-  EXPECT_EQ(parse_eval_options({"a", "--caution-sweep"}).engines.size(), 10u);
+  EXPECT_EQ(parse_eval_options({"a", "--caution-sweep"}).engines.size(), 6u);
   EXPECT_TRUE(parse_eval_options({"a", "--confidence"}).confidence);
   EXPECT_FALSE(parse_eval_options({"a"}).confidence);
   EXPECT_GT(parse_eval_options({"a", "--perturb", "all"}).inputs.size(), 5u);

@@ -215,8 +215,7 @@ TEST(TerrainReference, ContradictorySettingsAreRefusedByName) {
   gst_element_set_bus(element, bus);
   g_object_set(element, "training-models", 5, "learned-models", 5, nullptr);
   EXPECT_EQ(gst_element_set_state(element, GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
-  EXPECT_NE(first_error(bus).find("learned_models = 5: must be above training_models = 5"),
-            std::string::npos);
+  EXPECT_NE(first_error(bus).find("learned_models = 5"), std::string::npos);
   gst_element_set_state(element, GST_STATE_NULL);
   gst_element_set_bus(element, nullptr);
   gst_object_unref(bus);

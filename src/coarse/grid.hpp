@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The coarse view that every stage after the pyramid works on: three components on one lattice of cells.
+// The grid of cells on which all stages after the pyramid work: three components per cell.
 #pragma once
 
 #include <array>
@@ -11,14 +11,14 @@
 
 namespace terrainseg {
 
-// Ignored regions: parts of the frame that are neither learned nor labelled (the rover's own bonnet, say).
+// Ignored regions: parts of the frame that are neither learned nor labelled, such as the rover's bonnet.
 
 /// Sets the cells of a row-by-row grid whose centres lie in a region to `value`.
 void fill_ignored(std::span<const Rectangle> ignored, int level, int width, int height, std::uint8_t value,
                   std::uint8_t* cells);
 
-/// Gives ignored parts of the mask the value 128; returns how many of their pixels were traversable.
-/// `mask_level`: the mask is 2^level times smaller than the frame.
+/// Sets ignored parts of the mask to 128. Returns how many of their pixels were traversable. The mask is
+/// 2^mask_level times smaller than the frame.
 std::uint64_t mark_ignored(std::span<const Rectangle> ignored, int mask_level, const MutablePlane& mask,
                            int width, int height);
 
@@ -31,15 +31,15 @@ struct Cell {
   bool operator==(const Cell&) const = default;
 };
 
-/// A pyramid level, or anything of its shape: a view of bytes that somebody else owns. Cell (x, y) is centred
-/// at the frame's pixel (x, y) * 2^level: a pyramid keeps the phase of its even samples, and half a cell
-/// further would cost 1 % of the height. What else is known of the cells (scores, penalties, ...) lies row by
-/// row, size() values, and at() is where.
+/// A pyramid level, or other cells of its shape. The bytes belong to another object. Cell (x, y) is centred
+/// at the frame's pixel (x, y) * 2^level, because a pyramid keeps even samples; half a cell lower would be an
+/// error of 1 % of the height. Other values of the cells (scores, penalties, ...) are lists of size() values,
+/// row by row, with the index at().
 struct Grid {
   std::array<Plane, 3> planes; ///< Y, U, V or R, G, B
   int width = 0, height = 0;
   int level = 0;
-  std::span<const std::uint8_t> ignored{}; ///< 1 where ignore-regions cover the centre; empty: nobody looked
+  std::span<const std::uint8_t> ignored{}; ///< 1 where ignore-regions cover the centre; empty = unknown
 
   std::size_t size() const { return static_cast<std::size_t>(width) * height; }
   std::size_t at(int row, int column) const { return static_cast<std::size_t>(row) * width + column; }
@@ -52,21 +52,22 @@ struct Grid {
   }
 };
 
-/// The level that is scored coarse. -1 = the first under 96 cells wide; never so coarse that fewer than 4
-/// rows or columns are left, where neither a window nor a horizon has a place.
+/// The level of the grid: `wanted`, or with -1 the first that is less than 96 cells wide. Never so coarse
+/// that it has fewer than 4 rows or columns, too few for a window and a horizon.
 int grid_level(int wanted, int width, int height);
 
-/// Level of the refinement: two finer than the grid where there are two.
+/// Level of the refinement: two finer than the grid, or level 0.
 constexpr int refinement_level(int coarsest) {
   return coarsest > 2 ? coarsest - 2 : 0;
 }
 
-/// Level of the finest texture band: three finer than the grid where there are three.
+/// Level of the finest texture band: three finer than the grid, or level 0.
 constexpr int texture_level(int coarsest) {
   return coarsest > 3 ? coarsest - 3 : 0;
 }
 
-/// True when a picture shows nothing: a covered lens, a dead camera. All of it would look like its window.
+/// True when a picture has a single colour (a covered lens, a dead camera): all of it would look like the
+/// training window.
 bool is_blank(const Grid& grid);
 
 } // namespace terrainseg

@@ -11,8 +11,8 @@ PyramidPlan coarse_plan(PixelFormat format, int coarsest) {
   const int texture = texture_level(coarsest);
   // Luma of RGB is a mixture of all three components, so its texture bands need all three.
   const int color = layout_of(format).rgb ? texture : refinement_level(coarsest);
-  // The finest level that is read has the whole filter. One sparse level of luma more at 4K misses more
-  // ground of rendered trails.
+  // The finest level that is read is never sparse. At 4K, with one more sparse level of luma, more ground of
+  // rendered trails is missed.
   return {coarsest, color, texture, std::clamp(texture - 1, 0, 1), std::clamp(color - 1, 0, 2)};
 }
 

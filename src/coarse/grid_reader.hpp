@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The grid that the default pipeline thinks on: the coarsest pyramid level in one colour space.
+// The grid of the default pipeline: the coarsest pyramid level in one colour space.
 #pragma once
 
 #include <cstdint>
@@ -12,19 +12,19 @@
 
 namespace terrainseg {
 
-/// What the default pipeline reads of a frame.
+/// The pyramid levels that the default pipeline needs.
 PyramidPlan coarse_plan(PixelFormat format, int coarsest);
 
-/// Turns pyramid levels into full-range BT.601 luma and chroma, and keeps the bytes.
+/// Converts pyramid levels to full-range BT.601 luma and chroma, in its own memory.
 class GridReader {
  public:
-  /// The level, transformed, and what of it is ignored. Good until the next call, which allocates only where
-  /// the grid grows.
+  /// Converts a level and marks its ignored cells. The result is valid until the next call, which allocates
+  /// only when the grid grows.
   Grid read(const Pyramid& pyramid, int level, const ColorTransform& transform,
             std::span<const Rectangle> ignore_regions);
 
  private:
-  std::vector<std::uint8_t> bytes_; ///< the three components and what is ignored, one after the other
+  std::vector<std::uint8_t> bytes_; ///< the three components, then the marks of ignored cells
 };
 
 } // namespace terrainseg

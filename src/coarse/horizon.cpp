@@ -26,11 +26,12 @@ bool looks_like_ground(const Color& color, const Gaussian& ground) {
   return true;
 }
 
-// Many rows tie at zero. The first of them (the literal reading) misses the true horizon by 51 % of the
-// height, the lowest one by 26 % (701 labelled frames), so ties go to the lowest.
+// Often several rows have no ground cell. The first of them (the literal reading) differs from the true
+// horizon by 51 % of the height, the lowest one by 26 % (701 labelled frames). Therefore the lowest one is
+// taken.
 //
-// "u_h gets assigned to null" comes without a test in the paper. Here: no row has less than half of what the
-// other rows have on average, or a row of the window is as poor.
+// The paper has no condition for "u_h gets assigned to null". Here there is no horizon when no row has less
+// than half of the other rows' mean, or when a row of the window has as few.
 Horizon find_horizon(const Grid& grid, const Gaussian& ground, int window_top, int window_end) {
   int poorest = -1, least = std::numeric_limits<int>::max(), least_in_window = least;
   std::int64_t total = 0;
@@ -49,7 +50,7 @@ Horizon find_horizon(const Grid& grid, const Gaussian& ground, int window_top, i
   const std::int64_t others = window_end - 1, rest = total - least; // others * average = rest
   if (2 * least * others >= rest)
     return {};
-  // NOLINTNEXTLINE(clang-analyzer-core.DivideZero): behind the line above `rest` is greater than 0
+  // NOLINTNEXTLINE(clang-analyzer-core.DivideZero): here `rest` is greater than 0
   return {poorest, static_cast<std::uint8_t>(255 - 255 * least * others / rest)};
 }
 

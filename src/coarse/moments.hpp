@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Mean and variance of colours by accumulation (paper, equations (4), (5) and (9)): the sums of z and z^2 are
-// taken over the samples themselves. The paper's (3) and (9) also multiply by the histogram, which counts
-// each sample twice over.
+// Mean and variance of colours from sums of z and z^2 over the samples (paper, equations (4), (5) and (9)).
+// The paper's (3) and (9) also multiply by the histogram, which would count samples repeatedly.
 #pragma once
 
 #include <array>
@@ -25,13 +24,13 @@ class MomentSums {
 
   std::uint32_t count() const { return count_; }
 
-  /// All zero without a sample.
+  /// All values are 0 without samples.
   Gaussian moments() const {
     Gaussian result;
     result.mass = std::uint64_t{count_} << 8;
     for (int c = 0; c < 3 && count_ > 0; ++c) {
       result.mean[c] = static_cast<std::uint16_t>(rounded_quotient(sum_[c] << 8, count_));
-      // Around the floor of the mean, so that no product needs more than 64 bits for any frame size.
+      // Relative to the rounded-down mean, so that products fit 64 bits for every frame size.
       const std::uint64_t base = sum_[c] / count_, rest = sum_[c] - base * count_;
       const std::uint64_t around = squares_[c] + base * base * count_ - 2 * base * sum_[c];
       const std::uint64_t offset = (rest << 16) / count_; // Q16, below one unit

@@ -15,17 +15,17 @@ namespace {
 using kernels::Interleave;
 
 constexpr int level_count = 7;
-// The rows of a level that are still needed: three to begin, three at an odd end, one being written.
+// Number of rows of a level in memory: three to start, three at an odd end, and the one that is written.
 constexpr int ring_rows = 4;
 constexpr std::ptrdiff_t row_alignment = 64;
-constexpr int no_chroma = 128; // what grey pictures have
-// Rows of the frame that are asked for ahead of their use. With that 1080p NV12 from memory takes 0.45 ms
-// instead of 0.73, where reading alone takes 0.27.
+constexpr int no_chroma = 128; // chroma of grey pictures
+// Number of rows of the frame that are prefetched. With it 1080p NV12 from memory takes 0.45 ms instead of
+// 0.73; reading alone takes 0.27.
 constexpr int rows_ahead = 2;
-// Threads share the frame in bands down to the finest level that keeps all components; what is coarser is a
-// sixteenth of a sixteenth and shared out by components. A band overlaps its neighbours by two rows of every
-// level, down to level 4 by 45 rows of the frame: one of fewer rows would spend more on that than a thread
-// gives back. Hence one band a thread, too: two threads at 4K take 0.70 ms so, 0.74 with two bands each.
+// Each thread computes a band of the frame, down to the finest level that keeps all components. Coarser
+// levels are small and are divided by components. A band overlaps its neighbours by two rows of every level,
+// which are 45 rows of the frame at level 4. Smaller bands would cost more than they gain. There is one band
+// per thread for the same reason: two threads at 4K take 0.70 ms, and 0.74 ms with two bands each.
 constexpr int least_band_rows = 16;
 
 std::ptrdiff_t aligned(std::ptrdiff_t bytes) {
@@ -40,10 +40,10 @@ int reflect_101(int i, int size) {
   return i;
 }
 
-// Memory of rows, aligned, given out piece by piece after one allocation.
+// Aligned memory for rows: one allocation, divided into pieces.
 class RowMemory {
  public:
-  // Called twice with the same sequence: the first pass counts, the second gives out.
+  // Called twice with the same sequence: the first pass adds the sizes, the second returns the memory.
   std::uint8_t* take(std::ptrdiff_t bytes) {
     std::uint8_t* at = base_ ? base_ + used_ : nullptr;
     used_ += aligned(bytes);
@@ -79,20 +79,20 @@ struct Rows {
   bool holds(int y) const { return y >= first && y < end; }
 };
 
-// Which components travel together through the levels, and how.
+// Components that are reduced together, and their layout.
 struct Route {
-  int components = 0;             ///< how many
+  int components = 0;             ///< number of components
   std::array<int, 3> component{}; ///< Y U V or R G B
   std::array<int, 3> offset{};    ///< byte of each in a pixel
-  Interleave interleave{};        ///< of the source rows
-  int source_level = 0;           ///< level whose height the source rows have
+  Interleave interleave{};        ///< layout of the source rows
+  int source_level = 0;           ///< level that has as many rows as the source
   bool vertical_first = false;    ///< 4:2:2 chroma: already as narrow as level 1
-  bool staged = false;            ///< source rows are made one by one: see Staging
-  int source_plane = 0;           ///< of the frame, or the band's staged rows
-  bool from_kept = false;         ///< source rows are those of a kept level
+  bool staged = false;            ///< source rows are converted one by one, see Staging
+  int source_plane = 0;           ///< plane of the frame, or of the band's staged rows
+  bool from_kept = false;         ///< the source is a kept level
 };
 
-// What the rows of the frame go through before they are source rows.
+// Conversion of the frame's rows to source rows.
 enum class Staging {
   none,
   split, ///< packed 4:2:2: luma is staged as plane 0, chroma as plane 1
@@ -105,7 +105,7 @@ Staging staging_of(const FormatLayout& layout) {
   return !layout.rgb && layout.planes == 1 && layout.component_count == 3 ? Staging::split : Staging::none;
 }
 
-// The layout of the upper 8 bits alone.
+// The layout when only the upper 8 bits are kept.
 FormatLayout narrowed(FormatLayout layout) {
   for (ComponentLayout& part : layout.components) {
     part.offset = static_cast<std::uint8_t>(part.offset / layout.sample_bytes());
@@ -159,29 +159,29 @@ Routes routes_of(const FormatLayout& layout) {
   return routes;
 }
 
-// Rows in memory: all of a plane, or the last ones in a ring.
+// Rows in memory: all rows of a plane, or the last ones in a ring.
 template <typename Byte> struct Lines {
   Byte* data = nullptr;
   std::ptrdiff_t stride = 0;
-  int mask = ~0; ///< of the row's number
+  int mask = ~0; ///< mask of the row's number
 
   Byte* row(int y) const { return data + stride * (y & mask); }
 };
 
-// A level that one band of one route is making.
+// The state of one level for one band and one route.
 struct Step {
   Rows made;                       ///< first row of the band, and one past the last row made so far
   Rows own;                        ///< rows that this band writes into the kept planes
   int end = 0;                     ///< one past the last row that this band makes
-  Lines<std::uint8_t> lines, ring; ///< where its own rows are, and the others
+  Lines<std::uint8_t> lines, ring; ///< memory of its own rows, and of the others
   int source_width = 0, source_height = 0;
-  std::ptrdiff_t ahead = 0; ///< from rows that are read to those that are asked for
-  Interleave interleave{};  ///< of the rows that are read
-  bool vertically = false;  ///< they are as narrow as this level already
-  bool sparse = false;      ///< made of every second row that is read
-  int made_every = 1;       ///< a sparse level above reads only these rows
+  std::ptrdiff_t ahead = 0; ///< bytes from the rows that are read to those that are prefetched
+  Interleave interleave{};  ///< layout of the rows that are read
+  bool vertically = false;  ///< the rows that are read have the width of this level
+  bool sparse = false;      ///< uses only every second row that is read
+  int made_every = 1;       ///< a sparse coarser level reads only these rows
   bool begun = false;
-  bool delivered = false; ///< own rows are taken apart into kept planes
+  bool delivered = false; ///< own rows are split into kept planes
   kernels::Waiting waiting;
 
   std::uint8_t* row(int y) const { return (own.holds(y) ? lines : ring).row(y); }
@@ -194,11 +194,11 @@ struct Course {
   std::array<Step, level_count> step;
 };
 
-// Rows of a level begin and end with an odd number of those below it, and with the last of them.
+// Whether that number of finer rows is enough for one more row: an odd number, or all of them.
 constexpr bool allows_more(int available, int end) {
   return available % 2 != 0 || available == end;
 }
-// The next such number after `available`.
+// The next such number greater than `available`.
 constexpr int next_that_allows(int available, int end) {
   return std::min(available + 1 + available % 2, end);
 }
@@ -233,18 +233,18 @@ void reduce(const Step& step, const std::uint8_t* odd, const std::uint8_t* even,
 
 struct Pyramid::State {
   Shape shape;
-  FormatLayout layout{}; ///< of bytes: what staged rows have
+  FormatLayout layout{}; ///< layout of bytes, also of staged rows
   Staging staging{};
   Routes routes;
-  int split = 0; ///< level down to which bands work
-  int tails = 0; ///< components that go on from there to the coarsest level
+  int split = 0; ///< the coarsest level that is computed in bands
+  int tails = 0; ///< number of components with coarser levels
   std::array<Routes, 3> tail_routes;
   std::array<Band, 3> tail;
   std::array<std::array<RowMemory, 3>, level_count> memory;
   std::array<std::array<MutablePlane, 3>, level_count> planes;
   std::array<Plane, 3> own_planes; ///< level 0 of planar components
   std::vector<Band> bands;
-  Frame frame; ///< of the build that is running
+  Frame frame; ///< the frame of the current build
 
   int width(int level) const { return subsampled(shape.width, level); }
   int height(int level) const { return subsampled(shape.height, level); }
@@ -279,7 +279,7 @@ struct Pyramid::State {
   int sparse_of(const Route& route) const {
     return route.component[0] == 0 ? shape.plan.sparse_luma : shape.plan.sparse_color;
   }
-  /// Source rows of which one is read.
+  /// Number of source rows of which one is read.
   int rows_apart(const Route& route) const { return 1 << std::max(sparse_of(route) - route.source_level, 0); }
 };
 
@@ -333,13 +333,13 @@ void Pyramid::State::adopt(const Shape& wanted) {
   }
 }
 
-// A band owns whole rows of the level at which bands end, and what lies under them. Coarser levels have one
-// owner.
+// A band owns rows of the coarsest level that is computed in bands, and the finer rows below them. Each
+// coarser level has one owner.
 Rows Pyramid::State::own_rows(int level, int index) const {
   if (level > split)
     return {0, height(level)};
   const int coarse = height(split), shift = split - level;
-  // The first band has the least overlap: it gets the row that is left over.
+  // The first band has the smallest overlap, so it gets the remaining row.
   const auto cut = [&](int i) {
     return std::min(height(level), (coarse * i + shape.bands - 1) / shape.bands << shift);
   };
@@ -364,7 +364,7 @@ void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int
     step.own = own_rows(level, index);
     step.made.first = step.own.first;
     step.end = step.own.end;
-    // What the coarser level reads, two rows beyond its own on either side.
+    // The rows that the coarser level reads: two more on each side.
     if (level < top) {
       const Step& coarser = course.step[level + 1];
       step.made.first = std::max(0, std::min(step.own.first, 2 * coarser.made.first - 2));
@@ -386,7 +386,7 @@ void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int
     else
       for (int i = 0; i < route.components; ++i)
         step.delivered |= kept(level, route.component[i]);
-    // The loops begin at the second pixel: that is the one to be aligned. Takes 4 % off the pyramid.
+    // Aligns the second pixel, with which the loops start. Saves 4 % of the pyramid's time.
     const std::ptrdiff_t second = 2 * kernels::written_step(route.interleave);
     const auto take_sums = [&] {
       std::uint8_t* at = band.memory.take(2 * bytes + row_alignment);
@@ -437,7 +437,7 @@ void Pyramid::State::deliver(const Route& route, int level, int y, const std::ui
       kernels::pick(pixels, route.offset[i], step, width(level), planes[level][route.component[i]].row(y));
 }
 
-// Makes what rows 0..available-1 of the level below allow, at this level and all coarser ones.
+// Computes the rows of this level and of all coarser ones that rows 0..available-1 of the finer level allow.
 void Pyramid::State::advance(const Route& route, Course& course, int level, int available) {
   Step& step = course.step[level];
   const int last = step.source_height - 1;
@@ -484,7 +484,7 @@ void Pyramid::State::run(Band& band, const Routes& ways) {
       end = std::max(end, source.end << route.source_level);
     }
   }
-  // The row of the frame with which a route gets on that was given `available` rows of its source; end: none.
+  // The next row of the frame that a route needs after `available` rows of its source; `end` = none.
   const auto next = [&](std::size_t r, int available) {
     const Course& course = band.course[r];
     const int level = ways.route[r].source_level, last = course.source.end;
@@ -517,7 +517,7 @@ void Pyramid::State::narrow(int plane, int y, std::uint8_t* out) const {
                   rows_ahead * source.stride, out);
 }
 
-// Makes source rows of row `y` of the frame. The last one may be one past the frame's: of 4:2:0 chroma.
+// Converts row `y` of the frame to source rows. With 4:2:0 chroma the last one may be one past the frame's.
 void Pyramid::State::stage(const Band& band, int y) const {
   if (staging == Staging::split) {
     kernels::split_422(frame.planes[0].row(y), shape.width, part(0).offset == 0,
@@ -531,7 +531,7 @@ void Pyramid::State::stage(const Band& band, int y) const {
   }
 }
 
-// A row of the frame as bytes; of samples of two bytes in the memory of the rows that are staged no more.
+// A row of the frame as bytes. Samples of two bytes are converted into the memory of old staged rows.
 const std::uint8_t* Pyramid::State::bytes_of_row(const Band& band, int plane, int y) const {
   if (staging != Staging::narrow)
     return frame.planes[static_cast<std::size_t>(plane)].row(y);

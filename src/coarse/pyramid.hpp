@@ -12,9 +12,9 @@ namespace terrainseg {
 
 class Workers;
 
-/// Which levels to build. Level k is 2^k times smaller than the frame, sizes rounded up at every step.
+/// The levels to build. Level k is 2^k times smaller than the frame; sizes are rounded up at every step.
 struct PyramidPlan {
-  int coarsest = 5;     ///< 0..6: the grid that is learned on; all three components are built down to it
+  int coarsest = 5;     ///< 0..6: the level of the grid; all three components are built down to it
   int finest_color = 5; ///< finest level at which all three components are kept, <= coarsest
   int finest_luma = 2;  ///< finest level at which the first component is kept, <= finest_color
   /// The levels 1 to `sparse_luma` of the first component, and 1 to `sparse_color` of the others, use every
@@ -29,8 +29,8 @@ struct PyramidPlan {
 /// level whose size it has (4:2:0: level 1); 4:2:2 chroma is reduced vertically only to reach level 1; level
 /// 0 repeats chroma samples. Of samples of more than 8 bits the upper 8 are read; grey has chroma of 128.
 ///
-/// The frame is read at most once, from the top: a row runs down all levels while it is in the cache. Levels
-/// that the plan does not keep exist as a few rows only.
+/// The frame is read at most once, from the top: each row is reduced through all levels while it is in the
+/// cache. Of levels that the plan does not keep, only a few rows are in memory.
 class Pyramid {
  public:
   Pyramid();
@@ -39,7 +39,7 @@ class Pyramid {
   Pyramid& operator=(Pyramid&&) noexcept;
 
   /// Builds all planned levels from a frame. Allocates only when size, format, plan or the number of workers
-  /// differ from the last call. With workers the rows are shared out in bands; the bytes are the same.
+  /// differ from the last call. Workers compute bands of rows; the result is the same.
   void build(const Frame& frame, const PyramidPlan& plan, Workers* workers = nullptr);
 
   int width(int level) const;

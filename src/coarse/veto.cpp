@@ -10,18 +10,19 @@
 namespace terrainseg {
 namespace {
 
-/// Some of the pixels along one axis.
+/// A range of pixels along one axis; `end` is exclusive.
 struct Reach {
   int first, end;
 };
 
-/// Which of `to` pixels the pixels `first` to `end` - 1 of `from` touch when both span the same length.
+/// Scales the range `first` to `end` - 1 of `from` pixels to `to` pixels of the same total length, including
+/// all pixels that it touches.
 Reach touched(int first, int end, int from, int to) {
   const auto scaled = [&](int edge) { return std::int64_t{edge} * to; };
   return {static_cast<int>(scaled(first) / from), static_cast<int>((scaled(end) + from - 1) / from)};
 }
 
-/// Which of the `count` cells of a level are the nearest ones of the frame's pixels `first` to `end` - 1.
+/// The cells of a level, of `count`, that are nearest to the frame's pixels `first` to `end` - 1.
 Reach nearest_cells(int first, int end, int level, int count) {
   const int half = 1 << level >> 1;
   const auto nearest = [&](int pixel) { return std::min((pixel + half) >> level, count - 1); };
@@ -32,7 +33,7 @@ bool is_vetoed(std::uint8_t pixel) {
   return pixel >= 128;
 }
 
-/// The next vetoed pixel of a row, or `width`. Most pixels are not: eight at a time.
+/// The next vetoed pixel of a row, or `width`. Tests eight pixels at a time, because few are vetoed.
 int next_vetoed(const std::uint8_t* row, int x, int width) {
   for (; x + 8 <= width; x += 8) {
     std::uint64_t eight = 0;
@@ -48,7 +49,7 @@ int next_vetoed(const std::uint8_t* row, int x, int width) {
 VetoArea::VetoArea(const Veto& veto, int frame_width, int frame_height)
     : veto_(veto), width_(frame_width), height_(frame_height) {}
 
-/// Calls `use(columns, rows)` for rectangles of the frame that together are the vetoed pixels.
+/// Calls `use(columns, rows)` for rectangles of the frame that together cover exactly the vetoed pixels.
 template <typename Use> void VetoArea::each(Use use) const {
   for (const Rectangle& rectangle : veto_.rectangles)
     if (const Rectangle r = clipped(rectangle, width_, height_); !r.empty())

@@ -14,7 +14,7 @@ int power_of_two_at_most(int value) {
   return static_cast<int>(std::bit_floor(static_cast<unsigned>(std::max(value, 1))));
 }
 
-/// Where a stretch of 1/65536 lies on `whole` pixels: to the nearest pixel, at least one.
+/// Converts a range in 1/65536 of `whole` pixels to pixels, rounded, at least one pixel long.
 struct Stretch {
   int first, count;
 };
@@ -39,7 +39,7 @@ bool trains(const TrainingArea& area, int x, int y) {
          mask.plane.row(y * mask.height / area.frame_height)[x * mask.width / area.frame_width] >= 128;
 }
 
-/// A rectangle outside of which nothing trains.
+/// A rectangle that contains all training pixels.
 Rectangle hull(const TrainingArea& area) {
   if (area.supervision.empty())
     return area.window;
@@ -58,8 +58,8 @@ Rectangle hull(const TrainingArea& area) {
   return {left, top, right - left, bottom - top};
 }
 
-/// Squared distance from the mean in units of the variance (Q16), of the component that lies farthest out.
-/// Rounded up, so that a comparison with the squared limit is exact.
+/// The largest squared distance of a component from the mean, in units of the variance (Q16). Rounded up, so
+/// that a comparison with the squared limit is exact.
 std::uint64_t farthest_component(const Color& color, const Gaussian& moments, std::uint32_t variance_floor) {
   std::uint64_t farthest = 0;
   for (int c = 0; c < 3; ++c) {
@@ -76,10 +76,10 @@ std::uint64_t farthest_component(const Color& color, const Gaussian& moments, st
 
 } // namespace
 
-// The paper's window is 64 x 128 at a fixed frame size, orientation unsaid. Lying (128 wide, 64 high) it
-// holds purer ground: 99.9 / 94.2 % of its pixels against 94.7 / 87.2 % upright (701 labelled CamVid frames,
-// two halves). As frames come in every size, the automatic rule scales it: the largest power of two not above
-// a fifth of the width, half as high.
+// The paper's window is 64 x 128 at a fixed frame size; it does not say which side is the width. With 128 as
+// the width 99.9 / 94.2 % of its pixels are ground, otherwise 94.7 / 87.2 % (two halves of 701 labelled
+// CamVid frames). For other frame sizes the automatic rule scales it: the largest power of two that is at
+// most a fifth of the width, and half as high.
 std::optional<Rectangle> place_window(const Settings& s, int frame_width, int frame_height) {
   if (const Rectangle& share = s.window_rect_q16; !share.empty()) {
     const Stretch columns = scaled(share.x, share.width, frame_width),

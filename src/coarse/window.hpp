@@ -16,55 +16,55 @@
 
 namespace terrainseg {
 
-/// Where the window lies in a frame, or nothing when the window that was set does not fit. Automatic sides
-/// (0) shrink to what `window_bottom` and `window_x` leave of the frame. `window_rect_q16` always fits.
+/// The window in a frame, or nothing when the configured window does not fit. Automatic sides (0) are limited
+/// to the space that `window_bottom` and `window_x` leave. `window_rect_q16` always fits.
 std::optional<Rectangle> place_window(const Settings& settings, int frame_width, int frame_height);
 
-/// That the window which was set does not fit, for a person.
+/// The error message for a configured window that does not fit.
 std::string window_does_not_fit(const Settings& settings, int frame_width, int frame_height);
 
-/// Which pixels of a frame train: the window, or the supervision that stands in for it, without what is
-/// ignored or vetoed.
+/// The training pixels of a frame: the window, or the supervision that replaces it, without ignored and
+/// vetoed pixels.
 struct TrainingArea {
   Rectangle window;
-  Supervision supervision;            ///< used instead of the window where not empty
-  std::span<const Rectangle> ignored; ///< frame pixels
+  Supervision supervision;            ///< replaces the window unless it is empty
+  std::span<const Rectangle> ignored; ///< in pixels of the frame
   int frame_width = 0, frame_height = 0;
-  VetoArea veto{}; ///< a cell with a vetoed pixel does not train
+  VetoArea veto{}; ///< cells with a vetoed pixel are excluded
 };
 
-/// Fills `cells` with the cells of a pyramid level that train, in raster order. Capacity is kept.
+/// Fills `cells` with the training cells of a pyramid level, row by row. Keeps the capacity.
 void select_cells(const TrainingArea& area, int level, std::vector<Cell>& cells);
 
-/// The coarsest level <= `coarsest` at which at least `needed` cells train, or 0 where none has them; `cells`
-/// are that level's. Eight cells, what the paper's window has at 1/32, cannot carry K = 3 Gaussians.
+/// The coarsest level <= `coarsest` with at least `needed` training cells, or 0 when there is none. Fills
+/// `cells` with that level's. The paper's window has eight cells at 1/32, too few for K = 3 Gaussians.
 int select_training_level(const TrainingArea& area, int coarsest, int needed, std::vector<Cell>& cells);
 
-/// The bounding box of what trains, in frame pixels: the window, or what stands in for it.
+/// The bounding box of the training pixels in the frame: the window, or the supervision that replaces it.
 Rectangle training_bounds(const TrainingArea& area, int level, std::span<const Cell> cells);
 
 /// Mean and variance over cells (equations (4), (5), (9)).
 Gaussian moments_of(const Grid& grid, std::span<const Cell> cells);
 
 struct PrefilterRule {
-  /// What happens when few cells survive.
+  /// Which cells are kept when few pass.
   enum class Scarce : std::uint8_t {
-    nearest_half,          ///< the half that is nearest to the mean stays (never fewer than half)
-    all_below_one_quarter, ///< everything stays when less than a quarter would
+    nearest_half,          ///< at least the half of the cells that is nearest to the mean
+    all_below_one_quarter, ///< all cells when less than a quarter passes
   };
   int sigma_q8 = 256;               ///< standard deviations in Q8
   std::uint32_t variance_floor = 0; ///< Q8, added to each variance
   Scarce scarce = Scarce::nearest_half;
 };
 
-/// Cells that passed, in their order, and room to work in that is kept from frame to frame.
+/// Cells that passed, in their order, and working memory that is kept from frame to frame.
 struct Prefiltered {
   std::vector<Cell> cells;
   std::vector<std::uint64_t> distances, ranks;
 };
 
-/// Keeps the cells whose every component lies within `sigma` standard deviations of the mean (caption of
-/// figure 5). Squares are compared: no root is taken.
+/// Keeps the cells of which every component is within `sigma` standard deviations of the mean (caption of
+/// figure 5). Compares squares, so that no root is needed.
 void prefilter(const Grid& grid, std::span<const Cell> cells, const Gaussian& moments,
                const PrefilterRule& rule, Prefiltered& kept);
 

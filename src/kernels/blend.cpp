@@ -6,7 +6,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blend.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h, as Highway demands.
+// Must follow foreach_target.h.
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -18,7 +18,7 @@ HWY_INLINE std::uint8_t mixed(unsigned sample, unsigned coverage, unsigned ink) 
   return static_cast<std::uint8_t>((sample * (256 - coverage) + ink * coverage + 128) >> 8);
 }
 
-// 255 * 256 + 128: sixteen bits are enough.
+// At most 255 * 256 + 128, which fits 16 bits.
 static_assert(255 * 256 + 128 <= 65535);
 
 bool any(const Coverage* coverage, int count) {
@@ -30,17 +30,16 @@ bool any(const Coverage* coverage, int count) {
 
 #if HWY_TARGET != HWY_SCALAR
 
-// Samples are asked for this far ahead: the processor's own prefetch stops at pages, that is every second
-// row.
+// Distance of the prefetch. The processor's own prefetch stops at page borders, which is every second row.
 constexpr int bytes_ahead = 1024;
 
 HWY_INLINE void ask_ahead(const std::uint8_t* samples) {
   __builtin_prefetch(samples + bytes_ahead, 1);
 }
 
-// Calls compute(i) for vectors that cover 0..count-1 and store(i) right after it. The last vector overlaps
-// the one before it: it is computed first, from samples that are still old, and stored last. False when there
-// is not one.
+// Calls compute(i) and then store(i) for vectors that cover 0..count-1. The last vector overlaps the one
+// before it; it is computed first, from samples that are still unchanged, and stored last. Returns false when
+// not even one vector fits.
 template <class Compute, class Store>
 HWY_INLINE bool in_place(int lanes, int count, const Compute& compute, const Store& store) {
   if (count < lanes)
@@ -53,9 +52,8 @@ HWY_INLINE bool in_place(int lanes, int count, const Compute& compute, const Sto
   return true;
 }
 
-// Mixes 16-bit lanes by one multiplication: (s (256 - a) + i a + 128) >> 8 = s + (((i - s) a + 128) >> 8),
-// and the rounded product of (i - s) << 7 and a in Q15 is the second term. |i - s| << 7 and a fit 16 signed
-// bits.
+// Blends 16-bit lanes with one multiplication: (s (256 - a) + i a + 128) >> 8 = s + (((i - s) a + 128) >> 8).
+// The second term is the rounded Q15 product of (i - s) << 7 and a, which both fit 16 signed bits.
 static_assert(255 << 7 <= 32767);
 template <class D16, class V = hn::Vec<D16>> HWY_INLINE V mix(D16 d16, V sample, V coverage, V ink) {
   const hn::RebindToSigned<D16> di16;
@@ -63,7 +61,7 @@ template <class D16, class V = hn::Vec<D16>> HWY_INLINE V mix(D16 d16, V sample,
   return hn::Add(sample, hn::BitCast(d16, hn::MulFixedPoint15(difference, hn::BitCast(di16, coverage))));
 }
 
-// Both bytes of 16-bit lanes, each with a coverage and an ink of its own.
+// Blends both bytes of 16-bit lanes, each with its own coverage and ink.
 template <class D16, class V = hn::Vec<D16>>
 HWY_INLINE V mix_both(D16 d16, V samples, V low_coverage, V high_coverage, V low_ink, V high_ink) {
   const V low = mix(d16, hn::And(samples, hn::Set(d16, 255)), low_coverage, low_ink);
@@ -93,7 +91,7 @@ bool cover(const std::uint8_t* mask, int count, Coverage full, Coverage half, Co
     const auto coverage = hn::IfThenElse(hn::Gt(v, hn::Set(di16, 191)), strong, at_least_half);
     hn::StoreU(hn::BitCast(d16, coverage), d16, out + i);
   }
-  // A value of 64 or more has one of its two upper bits.
+  // A value of 64 or more has at least one of its two upper bits set.
   const auto upper_bits = hn::And(most, hn::Set(d8, 192));
   some = !hn::AllTrue(d8, hn::Eq(upper_bits, hn::Zero(d8)));
 #endif
@@ -188,7 +186,7 @@ HWY_INLINE void mix_word(std::uint8_t* at, unsigned coverage, int shift, unsigne
 
 #if HWY_TARGET != HWY_SCALAR
 
-// Both halves of 32-bit lanes, each with a coverage and an ink of its own. A product with 256 fits 32 bits.
+// Blends both halves of 32-bit lanes, each with its own coverage and ink. A product with 256 fits 32 bits.
 template <class D32, class V = hn::Vec<D32>>
 HWY_INLINE V mix_words(D32 d32, V samples, V low_coverage, V high_coverage, int shift, V low_ink,
                        V high_ink) {
@@ -286,7 +284,7 @@ void quads(std::uint8_t* samples, const Coverage* coverage, int count, const std
   const auto lanes_of = [&](std::uint32_t low, std::uint32_t high)
                             HWY_ATTR { return hn::BitCast(d16, hn::Set(d32, low | high << 16)); };
   const auto low_ink = lanes_of(ink[0], ink[2]), high_ink = lanes_of(ink[1], ink[3]);
-  // The untouched byte is mixed at coverage 0.
+  // The untouched byte is blended with coverage 0.
   const auto low_mask = lanes_of(untouched == 0 ? 0 : 0xffff, untouched == 2 ? 0 : 0xffff);
   const auto high_mask = lanes_of(untouched == 1 ? 0 : 0xffff, untouched == 3 ? 0 : 0xffff);
   if (in_place(

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The loops of the overlay: samples are mixed with a colour in place, as strongly as a coverage of 0..256 per
-// pixel says: (sample * (256 - coverage) + ink * coverage + 128) >> 8.
+// The loops of the overlay: blend samples with a colour in place, with a coverage of 0..256 per pixel:
+// (sample * (256 - coverage) + ink * coverage + 128) >> 8.
 #pragma once
 
 #include <array>
@@ -10,14 +10,14 @@ namespace terrainseg::kernels {
 
 using Coverage = std::uint16_t;
 
-/// Coverage of mask values: `full` from 192 on, `half` from 64 on, else 0. Returns false when all of it is 0.
+/// Coverage of mask values: `full` from 192 on, `half` from 64 on, otherwise 0. Returns false when all are 0.
 bool cover_mask(const std::uint8_t* mask, int count, Coverage full, Coverage half, Coverage* out);
 
-/// False when all of it is 0.
+/// Returns false when all values are 0.
 bool covers(const Coverage* coverage, int count);
 
-/// Mean coverage of the pixels that share a chroma sample: two side by side in one row, or in two rows
-/// (`bottom` not null). A last pixel without neighbour stands for itself. Writes ceil(pixels / 2).
+/// Mean coverage of the pixels that share a chroma sample: two neighbours in one row, or four in two rows
+/// (`bottom` not null). A last pixel without a neighbour counts alone. Writes ceil(pixels / 2) values.
 void pool_coverage(const Coverage* top, const Coverage* bottom, int pixels, Coverage* out);
 
 /// One byte a pixel.
@@ -27,9 +27,8 @@ void blend_plane(std::uint8_t* samples, const Coverage* coverage, int count, std
 void blend_pairs(std::uint8_t* samples, const Coverage* coverage, int count,
                  const std::array<std::uint8_t, 2>& ink);
 
-/// Samples of two bytes, the lower first, that hold their value above `shift` unused bits (0..8), which come
-/// out as 0: one a pixel, and two a pixel (interleaved chroma). `ink` is a value as the samples hold it,
-/// above those bits.
+/// Samples of two bytes, little-endian, with `shift` unused lower bits (0..8), which are set to 0: one per
+/// pixel, and two per pixel (interleaved chroma). `ink` is a value without the unused bits.
 void blend_words(std::uint8_t* samples, const Coverage* coverage, int count, int shift, std::uint16_t ink);
 void blend_word_pairs(std::uint8_t* samples, const Coverage* coverage, int count, int shift,
                       const std::array<std::uint16_t, 2>& ink);
@@ -38,13 +37,13 @@ void blend_word_pairs(std::uint8_t* samples, const Coverage* coverage, int count
 void blend_triples(std::uint8_t* samples, const Coverage* coverage, int count,
                    const std::array<std::uint8_t, 3>& ink);
 
-/// Four bytes a pixel, of which the one at `untouched` stays as it is.
+/// Four bytes per pixel; the one at `untouched` is not changed.
 void blend_quads(std::uint8_t* samples, const Coverage* coverage, int count,
                  const std::array<std::uint8_t, 4>& ink, int untouched);
 
-/// Packed 4:2:2, beginning at an even pixel: luma in the first byte of each pixel (YUY2) or in the second
-/// (UYVY). `ink` is luma and the two chroma bytes in the order of the row. Chroma takes the mean coverage of
-/// its pixels.
+/// Packed 4:2:2 from an even pixel on: luma is the first byte of each pixel (YUY2) or the second (UYVY).
+/// `ink` is luma and the two chroma bytes in the order of the row. Chroma is blended with the mean coverage
+/// of its pixels.
 void blend_422(std::uint8_t* samples, const Coverage* coverage, int count,
                const std::array<std::uint8_t, 3>& ink, bool luma_first);
 

@@ -10,7 +10,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/cells.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h, as Highway demands.
+// Must follow foreach_target.h.
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -28,7 +28,7 @@ HWY_INLINE int color_distance(int dy, int du, int dv) {
 }
 
 #if HWY_TARGET != HWY_SCALAR
-// Cells as 32-bit lanes; a row has few cells, so that vectors are no longer than 16.
+// Cells in 32-bit lanes, at most 16 per vector, because a row has few cells.
 using D32 = hn::CappedTag<std::int32_t, 16>;
 using D16 = hn::CappedTag<std::uint16_t, 16>;
 using V32 = hn::Vec<D32>;
@@ -47,8 +47,8 @@ HWY_INLINE V32 weighted(const std::array<std::int32_t, 3>& weights, V32 a, V32 b
                  hn::Mul(hn::Set(d, weights[2]), c));
 }
 
-// Calls block(i) so that blocks of n cover 0..count-1, the last one overlapping; false where none fits. For
-// what depends on nothing that it writes.
+// Calls block(i) so that blocks of n cover 0..count-1; the last one overlaps. Returns false when none fits.
+// Only for loops that do not read what they write.
 template <class Block> HWY_INLINE bool cover(int count, int n, const Block& block) {
   if (count < n)
     return false;
@@ -68,7 +68,7 @@ void weigh_cells(const ComponentRow& in, const std::array<std::int32_t, 3>& weig
     const hn::Rebind<std::uint8_t, D32> d8;
     hn::StoreU(hn::DemoteTo(d8, hn::ShiftRight<16>(hn::Add(sum, hn::Set(d, offset)))), d8, out + i);
   };
-  // Between ranges of one colour matrix only one component of three has a weight.
+  // For conversions between ranges of the same colour matrix, each output depends on one component only.
   for (std::size_t k = 0; k < 3; ++k)
     if (weights[(k + 1) % 3] == 0 && weights[(k + 2) % 3] == 0) {
       const auto weight = hn::Set(d, weights[k]);
@@ -150,7 +150,7 @@ void sums_of_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int c
     sums_of<1>(row, count, sums, steps);
 }
 
-// Compilers make vectors of it.
+// Auto-vectorised.
 template <int per_cell>
 void largest_steps_of(const std::uint16_t* __restrict columns, int count, std::uint16_t* __restrict out) {
   int i = 0;
@@ -188,7 +188,7 @@ void largest_steps_of_cells(const std::uint16_t* columns, int per_cell, int coun
     largest_steps_of<4>(columns, count, out);
 }
 
-// Compilers make vectors of it.
+// Auto-vectorised.
 void upright_evidence(const std::int16_t* __restrict coherence, const std::uint16_t* __restrict contrast,
                       const std::uint8_t* __restrict ignored, const UprightRule& rule, int score_weight,
                       int count, std::int16_t* __restrict score) {
@@ -201,7 +201,7 @@ void upright_evidence(const std::int16_t* __restrict coherence, const std::uint1
   }
 }
 
-// Compilers make vectors of it.
+// Auto-vectorised.
 template <int per_cell>
 void add_boxes_of(const std::uint16_t* __restrict columns, int shift, int count,
                   std::uint16_t* __restrict out) {
@@ -280,7 +280,7 @@ void follow_cells(const ComponentRow& cells, const std::uint8_t* ignored, const 
   }
 }
 
-// Compilers make vectors of it.
+// Auto-vectorised.
 void smooth_cells(const std::int32_t* __restrict in, int count, std::int32_t* __restrict out) {
   if (count == 1) {
     out[0] = in[0];
@@ -312,7 +312,7 @@ void strongest_of_strip(const Strip& strip, const std::array<std::array<std::int
                                           hn::ShiftRight<8>(weighted(matrix[1], a, b, c)),
                                           hn::ShiftRight<8>(weighted(matrix[2], a, b, c)));
       const V32 this_row = hn::Set(d, row);
-      // Not above the last row: that is "row <= last".
+      // The condition is "row <= last".
       const auto stronger = hn::AndNot(hn::Gt(this_row, lowest), hn::Gt(strength, strongest));
       strongest = hn::IfThenElse(stronger, strength, strongest);
       at = hn::IfThenElse(stronger, this_row, at);
@@ -361,7 +361,7 @@ void octaves_looked_up(const std::uint32_t* __restrict values, const std::int16_
     take(1);
     const auto entry = hn::Add(hn::ShiftLeft<8>(octave), hn::Sub(shifted, hn::Set(d, 256)));
     const auto known = hn::VecFromMask(d, hn::Gt(value, hn::Zero(d)));
-    // Four bytes are read at each place.
+    // The gather reads four bytes at each index.
     const auto* base = reinterpret_cast<const std::int32_t*>(table);
     const auto pair = hn::GatherOffset(d, base, hn::And(known, hn::Add(entry, entry)));
     const auto first = hn::ShiftRight<16>(hn::ShiftLeft<16>(hn::And(known, pair)));

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Loops over coarse cells: too few of them to fill a cache, but enough to count beside one pass over a frame.
+// Loops over the cells of the grid: few enough for the cache, but their time matters beside one pass over a
+// frame.
 //
 // No function reads or writes past its counts, whatever the alignment. All vector variants and the plain one
-// give the same bits; where a loop is only plain, compilers make vectors of it for each target.
+// give the same bits. Loops without a vector variant are auto-vectorised for each target.
 #pragma once
 
 #include <array>
@@ -20,21 +21,20 @@ void weigh_components(const ComponentRow& in, const std::array<std::int32_t, 3>&
 /// sums[i] += |luma[2i + 1] - luma[2i]|.
 void add_differences(const std::uint8_t* luma, int count, std::uint16_t* sums);
 
-/// Sums over `rows` (1 to 4) rows of pixels: of the pixels, and of |pixel x + 1 - pixel x|, `count` - 1 of
-/// them.
+/// Sums over `rows` (1 to 4) rows: of the pixels, and of the `count` - 1 differences |pixel x + 1 - pixel x|.
 void sum_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int count, std::uint16_t* sums,
               std::uint16_t* steps);
 
 /// out[i] = largest |columns[x + 1] - columns[x]| of the `per_cell` (1, 2 or 4) columns from i * per_cell on.
 void largest_steps(const std::uint16_t* columns, int per_cell, int count, std::uint16_t* out);
 
-/// How coherence becomes evidence: clamp((neutral - coherence) * weight >> 8, against, in_favour) * contrast
-/// / 32, at most `most`.
+/// Parameters of the evidence from coherence: clamp((neutral - coherence) * weight >> 8, against, in_favour)
+/// * contrast / 32, at most `most`.
 struct UprightRule {
   int neutral, weight, against, in_favour, most;
 };
 
-/// score[i] = score[i] * score_weight / 32, rounded down, plus the evidence; ignored cells keep theirs.
+/// score[i] = score[i] * score_weight / 32, rounded down, plus the evidence; ignored cells are not changed.
 void weigh_upright(const std::int16_t* coherence, const std::uint16_t* contrast, const std::uint8_t* ignored,
                    const UprightRule& rule, int score_weight, int count, std::int16_t* score);
 
@@ -47,23 +47,23 @@ void add_boxes(const std::uint16_t* columns, int per_cell, int shift, int count,
 void color_steps(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,
                  std::uint16_t* out);
 
-/// How the local reference takes a row of cells in.
+/// Parameters of the local reference.
 struct FollowRule {
-  int gain;         ///< Q8, of the exposure, below 2^16
+  int gain;         ///< gain of the exposure, Q8, below 2^16
   int free_below;   ///< distance without a penalty
   int most;         ///< largest penalty, up to 127
   int follow_below; ///< distance up to which the reference follows
 };
 
-/// Per cell the weighted distance from its column's reference (Q4) as a penalty; where it is small, and the
-/// cell is not ignored, the reference moves a quarter of the way.
+/// Writes per cell the penalty for its weighted distance from the column's reference (Q4). Where the distance
+/// is small and the cell is not ignored, moves the reference a quarter of the way to the cell.
 void follow_row(const ComponentRow& cells, const std::uint8_t* ignored, const FollowRule& rule,
                 const std::array<std::int32_t*, 3>& reference, int count, std::int8_t* penalty);
 
-/// 1-2-1 over a row, the ends repeated: (a + 2b + c) >> 2. `out` must not overlap `in`.
+/// 1-2-1 over a row with repeated ends: (a + 2b + c) >> 2. `out` must not overlap `in`.
 void smooth_row(const std::int32_t* in, int count, std::int32_t* out);
 
-/// Columns of a strip that are searched for their strongest edge together, and the most rows of a strip.
+/// Number of columns of a strip that are searched for an edge together, and the largest number of its rows.
 inline constexpr int strip_columns = 16, strip_rows = 8;
 
 /// A strip of pixels around a curve: strip[row][component][column].
@@ -75,9 +75,8 @@ using Strip = std::array<std::array<std::array<std::uint8_t, strip_columns>, 3>,
 void strongest_edges(const Strip& strip, const std::array<std::array<std::int32_t, 3>, 3>& matrix, int rows,
                      const std::uint8_t* last, std::uint8_t* best);
 
-/// out[i] = table[256 e + m] where values[i] is at least (256 + m) 2^(e + 2), and less than with m + 1; 0
-/// where it is 0. Other values are from 2^10 on and below 2^25. The table has octaves_of_table * 256 entries
-/// and one more.
+/// out[i] = table[256 e + m] for (256 + m) 2^(e + 2) <= values[i] < (257 + m) 2^(e + 2); 0 for 0. Other
+/// values are 2^10 .. 2^25 - 1. The table has octaves_of_table * 256 + 1 entries.
 void look_up_octaves(const std::uint32_t* values, const std::int16_t* table, int count, std::int16_t* out);
 inline constexpr int octaves_of_table = 15;
 

@@ -6,7 +6,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/deviation.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h, as Highway demands.
+// Must follow foreach_target.h.
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -56,7 +56,7 @@ void deviations_of_row(const std::uint8_t* __restrict luma, const std::uint8_t* 
                        int count, std::uint8_t* __restrict out) {
   for (int i = 0; i < count; ++i) {
     const auto x = static_cast<std::int16_t>(luma[i]), m = static_cast<std::int16_t>(middle[i]);
-    // 64 times 255 and 4 times 1024: both fit, and their product loses what 2^8 loses.
+    // 64 * 255 and 4 * 1024 fit 16 bits, and the shift by 16 of their product equals a shift by 8.
     const auto away = static_cast<std::uint16_t>((x > m ? x - m : m - x) << 6);
     const auto factor = static_cast<std::uint16_t>(scale[i] << 2);
     const auto z = static_cast<std::uint16_t>((std::uint32_t{away} * factor) >> 16);

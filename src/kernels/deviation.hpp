@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Rows of cells against the ground around them, that which stands out of it left out: the loops of the stone
-// field.
+// The loops of the stone field: compare rows of cells with the ground around them, from which cells that
+// differ are excluded.
 //
-// No function reads or writes past its counts. All vector variants and the plain one give the same bits: the
-// loops are plain, and compilers make vectors of them for each target.
+// No function reads or writes past its counts. The loops are auto-vectorised for each target; all variants
+// give the same bits.
 #pragma once
 
 #include <cstdint>
 
 namespace terrainseg::kernels {
 
-/// Per column, of the cells that are ground (1, else 0): how many, their sum, the sum of their squared
-/// distances from 128. Up to 16 rows fit.
+/// Per column, over the cells that are ground (1, otherwise 0): adds their number, their sum, and the sum of
+/// their squared distances from 128. Up to 16 rows fit.
 struct ColumnMoments {
   std::uint16_t *cells, *sums;
   std::uint32_t* squares;
 };
 void add_moments(const std::uint8_t* luma, const std::uint8_t* ground, int count, const ColumnMoments& out);
 
-/// Per column, of the ground that lies no farther than `reach` from `middle`: how many cells, their sum, the
-/// sum of their distances. Up to 16 rows fit.
+/// The same over the ground whose value differs from `middle` by at most `reach`: number, sum, and sum of the
+/// distances. Up to 16 rows fit.
 struct ColumnDeviations {
   std::uint16_t *cells, *sums, *distances;
 };

@@ -10,7 +10,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/ground_warp.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h, as Highway demands.
+// Must follow foreach_target.h.
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -18,7 +18,7 @@ namespace terrainseg::kernels {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Compilers make vectors of these.
+// These loops are auto-vectorised.
 template <int radius>
 void subtract_mean(const std::uint8_t* __restrict in, const std::uint16_t* __restrict columns, int width,
                    int gain, std::uint8_t* __restrict out) {
@@ -101,7 +101,7 @@ HWY_INLINE std::uint8_t bilinear(const WarpSource& source, std::int32_t u, std::
   return static_cast<std::uint8_t>((upper * (128 - fv) + lower * fv + 8192) >> 14);
 }
 
-/// Both ends of a segment beyond the same side.
+/// Whether both ends of a segment are beyond the same side of the picture.
 HWY_INLINE bool lies_outside(const WarpSource& source, const std::int32_t* nodes) {
   const std::int32_t right = (source.width - 1) << 16, bottom = (source.height - 1) << 16;
   return (nodes[0] < 0 && nodes[2] < 0) || (nodes[1] < 0 && nodes[3] < 0) ||
@@ -163,7 +163,7 @@ using D8 = hn::CappedTag<std::uint8_t, 16>;
 using D16 = hn::Repartition<std::uint16_t, D8>;
 using D32 = hn::Repartition<std::uint32_t, D8>;
 
-/// Sums of four neighbouring bytes each, which keep to a byte.
+/// Sums of each four neighbouring bytes; the sums fit a byte.
 HWY_INLINE hn::Vec<D32> sum_fours(hn::Vec<D8> bytes) {
   const D16 d16;
   const D32 d32;
@@ -173,7 +173,7 @@ HWY_INLINE hn::Vec<D32> sum_fours(hn::Vec<D8> bytes) {
   return hn::Add(hn::And(fours, hn::Set(d32, 65535)), hn::ShiftRight<16>(fours));
 }
 
-/// Four cells at once.
+/// Compares four cells at once.
 void compare_block(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
                    std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
                    std::ptrdiff_t plane, std::uint8_t* whole) {
@@ -240,7 +240,7 @@ void compare(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::
   compare_plainly(frame, frame_stride, warped, warped_stride, offsets, sums, plane, whole);
 }
 
-// Compilers make vectors of these, too.
+// These loops are auto-vectorised too.
 void add_window(const std::uint16_t* __restrict above, const std::uint16_t* __restrict here,
                 const std::uint16_t* __restrict under, int columns, std::uint16_t* __restrict column_sums,
                 std::uint16_t* __restrict out) {
@@ -286,7 +286,7 @@ void add_windows(const std::uint16_t* above, const std::uint16_t* here, const st
   }
 }
 
-// --- sums that move with the ground ---
+// --- sums of cells that are moved with the ground ---
 
 #if HWY_TARGET != HWY_SCALAR
 using Four = hn::FixedTag<std::int32_t, 4>;
@@ -322,7 +322,7 @@ void move_sums(const SumSource& source, const std::int32_t* nodes, int columns, 
     const int u = node[0] + (node[2] - node[0]) * (j % 4) / 4,
               v = node[1] + (node[3] - node[1]) * (j % 4) / 4;
     const int column = u >> 10, row = v >> 10; // cells of 4 pixels in Q8
-    // Half a cell at the rim is the rim's.
+    // Positions up to half a cell outside use the outermost cells.
     if (column < -1 || row < -1 || column > source.columns - 1 || row > source.rows - 1) {
       std::fill_n(out, 4, std::int16_t{0});
       continue;
@@ -336,7 +336,7 @@ void move_sums(const SumSource& source, const std::int32_t* nodes, int columns, 
   }
 }
 
-/// Quotients bit by bit: two before the point, eight behind it. Compilers make vectors of it.
+/// Quotients bit by bit: two integer bits and eight fraction bits. Auto-vectorised.
 void evidence_of(const std::int16_t* __restrict sums, int count, std::int16_t* __restrict evidence) {
   for (int i = 0; i < count; ++i) {
     const std::int16_t quality = sums[4 * i], frames = sums[4 * i + 1];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The loop that writes the mask of the default pipeline: two curves over the columns, three values.
+// The loop that writes the mask of the default pipeline from two curves.
 #pragma once
 
 #include <cstddef>
@@ -8,9 +8,8 @@
 namespace terrainseg::kernels {
 
 /// Writes rows first..end-1 of a mask of `width` columns: 0 above boundary[x], 128 from there to above
-/// safe[x], 255 from safe[x] on; boundary[x] <= safe[x]. Rows are counted from the mask's top, `mask` points
-/// at row 0. `work` holds 2 * width bytes. Rows in which all columns agree are filled without looking at the
-/// curves.
+/// safe[x], 255 from safe[x] on; boundary[x] <= safe[x]. Rows count from the mask's top; `mask` points to row
+/// 0. `work` has 2 * width bytes. Rows in which all columns are equal are filled without reading the curves.
 void write_mask_rows(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
                      std::uint8_t* mask, std::ptrdiff_t stride, std::uint8_t* work);
 

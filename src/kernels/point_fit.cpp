@@ -8,7 +8,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/point_fit.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h, as Highway demands.
+// Must follow foreach_target.h.
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -16,7 +16,7 @@ namespace terrainseg::kernels {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// --- where points lie, and what is seen there ---
+// --- positions of points, and the picture there ---
 
 std::int32_t difference_of(const PointPicture& picture, const PointMap& map, std::int64_t a, std::int64_t b,
                            std::int32_t value) {
@@ -59,23 +59,23 @@ constexpr FirstReciprocals make_first_reciprocals() {
 }
 constexpr FirstReciprocals first_reciprocals = make_first_reciprocals();
 
-/// The second of each two numbers in the place of the first.
+/// Moves the second number of each pair to the place of the first.
 HWY_INLINE hn::Vec<Eight> odd_of(hn::Vec<Eight> numbers) {
   return hn::BitCast(Eight(), hn::ShiftRight<32>(hn::BitCast(Unsigned4(), numbers)));
 }
-/// The halves of two numbers each that lie in the lower 32 bits.
+/// Combines the lower 32 bits of each number of two vectors.
 HWY_INLINE hn::Vec<Eight> lower_of(hn::Vec<Four> even, hn::Vec<Four> odd) {
   const Eight d;
   return hn::OddEven(hn::BitCast(d, hn::ShiftLeft<32>(odd)), hn::BitCast(d, even));
 }
-/// ... or in the upper ones.
+/// Combines the upper 32 bits.
 HWY_INLINE hn::Vec<Eight> upper_of(hn::Vec<Four> even, hn::Vec<Four> odd) {
   const Eight d;
   return hn::OddEven(hn::BitCast(d, odd), odd_of(hn::BitCast(d, even)));
 }
 
-/// 2^48 / w, rounded down, for w in 2^23 .. 2^25 - 1: Newton's steps from below, of which the last is one
-/// short at most.
+/// 2^48 / w, rounded down, for w in 2^23 .. 2^25 - 1: Newton's method from below. The last step's result is
+/// right or too low by one.
 HWY_INLINE hn::Vec<Eight> reciprocal_of(hn::Vec<Eight> w) {
   const Eight d;
   const Four d64;
@@ -96,7 +96,7 @@ HWY_INLINE hn::Vec<Eight> reciprocal_of(hn::Vec<Eight> w) {
   return hn::Sub(r, hn::VecFromMask(d, hn::Gt(hn::Add(left, hn::Set(d, 1)), w)));
 }
 
-/// Eight points. False, and nothing done, where one of them is beyond what 32 bits hold.
+/// Maps eight points. Returns false and does nothing when one of them does not fit 32 bits.
 HWY_INLINE bool differences_of_eight(const PointPicture& picture, const PointMap& map,
                                      const PointLists& points, int i, std::int32_t* differences,
                                      int& inside) {
@@ -138,7 +138,7 @@ HWY_INLINE bool differences_of_eight(const PointPicture& picture, const PointMap
     const auto product = upper_of(hn::MulEven(at, r), hn::MulEven(odd_of(at), r_odd));
     return hn::Add(hn::ShiftRight<4>(product), hn::Set(d, middle));
   };
-  // What lies beyond `outside` is not in the picture either.
+  // Positions beyond `outside` are not in the picture either.
   const auto u = position(x, map.middle), v = position(y, map.line);
   const auto column = hn::ShiftRight<8>(u), row = hn::ShiftRight<8>(v);
   const auto width = hn::Set(d, picture.width);
@@ -184,7 +184,7 @@ int differences_of(const PointPicture& picture, const PointMap& map, const Point
   return inside + differences_plainly(picture, map, points, i, points.count, differences);
 }
 
-// --- what they are worth, and sums ---
+// --- weights and sums ---
 
 void weights_of(const std::int32_t* __restrict differences, int count, std::int32_t per_index,
                 const std::int32_t* __restrict table, std::int32_t* __restrict weights) {
@@ -213,7 +213,7 @@ void weights_of(const std::int32_t* __restrict differences, int count, std::int3
 using Narrow = hn::CappedTag<std::int32_t, points_together>;
 using Wide = hn::RepartitionToWide<Narrow>;
 
-/// Each second number, the first or the second of two.
+/// Every second number: the first or the second of each pair.
 struct Halves {
   hn::Vec<Narrow> even, odd;
 };
@@ -226,7 +226,7 @@ HWY_INLINE hn::Vec<Wide> product_of(const Halves& a, const Halves& b) {
   return hn::Add(hn::MulEven(a.even, b.even), hn::MulEven(a.odd, b.odd));
 }
 
-/// Rows first .. end - 1 of the sums: as many as the registers hold.
+/// Computes rows first .. end - 1 of the sums, as many as fit the registers.
 template <int first, int end>
 void rows_of_sums(const FitLists& lists, std::int64_t* left, std::int64_t* right) {
   const Narrow narrow;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The loops over points of the ground that are followed from one picture to another.
+// The loops over points of the ground that are tracked from one picture to another.
 //
-// All vector variants and the plain one give the same bits: sums are whole and of 64 bits, so that their
-// order does not matter.
+// All vector variants and the plain one give the same bits: sums are 64-bit integers, so their order does not
+// matter.
 #pragma once
 
 #include <algorithm>
@@ -11,33 +11,33 @@
 
 namespace terrainseg::kernels {
 
-/// Lists below have room for a multiple of so many numbers; what lies behind their count is read and has no
+/// The lists below have room for a multiple of this number. Elements after their count are read but have no
 /// effect.
 inline constexpr int points_together = 16;
 
-/// In place of a difference: the point lies outside.
+/// The difference of a point outside the picture.
 inline constexpr std::int32_t no_difference = 1 << 24;
 
-/// A picture whose rows follow each other without gaps.
+/// A picture without padding between its rows.
 struct PointPicture {
   const std::uint8_t* pixels;
   int width, height;
 };
 
-/// Where points lie in it: of a point (a, b) with x = (g0 a << 7) + g1 b + x_offset, y = (g3 a << 7) + g4 b +
-/// y_offset, w = (across_w a + below_w b + w_offset) >> 16, r = 2^48 / w: u = middle + ((x >> 12) r >> 36)
-/// and v = line + ((y >> 12) r >> 36), both Q8. |x >> 12| and |y >> 12| count no more than 2^32, |u| and |v|
-/// no more than `outside`; with w below 2^18 both are -outside. |g| <= 2^30.
+/// Maps points into the picture. For a point (a, b) with x = (g0 a << 7) + g1 b + x_offset, y = (g3 a << 7) +
+/// g4 b + y_offset, w = (across_w a + below_w b + w_offset) >> 16, r = 2^48 / w: u = middle + ((x >> 12) r >>
+/// 36) and v = line + ((y >> 12) r >> 36), both Q8. |x >> 12| and |y >> 12| are limited to 2^32, |u| and |v|
+/// to `outside`; with w below 2^18 both are -outside. |g| <= 2^30.
 struct PointMap {
   std::int64_t g0, g1, g3, g4, x_offset, y_offset, across_w, below_w, w_offset;
   std::int32_t middle, line, outside;
 };
 
 struct PointPosition {
-  std::int32_t u, v; ///< Q8; far outside where the point lies behind the camera
+  std::int32_t u, v; ///< Q8; far outside for points behind the camera
 };
 
-/// Where a point of the later picture lies in the earlier one: one division.
+/// The position of a point of the later picture in the earlier one.
 inline PointPosition position_of(const PointMap& map, std::int64_t a, std::int64_t b) {
   const std::int64_t w = (map.across_w * a + map.below_w * b + map.w_offset) >> 16; // Q24
   if (w < 1 << 18)
@@ -45,7 +45,7 @@ inline PointPosition position_of(const PointMap& map, std::int64_t a, std::int64
   const std::int64_t reciprocal = (std::int64_t{1} << 48) / w; // Q24
   const auto placed = [&](std::int64_t position, std::int64_t middle) {
     constexpr std::int64_t limit = std::int64_t{1} << 32;
-    // Q20 of Q32; beyond 2^20 pixels it is outside anyway.
+    // Q20 from Q32, limited: beyond 2^20 pixels the point is outside.
     const std::int64_t near = std::clamp(position >> 12, -limit, limit);
     return static_cast<std::int32_t>(
         std::clamp<std::int64_t>(middle + (near * reciprocal >> 36), -map.outside, map.outside));
@@ -54,14 +54,15 @@ inline PointPosition position_of(const PointMap& map, std::int64_t a, std::int64
           placed(((map.g3 * a) << 7) + map.g4 * b + map.y_offset, map.line)};
 }
 
-/// Points that are compared: count numbers each.
+/// The points to compare: lists of `count` numbers.
 struct PointLists {
   const std::int32_t *across, *below, *values; ///< values: Q8 of a grey level
   int count;
 };
 
-/// differences[i] = the picture where point i lies, bilinear, Q8, less values[i]; no_difference where four
-/// pixels around it are not in the picture. Returns how many are.
+/// differences[i] = the picture at the position of point i, bilinear, Q8, minus values[i]; no_difference
+/// where the four pixels around it are not all in the picture. Returns the number of points for which they
+/// are.
 int point_differences(const PointPicture& picture, const PointMap& map, const PointLists& points,
                       std::int32_t* differences);
 
@@ -70,11 +71,11 @@ int point_differences(const PointPicture& picture, const PointMap& map, const Po
 void fit_weights(const std::int32_t* differences, int count, std::int32_t per_index,
                  const std::int32_t* table, std::int32_t* weights);
 
-/// Lists of points: derivatives by each unknown, how much each point counts, what is to be explained.
+/// Lists of points: derivatives by each unknown, weights, and differences.
 struct FitLists {
-  const std::int32_t* derivatives; ///< by unknown k from k * stride on
+  const std::int32_t* derivatives; ///< those by unknown k start at k * stride
   std::ptrdiff_t stride;
-  const std::int32_t *weights, *differences; ///< weights behind `count` are 0
+  const std::int32_t *weights, *differences; ///< weights after `count` are 0
   int count;
 };
 

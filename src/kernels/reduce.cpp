@@ -11,7 +11,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/reduce.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h, as Highway demands.
+// Must follow foreach_target.h.
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -27,8 +27,8 @@ constexpr int reflect_101(int i, int size) {
   return i;
 }
 
-// One finished sum and what waits after it; the vector code below is this, many at a time. In 16 bits from
-// end to end: of wider sums in between Clang 14 makes wider vectors.
+// Finishes one sum and updates the waiting ones. The vector code below does the same for many sums. All
+// values are 16 bits wide, because Clang 14 would use wider vectors for wider ones.
 HWY_INLINE std::uint8_t advance(std::uint16_t odd, std::uint16_t even, std::uint16_t& partial,
                                 std::uint16_t& held) {
   const std::uint16_t four_odd = 4 * odd, sum = partial + four_odd + even + 128;
@@ -37,10 +37,10 @@ HWY_INLINE std::uint8_t advance(std::uint16_t odd, std::uint16_t even, std::uint
   return static_cast<std::uint8_t>(sum >> 8);
 }
 
-// 11 and 16 times the largest horizontal sum: nothing leaves 16 bits.
+// At most 11 and 16 times the largest horizontal sum, which fits 16 bits.
 static_assert(16 * 16 * 255 + 128 <= 65535);
 
-// 1-4-6-4-1 around the even pixel at `p`, in a row and at its ends.
+// 1-4-6-4-1 around the even pixel at `p`, inside a row and at its ends.
 template <int step> HWY_INLINE std::uint16_t horizontal(const std::uint8_t* p) {
   return p[-2 * step] + p[2 * step] + 4 * (p[-step] + p[step]) + 6 * p[0];
 }
@@ -49,7 +49,7 @@ template <int step> HWY_INLINE std::uint16_t horizontal_at_left(const std::uint8
   return 2 * p[2 * step] + 8 * p[step] + 6 * p[0];
 }
 
-// The last even pixel has a right neighbour where the row is of even width.
+// The last even pixel has a right neighbour when the width of the row is even.
 template <int step> HWY_INLINE std::uint16_t horizontal_at_right(const std::uint8_t* p, bool has_right) {
   return has_right ? p[-2 * step] + 4 * (p[-step] + p[step]) + 7 * p[0]
                    : 2 * p[-2 * step] + 8 * p[-step] + 6 * p[0];
@@ -60,9 +60,9 @@ template <int step> HWY_INLINE std::uint16_t horizontal_in_narrow(const std::uin
   return at(x - 2) + at(x + 2) + 4 * (at(x - 1) + at(x + 1)) + 6 * at(x);
 }
 
-// The same sum in a row of one byte a pixel, read by two, to the right neighbour of the last: of this
-// compilers make better vectors than of single bytes (GCC 12 takes 0.4 us for two rows of 1920 in place of
-// 0.55, Clang 14 in place of 1.6).
+// The same sum for rows of one byte per pixel, read in pairs up to the right neighbour of the last pixel.
+// Compilers vectorise this better than single bytes: two rows of 1920 take 0.4 us, and otherwise 0.55 us with
+// GCC 12 and 1.6 us with Clang 14.
 HWY_INLINE std::uint16_t horizontal_by_pairs(const std::uint8_t* p) {
   constexpr int even = std::endian::native == std::endian::little ? 0 : 8, odd = 8 - even;
   const auto pair = [p](int i) HWY_ATTR {
@@ -76,19 +76,19 @@ HWY_INLINE std::uint16_t horizontal_by_pairs(const std::uint8_t* p) {
   return outer + 2 * centre + 4 * inner;
 }
 
-// The processor's own prefetch stops at pages, which is every second row of a 1080p frame. Asked for in step
-// with the arithmetic, lines come while it goes on; a whole row at once would wait for the row. To the second
-// cache: 4K NV12 takes 1.7 ms so, 2.0 with all of it in the first, 2.35 without.
+// The processor's own prefetch stops at page borders, which is every second row of a 1080p frame. Lines are
+// prefetched while the sums are computed; a whole row at once would have to wait. The target is the
+// second-level cache: 4K NV12 takes 1.7 ms, 2.0 ms with the first-level cache, and 2.35 ms without prefetch.
 HWY_INLINE void ask_ahead(const std::uint8_t* at, std::size_t bytes) {
   constexpr std::size_t cache_line = 64;
   for (std::size_t i = 0; i < bytes; i += cache_line)
     __builtin_prefetch(at + i, 0, 2);
 }
 
-// Asks, a stretch of `bytes` at a time, for what lies `ahead` of two rows of `total` bytes from byte `at` on.
-// The processor's prefetch joins in where it sees one sequence of lines a page: rows that share one are asked
-// for one after the other (1080p NV12 takes 0.36 ms so, 0.41 in turns), the second from the middle on; longer
-// ones in turns (RGB 0.83, else 0.88).
+// Prefetches `bytes` bytes at `ahead` from two rows of `total` bytes, from byte `at` on. The processor's own
+// prefetch helps where it sees one sequence of lines per page. Rows that share a page are therefore
+// prefetched one after the other, the second from the middle on (1080p NV12 takes 0.36 ms instead of 0.41);
+// longer rows are prefetched alternately (RGB 0.83 ms instead of 0.88).
 class RowsAhead {
  public:
   HWY_INLINE RowsAhead(const std::uint8_t* odd, const std::uint8_t* even, std::ptrdiff_t ahead,
@@ -102,9 +102,7 @@ class RowsAhead {
       second_ = ahead + even + at;
     }
   }
-  HWY_INLINE bool one_by_one() const {
-    return one_by_one_;
-  } ///< made for one row, up to the middle or from it
+  HWY_INLINE bool one_by_one() const { return one_by_one_; } ///< for one row, up to its middle or from it
   HWY_INLINE void next(std::size_t bytes) {
     ask_ahead(first_, bytes);
     ask_ahead(second_, bytes);
@@ -119,8 +117,8 @@ class RowsAhead {
   const std::uint8_t *first_, *second_;
 };
 
-// The pixels first..last-1, none of which touches an edge; their right neighbours' pairs are whole. Compilers
-// make vectors of the inner loop.
+// Reduces the pixels first..last-1, which are not at an edge and whose right neighbours have complete pairs.
+// The inner loop is auto-vectorised.
 template <int step, int written>
 void plain_pixels(const std::uint8_t* odd, const std::uint8_t* even, int first, int last,
                   std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* __restrict out) {
@@ -148,7 +146,7 @@ void plain_pixels(const std::uint8_t* odd, const std::uint8_t* even, int first, 
   }
 }
 
-// GCC 12 for SVE fails with an internal error where this is part of reduce_row().
+// Separate from reduce_row(), in which GCC 12 for SVE fails with an internal error.
 #undef TERRAINSEG_EDGE_INLINE
 #if HWY_HAVE_SCALABLE
 #define TERRAINSEG_EDGE_INLINE HWY_NOINLINE
@@ -156,7 +154,7 @@ void plain_pixels(const std::uint8_t* odd, const std::uint8_t* even, int first, 
 #define TERRAINSEG_EDGE_INLINE HWY_INLINE
 #endif
 
-// The pixel `x`, `sum` being its horizontal sum in the row and channel at the given byte.
+// Reduces the pixel `x`. `sum` gives its horizontal sum in a row and channel, at the given byte.
 template <int step, int written, class Sum>
 TERRAINSEG_EDGE_INLINE void edge_pixel(const std::uint8_t* odd, const std::uint8_t* even, int x,
                                        const Waiting& waiting, std::uint8_t* out, const Sum& sum) {
@@ -168,8 +166,8 @@ TERRAINSEG_EDGE_INLINE void edge_pixel(const std::uint8_t* odd, const std::uint8
 
 #if HWY_TARGET != HWY_SCALAR
 
-// Products of neighbouring bytes with two weights, summed: 16-bit lanes. x86 has this as one instruction
-// that Highway 1.0 does not offer.
+// Sums of the products of neighbouring bytes with two weights, in 16-bit lanes. x86 has an instruction for it
+// that Highway 1.0 does not provide.
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_SSSE3
 template <std::size_t n> HWY_INLINE auto weighted_pairs(hn::Vec128<std::uint8_t, n> v, std::int16_t weights) {
   return hn::Vec128<std::uint16_t, n / 2>{_mm_maddubs_epi16(v.raw, _mm_set1_epi16(weights))};
@@ -202,7 +200,7 @@ template <class D16, class V8> HWY_INLINE auto pairs_1_4(D16 d16, V8 v) {
 }
 #endif
 
-// Bytes of two neighbouring pixels brought together, channel by channel; 0x80 gives 0.
+// Shuffles that pair the bytes of two neighbouring pixels by channel; 0x80 gives 0.
 alignas(16) constexpr std::uint8_t pairing_of_2[16] = {0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15};
 alignas(16) constexpr std::uint8_t pairing_of_4[16] = {0, 4, 1, 5, 2, 6, 3, 7, 8, 12, 9, 13, 10, 14, 11, 15};
 alignas(16) constexpr std::uint8_t pairing_of_3[16] = {0, 3, 1, 4,  2, 5,  0x80, 0x80,
@@ -212,8 +210,8 @@ template <int step, class D8> HWY_INLINE hn::Vec<D8> pairing_of(D8 d8) {
   return hn::LoadDup128(d8, step == 2 ? pairing_of_2 : (step == 3 ? pairing_of_3 : pairing_of_4));
 }
 
-// Which 32-bit lanes bring four three-byte pixels into each 16-byte block, from lane `from` on. Computed in
-// lanes: of a loop that fills a table GCC 12 makes a wrong one for SVE vectors of 32 bytes.
+// Indices of the 32-bit lanes that move four three-byte pixels into each 16-byte block, from lane `from` on.
+// Computed in lanes, because GCC 12 compiles a loop that fills a table wrongly for SVE vectors of 32 bytes.
 template <class D8> HWY_INLINE auto spreading(D8, std::size_t from) {
   const hn::Repartition<std::uint32_t, D8> d32;
   const auto lane = hn::Iota(d32, 0), block = hn::ShiftRight<2>(lane);
@@ -223,9 +221,9 @@ template <class D8> HWY_INLINE auto spreading(D8, std::size_t from) {
   return hn::IndicesFromVec(d32, hn::Add(first, in_block));
 }
 
-// Reads two pixels for each 16-bit sum, paired. Of three-byte pixels a vector holds more than it needs: the
-// upper half of a block is read a quarter early, so that no byte past the pixels is touched. (Vectors of
-// unknown length cannot be members of a struct: they travel as arguments.)
+// Reads two pixels for each 16-bit sum, in pairs. With three-byte pixels a vector has more bytes than needed:
+// the upper half of a block is read a quarter early, so that no byte after the pixels is read. (Vectors of
+// unknown length are arguments, because they cannot be members of a struct.)
 template <int step, class D8, class Spread>
 HWY_INLINE hn::Vec<D8> read_pairs(D8 d8, const std::uint8_t* p, bool upper_half, hn::Vec<D8> pairing,
                                   const Spread& spread) {
@@ -251,7 +249,7 @@ HWY_INLINE auto sums(D8 d8, const std::uint8_t* p, bool upper_half, hn::Vec<D8> 
   return hn::Add(hn::Add(pairs_1_4(d16, before), pairs_6_4(d16, here)), hn::And(after, hn::Set(d16, 255)));
 }
 
-// `partial` and `held` come in old and leave new; returns the finished sums.
+// Updates `partial` and `held`. Returns the finished sums.
 template <class D16>
 HWY_INLINE hn::Vec<D16> advance(D16, hn::Vec<D16> odd, hn::Vec<D16> even, hn::Vec<D16>& partial,
                                 hn::Vec<D16>& held) {
@@ -262,8 +260,9 @@ HWY_INLINE hn::Vec<D16> advance(D16, hn::Vec<D16> odd, hn::Vec<D16> even, hn::Ve
   return sum;
 }
 
-// The pixels first..last-1, none of which touches an edge; false when they are fewer than a vector. The last
-// block overlaps the one before it: it is computed first, from sums that are still old, and stored last.
+// Reduces the pixels first..last-1, which are not at an edge. Returns false when they are fewer than a
+// vector. The last block overlaps the one before it; it is computed first, from sums that are still
+// unchanged, and stored last.
 template <int step, int written, class D8>
 HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t* even, int first, int last,
                               std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
@@ -309,7 +308,7 @@ HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t
   hn::Vec<decltype(d16)> tail_p0, tail_h0, tail_p1, tail_h1;
   const auto tail_low = lower(tail, tail_p0, tail_h0);
   const auto tail_out = rounded(tail_low, upper(tail, tail_p1, tail_h1));
-  // Both loops are made of it: called, it would find its vectors in memory.
+  // Always inlined into both loops: a call would pass the vectors in memory.
   const auto make = [&](std::size_t i) HWY_ATTR __attribute__((always_inline)) {
     hn::Vec<decltype(d16)> p0, h0, p1, h1;
     const auto low = lower(i, p0, h0);
@@ -350,7 +349,7 @@ void reduce_row(const std::uint8_t* odd, const std::uint8_t* even, int width, st
   } else {
     edge_pixel<step, written>(odd, even, 0, waiting, out,
                               [](const std::uint8_t* row) HWY_ATTR { return horizontal_at_left<step>(row); });
-    // Up to the last pixel whose right neighbour's pair is whole.
+    // Ends with the last pixel whose right neighbour has a complete pair.
     const int inner = std::max(1, width / 2 - 1);
 #if HWY_TARGET != HWY_SCALAR
     const hn::CappedTag<std::uint8_t, 64> widest;
@@ -366,7 +365,7 @@ void reduce_row(const std::uint8_t* odd, const std::uint8_t* even, int width, st
 #endif
     if (!done)
       plain_pixels<step, written>(odd, even, 1, inner, ahead, waiting, out);
-    // Of an odd width one pixel more has both neighbours.
+    // With an odd width one more pixel has both neighbours.
     if (inner < right)
       edge_pixel<step, written>(odd, even, inner, waiting, out, [&](const std::uint8_t* row) HWY_ATTR {
         return horizontal<step>(row + 2 * inner * step);
@@ -395,8 +394,7 @@ void reduce(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* 
   }
 }
 
-// The pixels first..last-1 of one row, none of which touches an edge; false when they are fewer than a
-// vector.
+// The same for pixels first..last-1 of one row. Returns false when they are fewer than a vector.
 template <int step, int written>
 bool single_pixels([[maybe_unused]] const std::uint8_t* row, [[maybe_unused]] int first,
                    [[maybe_unused]] int last, [[maybe_unused]] std::ptrdiff_t ahead,

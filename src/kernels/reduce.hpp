@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Loops of the octave pyramid: the 1-4-6-4-1 reduction of the paper's equations (1) and (2), one row at a
-// time. A row of the finer level is read once: what it adds to the rows above and below it waits in
+// time. A row of the finer level is read once; its contributions to rows that are not finished are in
 // `Waiting`.
 //
 // No function reads or writes past the ends of a row, whatever its length and alignment. All vector variants
@@ -12,25 +12,25 @@
 
 namespace terrainseg::kernels {
 
-/// How samples of one row lie: so many interleaved bytes a pixel. `three` is read as three and written as
-/// four, the fourth being 0.
+/// Number of interleaved bytes per pixel in a row. `three` is read as three and written as four; the fourth
+/// is 0.
 enum class Interleave : std::uint8_t { one = 1, two = 2, three = 3, four = 4 };
 
-/// Bytes of one written pixel.
+/// Number of bytes of a written pixel.
 constexpr int written_step(Interleave i) {
   return i == Interleave::three ? 4 : static_cast<int>(i);
 }
 
-/// The unfinished sums of one level, one element a written byte.
+/// The unfinished sums of one level, one element per written byte.
 struct Waiting {
-  std::uint16_t* partial = nullptr; ///< h[2y-2] + 4 h[2y-1] + 6 h[2y] of the row y that is due next
+  std::uint16_t* partial = nullptr; ///< h[2y-2] + 4 h[2y-1] + 6 h[2y] of the next row y
   std::uint16_t* held = nullptr;    ///< h[2y]; h is the horizontal sum of a finer row
 };
 
 /// Takes the finer rows 2y+1 (`odd`) and 2y+2 (`even`) of `width` pixels and finishes row y: ceil(width / 2)
-/// pixels of (s + 128) >> 8 with reflect-101 borders. To begin at row y, feed (any, 2y-2) and (2y-1, 2y) and
-/// ignore what comes out. `ahead`: bytes from these rows to those that will be read next, which are asked for
-/// meanwhile; 0 = the cache has them. They need not exist.
+/// pixels of (s + 128) >> 8 with reflect-101 borders. To start at row y, pass (any, 2y-2) and (2y-1, 2y) and
+/// ignore the output. `ahead`: bytes from these rows to the next ones, which are prefetched; 0 = they are in
+/// the cache. The next rows need not exist.
 void reduce_pair(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
                  std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out);
 

@@ -8,7 +8,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/score_parts.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h, as Highway demands.
+// Must follow foreach_target.h.
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -48,7 +48,7 @@ bool faster(int bit_shift) {
 using Tag = hn::CappedTag<std::uint8_t, 64>;
 using Bytes = hn::Vec<Tag>;
 
-// How the components of a pixel lie, seen by the vector loads.
+// Layouts of a pixel's components for vector loads.
 enum class Lie { planar, planar_422, pairs_422, packed_422, three, four, other };
 
 Lie lie_of(const PixelRow& row) {
@@ -70,7 +70,7 @@ Lie lie_of(const PixelRow& row) {
   return Lie::other;
 }
 
-// Interleaved chroma, each sample repeated for its two pixels: even bytes or odd bytes.
+// Repeats each sample of interleaved chroma for its two pixels: the even bytes or the odd ones.
 HWY_INLINE Bytes repeated_even(Tag d, Bytes pairs) {
   const hn::Repartition<std::uint16_t, Tag> d16;
   const auto low = hn::And(hn::BitCast(d16, pairs), hn::Set(d16, 255));
@@ -82,7 +82,7 @@ HWY_INLINE Bytes repeated_odd(Tag d, Bytes pairs) {
   return hn::BitCast(d, hn::Or(hn::ShiftRight<8>(both), hn::AndNot(hn::Set(d16, 255), both)));
 }
 
-// Pixels x.. of a row, one component a vector. Reads exactly the bytes of these pixels.
+// Reads the pixels of a row from x on, one vector per component. Reads exactly the bytes of these pixels.
 template <Lie lie>
 HWY_INLINE void load_pixels(const PixelRow& row, int x, Bytes& first, Bytes& second, Bytes& third) {
   const Tag d;
@@ -152,7 +152,7 @@ HWY_INLINE void load_pixels(const PixelRow& row, int x, Bytes& first, Bytes& sec
   }
 }
 
-// 16 entries take one shuffle, 32 two: an index whose top bit is set gives 0.
+// 16 entries need one shuffle, 32 need two: an index with its top bit set gives 0.
 template <bool wide> HWY_INLINE Bytes look_up(Tag d, const std::uint8_t* entries, Bytes low, Bytes high) {
   const auto first = hn::LoadDup128(d, entries);
   if constexpr (!wide)
@@ -210,8 +210,9 @@ template <bool wide, Lie lie>
 std::uint32_t classify_lie(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out, int width) {
   const Tag d;
   const int n = static_cast<int>(hn::Lanes(d));
-  // Subsampled chroma is read in whole pairs: the vectors end at an even pixel. Of four-byte pixels the first
-  // byte may be the unused one, which nobody pointed at: they are read up to the byte that is known to exist.
+  // Subsampled chroma is read in whole pairs, so the vectors end at an even pixel. In four-byte pixels the
+  // first byte may be an unused one before the first component: then the last read ends at a byte that
+  // exists.
   const int pixels = row.chroma_shift ? width & ~1 : lie == Lie::four ? width - 1 : width;
   if (pixels < n)
     return plain_pixels(row, scores, 0, width, out);

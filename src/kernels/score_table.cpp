@@ -7,7 +7,7 @@
 namespace terrainseg::kernels {
 namespace {
 
-/// Steps of 0 are read from the row; others are known to the compiler.
+/// A template argument of 0 means that the step is read from the row; other steps are compile-time constants.
 template <int FirstStep, int ChromaStep, int ChromaShift>
 std::uint32_t classify(const PixelRow& row, const std::uint8_t* table, int bit_shift, std::uint8_t* out,
                        int width) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Colour to "traversable": squared distances by component, the table over the shifted colour space, and the
-// loop that looks every pixel up in it.
+// Classification of colours as traversable: squared distances by component, the table over the shifted colour
+// space, and the loop that looks up every pixel.
 #pragma once
 
 #include <cstddef>
@@ -10,35 +10,36 @@ namespace terrainseg::kernels {
 
 inline constexpr int most_models = 8;
 
-/// The squared Mahalanobis distance of a colour to a model is a sum over the components, so three small
-/// tables a model hold it. Entries are scaled: a sum of `score_limit` is the threshold; 255 saturates.
+/// Squared Mahalanobis distances of colours to models, as three small tables per model, because the distance
+/// is a sum over the components. Entries are scaled: a sum of `score_limit` is the threshold; they saturate
+/// at 255.
 inline constexpr int score_limit = 240;
 
 struct ComponentScores {
   int models = 0;
-  int bit_shift = 0; ///< 256 >> bit_shift entries a component
+  int bit_shift = 0; ///< 256 >> bit_shift entries per component
   alignas(64) std::uint8_t entries[most_models][3][256];
 };
 
-/// Smallest saturated sum over the models; 255 without a model.
+/// The smallest saturated sum of all models; 255 without models.
 std::uint8_t score_of(const ComponentScores& scores, std::uint8_t first, std::uint8_t second,
                       std::uint8_t third);
 
-/// Bytes of a colour table: 2^(3 * (8 - bit_shift)). A colour's index is its shifted components, first to
-/// third, from high bits to low.
+/// Size of a colour table in bytes: 2^(3 * (8 - bit_shift)). The index of a colour consists of its shifted
+/// components; the first one is in the highest bits.
 constexpr std::size_t color_table_size(int bit_shift) {
   return std::size_t{1} << (3 * (8 - bit_shift));
 }
-/// Rows of a colour table: one for each pair of first and second component.
+/// Number of rows of a colour table: one for each pair of first and second component.
 constexpr std::size_t color_table_rows(int bit_shift) {
   return std::size_t{1} << (2 * (8 - bit_shift));
 }
 
-/// Sets table[colour] to 255 where score_of() <= score_limit, to 0 elsewhere. `used` has one byte a row and
-/// tells which rows hold a 255: only those are cleared first. Both are zero before the first call.
+/// Sets table[colour] to 255 where score_of() <= score_limit, otherwise to 0. `used` has one byte per row: 1
+/// when the row has a 255, so that only such rows are cleared. Both are zero before the first call.
 void fill_color_table(const ComponentScores& scores, std::uint8_t* table, std::uint8_t* used);
 
-/// A row of pixels as it lies in memory. The second and third component share step and subsampling.
+/// A row of pixels in memory. The second and third component have the same step and subsampling.
 struct PixelRow {
   const std::uint8_t* component[3];
   int first_step;   ///< bytes between samples of the first component

@@ -6,7 +6,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/sides.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h, as Highway demands.
+// Must follow foreach_target.h.
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -66,7 +66,7 @@ void running_differences(const std::uint32_t* __restrict a, const std::uint32_t*
   }
 }
 
-/// 2^24 / n: a division takes longer than to look it up.
+/// Table of 2^24 / n, which is faster than a division.
 struct Inverses {
   static constexpr std::uint32_t count = 1 << 14;
   std::uint32_t of[count];
@@ -91,7 +91,7 @@ void counts_of_boxes(const std::uint32_t* __restrict counts, int reach, std::uin
     const auto at_a = hn::LoadU(d, counts + b), at_d = hn::LoadU(d, counts_d + b);
     const auto left = hn::Sub(hn::LoadU(d, counts_b + b), at_a),
                right = hn::Sub(at_d, hn::LoadU(d, counts_c + b)), all = hn::Sub(at_d, at_a);
-    // The whole has at least as many cells as its sides.
+    // The whole box has at least as many cells as its sides.
     if (!hn::AllTrue(d, hn::Lt(all, hn::Set(d, Inverses::count))))
       break;
     const auto too_few = hn::Set(di, static_cast<std::int32_t>(least) - 1);
@@ -137,7 +137,8 @@ void sides_of_boxes(const std::uint32_t* __restrict sums, const std::uint32_t* _
     right[b] = static_cast<std::int16_t>(((sums_d[b] - sums_c[b]) * inverse_right[b]) >> 20);
   }
   for (int b = 0; b < count; ++b) {
-    // Around the mean's whole part: so that no precision is lost in the difference of two large squares.
+    // Relative to the integer part of the mean, so that the difference of two large squares loses no
+    // precision.
     const std::uint32_t n = cells[b], r = inverse[b], sum = sums_d[b] - sums[b], base = (sum * r) >> 24,
                         rest = sum - n * base;
     const std::uint32_t around = squares_d[b] - squares[b] + n * base * base - 2 * base * sum;

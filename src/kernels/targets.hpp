@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Which of Highway's targets the kernels are compiled for; included before Highway.
+// Selects Highway's targets for the kernels. Include it before Highway.
 #pragma once
 
-// The target for SVE of exactly 32 bytes gives wrong three-byte pixels with GCC 12 (tests/ci/aarch64.sh found
-// it); SVE of any length is right there and serves the same machines.
-#ifdef TERRAINSEG_FEW_TARGETS // builds for checks of other things: the least, and AVX2; half the time to
-                              // compile
+// With GCC 12 the target for SVE vectors of exactly 32 bytes gives wrong three-byte pixels (found by
+// tests/ci/aarch64.sh). The target for SVE of any length is right and runs on the same machines.
+// For builds that test other things: the baseline target and AVX2 compile in half the time.
+#ifdef TERRAINSEG_FEW_TARGETS
 #define HWY_DISABLED_TARGETS (HWY_SVE_256 | HWY_SSSE3 | HWY_SSE4 | HWY_AVX3)
 #else
 #define HWY_DISABLED_TARGETS HWY_SVE_256
 #endif
 
-// HWY_WANT_AVX3_DL is not asked for: on a processor that has it no kernel got faster (ratios to memcpy 3.46
-// against 3.52 for the reduction, 10.58 against 10.60 for scoring).
+// HWY_WANT_AVX3_DL is not set: on a processor that has it no kernel becomes faster (ratios to memcpy 3.46
+// instead of 3.52 for the reduction, 10.58 instead of 10.60 for scoring).
 
-/// Whether the target that is compiled right now looks values up in memory by a vector of indices, so that it
-/// pays. For #if, behind Highway.
+/// Whether gathers (look-ups in memory by a vector of indices) are fast on the target that is being compiled.
+/// For #if, after including Highway.
 #define TERRAINSEG_GATHERS (HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL)

@@ -64,9 +64,9 @@ Gaussian moments_of(std::span<const Color> samples) {
   return sums.moments();
 }
 
-// The paper initialises "randomly". Drawn from the whole colour cube all samples go to the first centre: 1.01
-// clusters live on average and K = 3 is K = 1 (measured). Drawn from the samples every centre starts where
-// there is something.
+// The paper initialises "randomly". With centres from the whole colour cube nearly all samples are assigned
+// to the first one: 1.01 clusters remain on average, so K = 3 has the effect of K = 1 (measured). Therefore
+// the centres are samples.
 Centres initial_centres(std::span<const Color> samples, int clusters, std::uint32_t seed) {
   Centres centres;
   centres.count = clusters;
@@ -82,7 +82,7 @@ Centres initial_centres(std::span<const Color> samples, int clusters, std::uint3
 
 using Clusters = std::array<MomentSums, max_models>;
 
-/// Equation (6) for all samples; true when a sample changed its cluster.
+/// Equation (6) for all samples. Returns true when a sample changed its cluster.
 bool assign(std::span<const Color> samples, const Centres& centres, std::span<std::uint8_t> cluster_of,
             Clusters& clusters) {
   clusters = {};
@@ -96,7 +96,7 @@ bool assign(std::span<const Color> samples, const Centres& centres, std::span<st
   return changed;
 }
 
-/// Equation (7); clusters without samples are dropped, the others close up. True when one was.
+/// Equation (7). Removes clusters without samples. Returns true when there was one.
 bool move(const Clusters& clusters, Centres& centres) {
   const int before = centres.count;
   centres.count = 0;
@@ -135,7 +135,7 @@ TrainingModels cluster(const Grid& grid, std::span<const Cell> cells, const Clus
   for (const MomentSums& sums : clusters)
     if (sums.count() > 0)
       found[static_cast<std::size_t>(training.count++)] = sums.moments();
-  // Insertion keeps equals in order and, other than std::stable_sort, never allocates.
+  // Insertion sort is stable and, unlike std::stable_sort, never allocates.
   for (int i = 1; i < training.count; ++i)
     for (int j = i; j > 0 && found[j].mass > found[j - 1].mass; --j)
       std::swap(found[j], found[j - 1]);

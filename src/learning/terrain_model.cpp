@@ -14,7 +14,7 @@ std::uint64_t distance_between(std::uint64_t a, std::uint64_t b) {
   return a > b ? a - b : b - a;
 }
 
-/// from + (to - from) * weight / total, the step rounded away from zero.
+/// from + (to - from) * weight / total, with the step rounded away from zero.
 template <typename Value> Value moved(Value from, Value to, std::uint64_t weight, std::uint64_t total) {
   const std::uint64_t step = ceiled_quotient(distance_between(from, to) * weight, total);
   return static_cast<Value>(to > from ? from + step : from - step);
@@ -22,7 +22,8 @@ template <typename Value> Value moved(Value from, Value to, std::uint64_t weight
 
 } // namespace
 
-// The paper transposes twice, which would be an outer product; read as the squared Mahalanobis distance.
+// The paper transposes twice, which would be an outer product. Implemented as the squared Mahalanobis
+// distance.
 std::uint64_t squared_distance(const TerrainModel& a, const TerrainModel& b) {
   std::uint64_t sum = 0;
   for (int c = 0; c < 3; ++c) {
@@ -65,10 +66,10 @@ int slot_to_replace(std::span<const TerrainModel> learned, std::uint32_t kept) {
   return lightest;
 }
 
-// A slot that this frame has filled is not given up again in the same frame. Read literally, (17) does that
-// as soon as the other models outweigh one frame: the second training model replaces the first and only the
-// lightest of K survives. That N > K leaves room for all of them is what N > K is for. Measured on the
-// off-road sequence: error 36.2 -> 27.8 %, by day 14.5 -> 13.7 %, indoors 25.5 -> 28.1 %, others unchanged.
+// A slot that was filled by this frame is not replaced in the same frame. Read literally, (17) replaces it
+// when all other models have more mass than one frame: the second training model replaces the first, and only
+// the lightest of K remains. With N > K there is room for all of them. Error on the off-road sequence 27.8
+// instead of 36.2 %, by day 13.7 instead of 14.5 %, indoors 28.1 instead of 25.5 %, others unchanged.
 void learn(std::span<TerrainModel> learned, std::span<const TerrainModel> training,
            const LearningRule& rule) {
   if (rule.forget_shift > 0)
@@ -86,7 +87,7 @@ void learn(std::span<TerrainModel> learned, std::span<const TerrainModel> traini
     }
   }
 
-  // Without a cap the mass of a long drive outweighs every new frame and nothing more is learned.
+  // Without a cap, the mass after a long drive is so large that new frames no longer change the models.
   if (rule.mass_cap > 0)
     for (TerrainModel& model : learned)
       model.mass = std::min(model.mass, rule.mass_cap);
@@ -130,7 +131,7 @@ std::string out_of_range(const std::string& field, std::uint64_t value, std::uin
 std::string flaw_of(const TerrainModel& model, std::size_t index) {
   const std::string name = "of model " + std::to_string(index);
   std::string flaw = out_of_range("the mass " + name, model.mass, 0, most_mass);
-  // A null model has no variance yet.
+  // A null model may have a variance of 0.
   const std::uint32_t least_variance = model.mass > 0 ? 1 : 0;
   for (std::size_t c = 0; c < 3 && flaw.empty(); ++c) {
     flaw = out_of_range("a mean " + name, model.mean[c], 0, most_mean);

@@ -27,7 +27,7 @@ void check_nesting(const std::string& text) {
     flow += c == '[' || c == '{' ? 1 : c == ']' || c == '}' ? -1 : 0;
     if (flow > deepest_nesting)
       throw Flaw{"brackets are nested more than " + std::to_string(deepest_nesting) +
-                 " deep: this is no calibration"};
+                 " deep: this is not a calibration"};
   }
   // Blocks nest by their indent, or by dashes in one line.
   for (std::size_t at = 0; at < text.size();) {
@@ -37,14 +37,14 @@ void check_nesting(const std::string& text) {
            (text[indent] == ' ' || text[indent] == '-' || text[indent] == '?' || text[indent] == ':'))
       ++indent;
     if (indent - at > 4 * deepest_nesting)
-      throw Flaw{"lines are indented too deeply: this is no calibration"};
+      throw Flaw{"lines are indented too deeply: this is not a calibration"};
     at = end + 1;
   }
 }
 
 YAML::Node parsed(const std::string& text) {
   if (text.size() > longest_file)
-    throw Flaw{"it is larger than 1 MiB: this is no calibration"};
+    throw Flaw{"it is larger than 1 MiB: this is not a calibration"};
   check_nesting(text);
   // OpenCV's first line is no directive of YAML 1.2.
   const std::size_t start = text.rfind("%YAML:", 0) == 0 ? std::min(text.find('\n'), text.size()) : 0;
@@ -52,7 +52,7 @@ YAML::Node parsed(const std::string& text) {
   try {
     node = YAML::Load(text.substr(start));
   } catch (const YAML::Exception& e) {
-    throw Flaw{std::string("it is no YAML: ") + e.what()};
+    throw Flaw{std::string("it is not YAML: ") + e.what()};
   }
   if (!node.IsMap())
     throw Flaw{

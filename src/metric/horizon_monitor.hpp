@@ -22,9 +22,10 @@ class HorizonMonitor {
   static constexpr std::int64_t step = 50'000'000;             ///< at most one sample in this time
   static constexpr double most = 3.14159265358979323846 / 180; ///< a degree
 
-  /// `time` in nanoseconds; a jump backwards begins anew. Only frames that are sure of their horizon.
+  /// `time` is in nanoseconds; a jump backwards clears the samples. Call it only for frames with a confident
+  /// horizon.
   void add(std::int64_t time, double offset);
-  /// Also makes room, so that add() takes no memory.
+  /// Removes all samples and reserves memory, so that add() does not allocate.
   void clear();
   /// Radians; nothing before ten seconds are nearly full.
   std::optional<double> median() const;

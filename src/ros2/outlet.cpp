@@ -11,7 +11,7 @@ using recording::Topic;
 
 bool Outlet::open(Topic topic, const std::string& name, std::string& error) {
   if (const std::string flaw = flaw_of_name(name); !flaw.empty()) {
-    error = "\"" + name + "\" is no name of a topic: " + flaw;
+    error = "\"" + name + "\" is not a topic name: " + flaw;
     return false;
   }
   const bool late = topic == Topic::grid || topic == Topic::tf_static;

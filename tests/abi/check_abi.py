@@ -7,7 +7,7 @@ usage: check_abi.py PROBE LIBRARY HEADER [--write]
 PROBE is an object with debug information in which every public type stands: abidw tells the size of each and the place of its fields.
 The functions that LIBRARY exports, and the macros and inline functions of the C header HEADER, stand beside them. All of it is
 compared, line by line, with interface.txt (the XML that abidiff compares has half a megabyte, most of it the compiler's own types).
-A change breaks programs that are not compiled anew: write the record with --write in the commit that means to, and raise the soname
+A change breaks programs that are not recompiled: write the record with --write in the commit that means to, and raise the soname
 (docs/metadata.md). Ends with 77, skipped, where abidw is not installed (abigail-tools).
 """
 import pathlib

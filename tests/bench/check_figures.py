@@ -7,7 +7,7 @@ targets that this machine lacks are not looked at. Another processor or another 
 Debian 13 the mask's ratio is 2.8 times that of Debian 12): there only a loss of the factor WORSE_ELSEWHERE fails. What the plain loops (SCALAR) become is the compiler's affair: they fail from
 WORSE_PLAIN on, which is less than vectors gain them.
 
-usage: check_figures.py BENCH FIGURES [--record]     BENCH: terrainseg-bench; --record writes FIGURES anew
+usage: check_figures.py BENCH FIGURES [--record]     BENCH: terrainseg-bench; --record replaces FIGURES
 """
 import json
 import os

@@ -6,8 +6,8 @@ usage: check_docs.py [--write] [--self-check] BUILD_FOLDER
 
 Each element of the plugins terrainseg, terrainmcap, terrainros2 and terrainreference needs a page with three generated parts, between
 <!-- pads --> <!-- properties --> <!-- signals --> and <!-- end -->. --write writes these parts (and a page that has only
-them where there is none). Without it, every difference is printed and the exit status is 1, and so is every link between the
-pages that leads to no file or to no heading.
+them where there is none). Without it, every difference is printed and the exit status is 1, and so are every link between the
+pages that leads to no file or to no heading, and every line of prose that is longer than 100 characters.
 """
 import os
 import pathlib
@@ -215,12 +215,25 @@ def broken_links(page, text):
             yield f'{page.relative_to(TOP)}: the link {target} leads nowhere'
 
 
+def wide_lines(page, text):
+    """Lines of prose of more than 100 characters; tables, code, pictures and generated parts may be wider."""
+    text = re.sub(r'<!-- (pads|properties|signals) -->.*?<!-- end -->|^ *```.*?^ *```', lambda part: '\n' * part[0].count('\n'), text,
+                  flags=re.M | re.S)
+    for number, line in enumerate(text.splitlines(), 1):
+        if len(line) > 100 and not line.startswith(('|', '![', '    ')):
+            yield f'{page.relative_to(TOP)}: line {number} has {len(line)} characters, at most 100 are allowed'
+
+
 def self_check(describer):
-    """The check must see a changed default, a lost row, a lost part and links that lead nowhere."""
+    """The check must see a changed default, a lost row, a lost part, links that lead nowhere and a long line."""
     readme = TOP / 'README.md'
     links = {'docs/architecture.md': 0, '#elements': 0, 'docs/absent.md': 1, '#no-such-heading': 1, 'docs/architecture.md#no-such': 1}
     if any(len(list(broken_links(readme, f'[a]({link})'))) != count for link, count in links.items()):
         return False
+    wide = 'word ' * 21
+    for text, count in (wide, 1), (f'- {wide}', 1), (f'| {wide}', 0), (f'```\n{wide}\n```\n', 0), (f'```\na\n```\n{wide}', 1):
+        if len(list(wide_lines(readme, text))) != count:
+            return False
     wanted = parts(describer, 'terrainseg')
     page = empty_page('terrainseg', describer.Gst.ElementFactory.find('terrainseg'))
     for part, lines in wanted.items():
@@ -260,6 +273,7 @@ def main():
     for page in sorted([*TOP.glob('*.md'), *(TOP / 'docs').rglob('*.md')]):
         if not page.name.endswith('.in.md'):  # a text before its figures and files are made
             wrong += broken_links(page, page.read_text())
+            wrong += wide_lines(page, page.read_text())
     for line in wrong:
         print('docs:', line)
     sys.exit(1 if wrong else 0)

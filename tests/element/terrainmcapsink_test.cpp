@@ -160,7 +160,7 @@ TEST_F(McapSink, RefusesWhatItCannotRecord) {
   EXPECT_NE(run(scene + "x264enc bframes=2 ! h264parse ! " + sink).error.find("B-frames"), std::string::npos);
   fs::remove(at("drive.mcap.part"));
   fs::remove(at("drive.mcap"));
-  EXPECT_NE(run(scene + "terrainmcapsink").error.find("needs a location"), std::string::npos);
+  EXPECT_NE(run(scene + "terrainmcapsink").error.find("either location"), std::string::npos);
   EXPECT_NE(run(scene + "terrainmcapsink fd=1 location=x.mcap").error.find("not both"), std::string::npos);
   EXPECT_NE(run(scene + sink + " mount=height=0").error.find("\"height=0\" of property mount cannot be used"),
             std::string::npos);
@@ -263,9 +263,8 @@ TEST_F(McapSink, AClockThatIsSetNeitherTurnsNorBreaksTheTimeOfARecording) {
   const Times even = {0, 100, 200, 300, 400};
   std::string warning;
   EXPECT_EQ(recorded(at("even.mcap"), {0, 100, 200, 300, 400}, warning), even);
-  EXPECT_EQ(warning, "No frame had terrain metadata, so the recording holds none. Put terrainseg in front of "
-                     "terrainmcapsink, and no element between them that drops metadata (videocrop, videobox, "
-                     "videoflip, compositor).");
+  EXPECT_EQ(warning.find("No frame had terrain metadata"), 0u) << warning;
+  EXPECT_NE(warning.find("videocrop"), std::string::npos) << warning;
   EXPECT_EQ(recorded(at("back.mcap"), {0, 100, -4800, -4700, -4600}, warning), even);
   EXPECT_NE(warning.find("The frames' time of day jumped by -5.000 s"), std::string::npos) << warning;
   EXPECT_EQ(recorded(at("forth.mcap"), {0, 100, 3'600'200, 3'600'300, 3'600'400}, warning), even);

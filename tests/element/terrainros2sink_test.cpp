@@ -274,9 +274,9 @@ TEST_F(Ros2Sink, TopicsHaveTheNamesThatAreSet) {
 }
 
 TEST_F(Ros2Sink, SaysWhatIsWrong) {
-  EXPECT_NE(Pipeline(scene + sink + "scan-topic=2d/scan").run().find("\"/2d/scan\" is no name of a topic"),
+  EXPECT_NE(Pipeline(scene + sink + "scan-topic=2d/scan").run().find("\"/2d/scan\" is not a topic name"),
             std::string::npos);
-  EXPECT_NE(Pipeline(scene + sink + "pose-topic=a//b").run().find("\"/a//b\" is no name of a topic"),
+  EXPECT_NE(Pipeline(scene + sink + "pose-topic=a//b").run().find("\"/a//b\" is not a topic name"),
             std::string::npos);
   EXPECT_NE(Pipeline(scene + sink + "mount=height=0").run().find("property mount cannot be used"),
             std::string::npos);

@@ -308,7 +308,7 @@ TEST(Settings, ChangesRaceWithTheStreamingThread) {
   std::atomic<int> rounds = 0;
   const auto change = [&](unsigned start) {
     for (unsigned i = start; !done; ++i) {
-      g_object_set(rig.element(), "threshold", (i % 16) + 0.5, "caution", static_cast<int>(i % 65) - 32,
+      g_object_set(rig.element(), "threshold", (i % 16) + 0.5, "caution", static_cast<int>(i % 201) - 100,
                    "mask-level", static_cast<int>(i % 6), "overlay", i % 2 == 0, "overlay-alpha",
                    (i % 11) / 10.0, nullptr);
       set_text(rig.element(), "preset", i % 3 ? "default" : "paper");

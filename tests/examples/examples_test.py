@@ -95,7 +95,7 @@ def people_are_found_where_opencv_is(folder):
     except ImportError:
         raise Skip('python3-opencv is not installed') from None
     import numpy
-    equal(detect(numpy.full((240, 320, 3), 90, numpy.uint8)), [], 'nobody')
+    equal(detect(numpy.full((240, 320, 3), 90, numpy.uint8)), [], 'a picture without people')
     equal(detect(numpy.zeros((20, 20, 3), numpy.uint8)), [], 'too small')
 
 
@@ -372,7 +372,7 @@ def core_alone_reads_ppm_and_refuses_half_pictures(folder):
     equal(len(result.stdout), 3 * (len(b'P5\n64 48\n255\n') + 64 * 48), 'bytes')
     for broken in pictures[:-1], b'P6\n64 x', b'P5\n4 4\n255\n' + bytes(16), b'P6 99999999999 1 255\n':
         result = run(os.environ['CORE_ONLY'], input=broken, stdin=None, text=False, code=1)
-        contains(result.stderr, b'breaks off')
+        contains(result.stderr, b'truncated')
     for arguments in ['0x4'], ['64'], ['64x48x2'], ['64x48', '0'], ['64x48', '30', 'x']:
         contains(run(os.environ['CORE_ONLY'], *arguments, code=2).stderr, 'usage')
 
@@ -479,7 +479,7 @@ def an_autopilot_on_a_serial_port(folder):
         os.close(ours)
         os.close(theirs)
     contains(run(EXAMPLES / 'ardupilot.sh', '--scene', '/dev/ttyAbsent', code=1).stderr, 'there is no serial port /dev/ttyAbsent')
-    contains(run(EXAMPLES / 'ardupilot.sh', '--scene', '/dev/ptmx:77', code=1).stderr, 'does not take 77 baud')
+    contains(run(EXAMPLES / 'ardupilot.sh', '--scene', '/dev/ptmx:77', code=1).stderr, '77 baud')
 
 
 @case

@@ -280,8 +280,8 @@ def made_anew(unread, words):
     result = processed(unread)
     equal(result.returncode, 1, result.stderr)
     contains(result.stderr, words)
-    subprocess.run(['ffmpeg', '-nostdin', '-v', 'error', '-y', '-i', unread, '-c:v', 'ffv1', 'anew.mkv'], check=True)
-    equal(processed('anew.mkv').returncode, 0, 'made anew')
+    subprocess.run(['ffmpeg', '-nostdin', '-v', 'error', '-y', '-i', unread, '-c:v', 'ffv1', 'converted.mkv'], check=True)
+    equal(processed('converted.mkv').returncode, 0, 'converted')
 
 
 @row('`terrainseg-process`: `the decoder crashed')

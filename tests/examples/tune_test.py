@@ -53,7 +53,7 @@ def display():
     if subprocess.run(['gst-inspect-1.0', '--exists', 'ximagesink']).returncode:
         raise Skip('there is no ximagesink')
     reader, writer = os.pipe()
-    # Without -noreset the server begins anew whenever its only client leaves, and turns away who comes meanwhile: each
+    # Without -noreset the server restarts whenever its only client leaves, and turns away who comes meanwhile: each
     # look of xdotool for the window is such a client.
     server = subprocess.Popen(['Xvfb', '-noreset', '-displayfd', str(writer), '-screen', '0', '1280x800x24'], pass_fds=[writer],
                               stderr=subprocess.DEVNULL)
@@ -210,8 +210,8 @@ def paused_a_step_is_one_frame(folder):
 @case
 def a_value_that_the_filter_does_not_take_is_refused(folder):
     drive = video(5)
-    for words, reason in ((['--try', 'caution=-80:0'], 'caution = -80: must be -32..32'), (['--try', 'preset=foo:default'], "preset = 'foo' is no"),
-                          (['caution=a'], "caution = 'a' is no"), (['stages=foo'], "stages = 'foo' is no")):
+    for words, reason in ((['--try', 'caution=-180:0'], 'caution = -180: must be -100..100'), (['--try', 'preset=foo:default'], "preset = 'foo' is not"),
+                          (['caution=a'], "caution = 'a' is not"), (['stages=foo'], "stages = 'foo' is not")):
         contains(run(TUNE, drive, *words, '--picture', 'out.png', code=1).stderr, reason)
         assert not os.path.exists('out.png'), words
     run(TUNE, drive, 'overlay-color=0x8000ff00', 'ignore-regions=<<0,0,10,10>>', 'stages=texture+refine', '--picture', 'out.png')

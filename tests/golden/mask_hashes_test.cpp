@@ -3,7 +3,8 @@
 // eight generated frames, one a rendered place, which has what the stages are for, and one for a drive past
 // stones. A line has two hashes: of the mask and the boundary, and of all other fields of the estimate.
 //
-// When a change of the pipeline is meant to change estimates, write the hashes anew and say so in the commit:
+// When a change of the pipeline is meant to change estimates, write the hashes again and say so in the
+// commit:
 //   TERRAINSEG_WRITE_GOLDEN=tests/golden/mask_hashes.txt build/tests/golden/mask_hashes_test
 #include <cstdlib>
 #include <fstream>

@@ -179,12 +179,12 @@ def what_is_wrong_is_said(folder):
     pathlib.Path('broken.yaml').write_text('image_width: [')
     for arguments, code, part in [
             ((), 2, 'camera FOLDER'),
-            (('lens',), 2, "'lens' is no command"),
+            (('lens',), 2, "'lens' is not a command"),
             (('mount',), 2, '--camera-info FILE is missing'),
             (('mount', '--camera-info', 'camera.yaml'), 2, 'no --point is given'),
             (('mount', '--camera-info', 'camera.yaml', '--point', '1,2'), 2, 'column,row,metres'),
             (('mount', '--camera-info', 'none.yaml', *points(1, 3)), 1, 'none.yaml'),
-            (('mount', '--camera-info', 'broken.yaml', *points(1, 3)), 1, 'broken.yaml: it is no YAML'),
+            (('mount', '--camera-info', 'broken.yaml', *points(1, 3)), 1, 'broken.yaml: it is not YAML'),
             (('mount', '--camera-info', 'camera.yaml', *points(1, 3), '--picture', 'x.png'), 2, '--frame FILE'),
             (('mount', '--camera-info', 'camera.yaml', *points(1, 3), '--out', 'no/such/mount.yaml'), 1, 'no/such'),
             (('mount', '--camera-info', 'camera.yaml', *points(1)), 1, 'two points are needed'),

@@ -341,7 +341,7 @@ def wrong_usage_is_refused_before_anything_is_written(folder):
     video('other.mp4', frames=3)
     for arguments, text in (
             (['--set', 'no-such=1'], "no property 'no-such'"),
-            (['--set', 'caution=33'], '-32..32'),
+            (['--set', 'caution=101'], '-100..100'),
             (['--set', 'caution=many'], 'caution'),
             (['--set', 'horizon=sideways'], 'one of off, paper, auto'),
             (['--set', 'caution'], 'PROPERTY=VALUE'),
@@ -727,7 +727,7 @@ def pictures_that_are_cut_off_or_lost_are_not_whole(folder):
     for name in '0001.jpg', '0003.jpg':
         data = pathlib.Path('frames', name).read_bytes()
         pathlib.Path('frames', name).write_bytes(data[:len(data) // 2])
-    contains(ok('-q', '-o', 'out', 'frames', code=1).stderr, 'frames/0001.jpg: the picture is cut off')
+    contains(ok('-q', '-o', 'out', 'frames', code=1).stderr, 'frames/0001.jpg: the picture is truncated')
     check_outputs('out/frames', 5, (64, 48), partial=True)
     video('drive.avi', frames=8, extra=('-c:v', 'mjpeg'))
     whole = pathlib.Path('drive.avi').read_bytes()
@@ -747,7 +747,7 @@ def an_image_of_another_type_is_named(folder):
     images(folder / 'frames', 6)
     pathlib.Path('frames/0004.png').write_text('not an image at all')
     result = ok('-o', 'out', 'frames', code=1)
-    contains(result.stderr, '0004.png: this is no image')
+    contains(result.stderr, '0004.png: not an image')
     check_outputs('out/frames', 4, (64, 48), partial=True)
     pathlib.Path('frames/0002.png').write_bytes(b'')
     contains(ok('-o', 'out', 'frames', code=1).stderr, '0002.png: the file is empty')
@@ -950,10 +950,10 @@ def a_check_names_what_is_missing_or_damaged(folder):
     checked = subprocess.run([PROCESS, '--check', '-'], input=shards[0][:-20], text=True, capture_output=True)
     equal(checked.returncode, 75, checked.stderr)
     contains(checked.stderr, 'of the manifest cannot be read')
-    contains(ok('--check', 'list', code=2).stderr, 'is no manifest')
+    contains(ok('--check', 'list', code=2).stderr, 'not a manifest')
     nothing = subprocess.run([PROCESS, '--check', '-'], stdin=subprocess.DEVNULL, text=True, capture_output=True)
     equal(nothing.returncode, 2)
-    contains(nothing.stderr, 'what standard input gave is no manifest')
+    contains(nothing.stderr, 'what standard input gave is not a manifest')
     contains(ok('--check', 'absent', code=2).stderr, 'No such file')
 
 

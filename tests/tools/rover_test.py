@@ -110,8 +110,8 @@ def what_cannot_be_is_refused(folder):
         for path, bodies in (('window', ([], [0, 0, 1], [0, 0, 2, 1], [0, 0, 'a', 1], [0, 0, 0.001, 1], {}, True, [float('nan')] * 4)),
                              ('ignore', (None, [0, 0, 0, 0], [0, 0, True, 1])), ('unignore', (None, [0], [2, 0])), ('horizon', (2, 'a', [])),
                              ('learning', (None, 1)), ('terrain/load', (None,)),
-                             ('set', (None, {}, {'name': 'settings-location', 'value': '/etc/passwd'}, {'name': 'caution', 'value': 99},
-                                      {'name': 'caution', 'value': '99'}, {'name': 'preset', 'value': 'default ! fakesink'}, {'name': 'preset', 'value': '/'}))):
+                             ('set', (None, {}, {'name': 'settings-location', 'value': '/etc/passwd'}, {'name': 'caution', 'value': 101},
+                                      {'name': 'caution', 'value': '101'}, {'name': 'preset', 'value': 'default ! fakesink'}, {'name': 'preset', 'value': '/'}))):
             for body in bodies:
                 equal(run.post(path, body)[0], 400, f'{path} {body}')
         equal(run.status()['changed'], [], 'nothing was changed')
@@ -314,7 +314,7 @@ def without_a_camera_the_page_says_so(folder):
 def words_that_cannot_be_are_refused(folder):
     (folder / 'rover.conf').write_text('# comment\n\n--source videotestsrc ! nonsense\n--port 0\n--folder state\n')
     for words, code, reason in ((['@rover.conf'], 2, 'no element "nonsense"'), (['--port', '99999'], 2, 'not a port'), (['--key', 'x'], 2, 'both'),
-                                (['caution=99', '--folder', 'state'], 2, 'caution = 99'), (['--source', 'scene', '--folder', '/proc/x'], 1, '/proc/x'),
+                                (['caution=101', '--folder', 'state'], 2, 'caution = 101'), (['--source', 'scene', '--folder', '/proc/x'], 1, '/proc/x'),
                                 (['--host', '192.0.2.1', '--folder', 'state'], 1, '192.0.2.1')):
         result = subprocess.run([sys.executable, ROVER, *words], capture_output=True, text=True, timeout=60)
         equal(result.returncode, code, result.stderr)

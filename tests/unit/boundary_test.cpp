@@ -131,6 +131,17 @@ TEST(Boundary, AllAndNothing) {
   EXPECT_EQ(curve, Curve(20, 12));
 }
 
+// The values of whole curves exceed 32 bits: a frame of 1400 x 1000 at pyramid-levels=0 with the largest
+// caution.
+TEST(Boundary, AllAndNothingOnALargeGrid) {
+  const test::OwnedGrid g = test::gray_grid(1400, 1000);
+  Curve curve;
+  find(g, CellScores(g.size(), 768), RowPriors(1000, 132), 256, {}, false, curve);
+  EXPECT_EQ(curve, Curve(1400, 0));
+  find(g, CellScores(g.size(), -768), RowPriors(1000, -132), 256, {}, true, curve);
+  EXPECT_EQ(curve, Curve(1400, 1000));
+}
+
 TEST(Boundary, FollowsAnUprightEdgeMoreReadilyThanNone) {
   // A narrow obstacle with weak scores: found where the picture shows its sides, smoothed away where it does
   // not.

@@ -159,13 +159,32 @@ TEST(FreeSpacePipeline, EveryStageCanBeSwitchedOffAndMatters) {
 
 TEST(FreeSpacePipeline, MoreCautionIsLessGround) {
   int last = 1001;
-  for (int caution = -32; caution <= 32; caution += 8) {
+  for (const int caution : {-100, -64, -32, -24, -16, -8, 0, 8, 16, 24, 32, 64, 100}) {
     Settings settings;
     settings.caution = caution;
+    ASSERT_FALSE(validate(settings));
     const int now = after_drive(settings).estimate().traversable_permille;
     EXPECT_LE(now, last + 5) << caution; // the prior follows its own horizon: not strictly
+    if (caution == -100) {
+      EXPECT_GT(now, 500);
+    }
+    if (caution == 100) {
+      EXPECT_LT(now, 50);
+    }
     last = now;
   }
+}
+
+TEST(FreeSpacePipeline, DoubtfulIsOffFromItsFormerEndOn) {
+  const auto masks = [](int doubtful) {
+    Settings settings;
+    settings.doubtful = doubtful;
+    return masks_of_drive(settings);
+  };
+  const Bytes off = masks(-96);
+  EXPECT_TRUE(masks(-97) == off);
+  EXPECT_TRUE(masks(-100) == off);
+  EXPECT_TRUE(masks(-24) != off);
 }
 
 TEST(FreeSpacePipeline, NothingAboveAHintIsGround) {

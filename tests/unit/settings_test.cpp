@@ -40,6 +40,23 @@ TEST(Settings, AnErrorNamesPropertyValueAndRange) {
   EXPECT_NE(error->message().find("0..7"), std::string::npos);
 }
 
+TEST(Settings, CautionAndDoubtfulTakeAHundredEachWay) {
+  for (int value = -100; value <= 100; ++value) {
+    Settings settings;
+    settings.caution = settings.doubtful = value;
+    EXPECT_FALSE(validate(settings)) << value;
+  }
+  for (const int value : {-101, 101}) {
+    Settings cautious, doubting;
+    cautious.caution = value;
+    doubting.doubtful = value;
+    ASSERT_TRUE(validate(cautious));
+    EXPECT_EQ(validate(cautious)->property, "caution");
+    ASSERT_TRUE(validate(doubting));
+    EXPECT_EQ(validate(doubting)->property, "doubtful");
+  }
+}
+
 TEST(Settings, LearnedModelsMustOutnumberTrainingModels) {
   Settings settings;
   settings.training_models = 5;

@@ -790,7 +790,8 @@ TEST(UasDatalink, SixtyThousandBytesAtMost) {
   ASSERT_EQ(padded(60000).size(), 60000u);
   EXPECT_EQ(unit.decode(padded(60000)), KlvVerdict::ok) << unit.error();
   EXPECT_EQ(unit.decode(padded(60001)), KlvVerdict::damaged);
-  EXPECT_EQ(unit.error(), "a unit of 60001 bytes is larger than the 60000 that one may have");
+  for (const char* part : {"60001", "60000"})
+    EXPECT_NE(std::string(unit.error()).find(part), std::string::npos) << unit.error();
 }
 
 } // namespace

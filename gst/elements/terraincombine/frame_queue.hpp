@@ -15,9 +15,10 @@
 
 namespace terrainseg {
 
-/// How near a unit must be when the frame rate is unknown: RTP brings 1 ms, MPEG-TS 11 us of rounding.
+/// Largest time difference between a frame and its unit when the frame rate is unknown: RTP rounds to 1 ms,
+/// MPEG-TS to 11 us.
 inline constexpr Time default_tolerance = 10 * GST_MSECOND;
-/// Half a frame of a film of an hour a picture: beyond it a duration is a mistake.
+/// Longer durations are invalid.
 inline constexpr Time most_tolerance = 1800 * Time{GST_SECOND};
 
 struct ObjectUnref {
@@ -37,7 +38,7 @@ struct Item {
 /// Not locked: the owner does.
 class FrameQueue {
  public:
-  /// Frames and events that may wait: events alone (GAP) must not fill the memory either.
+  /// Largest number of waiting frames and events; events alone (GAP) count too, to limit the memory.
   static constexpr std::size_t most_items = 4096;
 
   bool empty() const { return items_.empty(); }
@@ -57,14 +58,14 @@ class FrameQueue {
   void drop_events(GstEventType type) {
     items_.remove_if([=](const Item& item) { return !item.is_frame() && item.event_type() == type; });
   }
-  /// What was queued before a flush is dropped, as pads do: sticky events stay, but for end and segment.
+  /// Flush: drops all queued items like a pad does; sticky events except EOS and SEGMENT stay.
   void flush() {
     items_.remove_if([](const Item& item) {
       return item.is_frame() || !item.is_sticky() || item.event_type() == GST_EVENT_EOS ||
              item.event_type() == GST_EVENT_SEGMENT;
     });
   }
-  /// Whether it holds as much video as a frame may wait. `frame_duration` 0 = unknown.
+  /// Whether the queue has as much video as a frame may wait. `frame_duration` 0 = unknown.
   bool is_full(Time latency, Time frame_duration) const {
     if (!has_room())
       return true;

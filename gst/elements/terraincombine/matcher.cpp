@@ -7,10 +7,10 @@
 namespace terrainseg {
 namespace {
 
-/// Units that may wait for video: more than two minutes at 30 frames a second, and as they came, not decoded.
+/// Largest number of units that wait for video, not decoded: more than two minutes at 30 frames a second.
 constexpr std::size_t most_units = 4096;
 constexpr std::size_t most_unit_bytes = std::size_t{64} << 20;
-/// Frames with a stamp leave units alone that lie that near: links shift time stamps by less.
+/// Units at most this far from a frame with a stamp are kept, because links shift time stamps by less.
 constexpr Time most_shift = 10 * Time{GST_SECOND};
 
 std::string seconds_text(Time time) {
@@ -104,9 +104,9 @@ void Matcher::flush_frames() {
   clock_.reset();
 }
 
-/// Whether the sender's time begins anew with this frame. Where the units' has, any step back is that one,
-/// and frames that meet no unit for long are behind it, too. Where it has not, neither a single wrong stamp
-/// nor a clock that is set back a little is taken for it.
+/// Whether this frame belongs to the sender's next run (it has restarted). When units of the next run have
+/// arrived, every step back is the restart, and so is a long series of frames without a unit. Otherwise a
+/// single wrong stamp, or a clock that is set back a little, is not a restart.
 bool Matcher::begins_anew(PrecisionTime stamp) const {
   if (units_.has_later_run())
     return stamp < stamps_.last || silence_.frames >= silence_frames;
@@ -128,13 +128,13 @@ void Matcher::begin_frame(const Frame& frame) {
   stamps_.last = *frame.stamp;
 }
 
-/// False for a frame that lost its stamp, too: a unit that lies nearest may be its neighbour's.
+/// Also false for a frame that has lost its stamp: the nearest unit may belong to its neighbour.
 bool Matcher::can_match(const Frame& frame) const {
   return frame.stamp || (frame.time != never && !stamps_.in_use);
 }
 
-/// Whether the frame's unit cannot come any more. Of gaps a stamp says nothing, and their time stamps lie
-/// with the link: live, the frame rather waits.
+/// Whether the frame's unit cannot arrive any more. Gaps have no stamp, and the link changes their time
+/// stamps: in a live pipeline the frame waits.
 bool Matcher::is_past(const Frame& frame) const {
   if (!frame.stamp)
     return units_.is_past(frame.time, frame.tolerance);
@@ -142,7 +142,7 @@ bool Matcher::is_past(const Frame& frame) const {
          (live_ == Live::no && frame.time != never && units_.is_gap(frame.time, frame.tolerance));
 }
 
-/// Drops units that neither this frame nor a later one can match; returns how many.
+/// Drops units that neither this frame nor a later one can match. Returns their number.
 std::uint64_t Matcher::drop_past(const Frame& frame) {
   if (!frame.stamp)
     return units_.drop_before(frame.time - frame.tolerance);
@@ -165,7 +165,7 @@ Matcher::Answer Matcher::look_for(const Frame& frame, const Wait& wait, Clock::t
   answer.until = live_ == Live::no ? std::max(wait.since, unit_side_moved_) +
                                          std::max<Clock::duration>(stall_limit, wait.latency)
                                    : wait.arrival + wait.latency;
-  answer.is_final = stalled_ = now >= answer.until; // then the next frames do not wait until a unit comes
+  answer.is_final = stalled_ = now >= answer.until; // the next frames do not wait until a unit arrives
   return answer;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Which KLV unit belongs to which frame, and how long a frame waits for its unit.
+// Decides which KLV unit belongs to which frame, and how long a frame waits for its unit.
 #pragma once
 
 #include <chrono>
@@ -27,8 +27,9 @@ class Matcher {
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::seconds stall_limit{5};
   static constexpr unsigned silence_frames = 60; ///< frames without a unit after which the reason is reported
-  /// Frames without a stamp in a row, behind stamped ones, after which the sender is taken to stamp no more.
-  /// Until then a frame without has lost its stamp on the way: the nearest unit may be its neighbour's.
+  /// Number of consecutive frames without a stamp, after stamped ones, from which on the sender has stopped
+  /// stamping. Before that a frame without a stamp has lost it on the link, and the nearest unit may belong
+  /// to its neighbour.
   static constexpr unsigned stampless_frames = 25;
 
   /// What a frame is matched by.
@@ -38,16 +39,16 @@ class Matcher {
     std::optional<PrecisionTime> stamp;
     Match match = Match::automatic;
   };
-  /// What a unit says of its time; `decoding` orders units behind an encoder with B-frames.
+  /// Times of a unit; `decoding` gives the order of units after an encoder with B-frames.
   struct UnitTimes {
     Time time = never, decoding = never;
     PrecisionTime precision = 0;
     std::uint64_t frame = 0;
   };
   struct Wait {
-    Clock::time_point arrival, since; ///< of the frame, and when it became the next one to leave
+    Clock::time_point arrival, since; ///< arrival of the frame, and when it became the next one to leave
     Clock::duration latency;
-    bool in_vain = false; ///< no unit can come at the moment: the pad is unlinked or flushing
+    bool in_vain = false; ///< no unit can arrive: the pad is unlinked or flushing
   };
   struct Answer {
     OwnedBuffer unit;
@@ -57,22 +58,23 @@ class Matcher {
   };
   struct Counts {
     std::uint64_t matched = 0;  ///< frames with metadata
-    std::uint64_t precise = 0;  ///< of those, by precision time
-    std::uint64_t lost = 0;     ///< frames without
+    std::uint64_t precise = 0;  ///< of these, matched by precision time
+    std::uint64_t lost = 0;     ///< frames without metadata
     std::uint64_t rejected = 0; ///< units that were damaged or foreign
-    std::uint64_t unused = 0;   ///< units whose frame never came
+    std::uint64_t unused = 0;   ///< units whose frame did not arrive
   };
 
-  void start(); ///< counts and reports begin anew
+  void start(); ///< resets counts and reports
   void set_live(Live live) { live_ = live; }
   Live live() const { return live_; }
 
   // ---- units
   /// True once, when units without time stamps are matched by less than the video's time stamps.
   bool add_unit(const UnitTimes& times, OwnedBuffer unit);
-  std::uint64_t reject_unit() { return ++counts_.rejected; } ///< how many so far
-  void add_gap(Time end); ///< there are no units up to then; never = unknown
-  void note_unit_side(Clock::time_point now) { unit_side_moved_ = now; } ///< something of the units has come
+  std::uint64_t reject_unit() { return ++counts_.rejected; } ///< returns the number so far
+  void add_gap(Time end); ///< there are no units up to `end`; never = unknown
+  /// Data or an event of the units has arrived.
+  void note_unit_side(Clock::time_point now) { unit_side_moved_ = now; }
   void begin_units() { ended_ = stalled_ = false; }
   void end_units() { ended_ = true; }
   void flush_units();
@@ -80,10 +82,10 @@ class Matcher {
   void make_room(); ///< drops the oldest units
 
   // ---- frames
-  /// A frame has come and is queued. `duration`: of a frame, 0 = unknown.
+  /// A frame has arrived and is queued. `duration` is that of a frame, 0 = unknown.
   void expect_frame(Time time, bool has_stamp, Time duration);
   void flush_frames();
-  /// The frame is the next to leave: once, before its first look_for().
+  /// The frame is the next to leave. Call it once, before its first look_for().
   void begin_frame(const Frame& frame);
   Answer look_for(const Frame& frame, const Wait& wait, Clock::time_point now);
   /// Counts the frame that leaves. Empty, or why no frame has been matched for a while and what to do, once
@@ -105,8 +107,8 @@ class Matcher {
   UnitClock clock_; ///< times of units without a PTS
   Counts counts_;
   Live live_ = Live::unknown;
-  bool ended_ = false;   ///< the units have
-  bool stalled_ = false; ///< a frame waited in vain, and no unit has come since
+  bool ended_ = false;   ///< the stream of units has ended
+  bool stalled_ = false; ///< a frame waited without result, and no unit has arrived since
   Clock::time_point unit_side_moved_;
   Time newest_unit_ = never, newest_frame_ = never; ///< largest times since the last flush
   struct {

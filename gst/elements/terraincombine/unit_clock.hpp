@@ -11,10 +11,10 @@
 
 namespace terrainseg {
 
-/// Gives units without a PTS running times, from what stands in them: the first unit since the start belongs
-/// to the first frame, the others lie where their precision time stamp puts them from there, or where that
-/// stands still their frame number, or where that does too the order they come in. A function of the units
-/// and frames alone. Not locked: the owner does.
+/// Computes running times for units without a PTS. The first unit since the start belongs to the first frame.
+/// The time of a later unit follows from its precision time stamp; when that does not advance, from its frame
+/// number; when that does not advance either, from its position in the stream. The result depends only on the
+/// units and frames. The owner does the locking.
 class UnitClock {
  public:
   /// What a unit says of its time.

@@ -18,59 +18,61 @@ namespace terrainseg {
 /// Running time, signed: units may lie before the segment.
 using Time = std::int64_t;
 inline constexpr Time never = std::numeric_limits<Time>::min();
-/// Times beyond, of either sign, are never: 73 years, and no sum of three of them overflows.
+/// Limit of times, positive or negative, so that a sum of three does not overflow: 73 years.
 inline constexpr Time most_time = std::numeric_limits<Time>::max() / 4;
 
 /// Microseconds of the sender's clock, which units carry, and frames with a stamp: their precision time.
 using PrecisionTime = std::uint64_t;
 
-/// `time` lies before `now` by more than units are ever reordered: the sender has begun anew.
+/// Whether `time` is before `now` by more than units are ever reordered: the sender has restarted.
 bool is_anew(PrecisionTime time, PrecisionTime now);
 
-/// Where a unit stands, and what is known of those that are still to come.
+/// The time of a unit, and the earliest time of later units.
 struct UnitPlace {
   Time time;     ///< running time
-  Time progress; ///< no unit before this running time is still to come
+  Time progress; ///< later units are not before this running time
   PrecisionTime precision = 0, precision_progress = 0;
 };
 
-/// Times lie within most_time, tolerances within 0..most_time. Not locked: the owner does.
+/// Times are within most_time, tolerances within 0..most_time. The owner does the locking.
 class UnitStore {
  public:
-  /// Going back by more than units are ever reordered means that the sender began anew; then what was kept is
-  /// dropped. Returns how many units that were. `stamped`: frames are matched by precision time; where that
-  /// goes back another run begins, and frames of the one before, which are still to come, keep its units.
+  /// Adds a unit. When its time is before the last one by more than units are ever reordered, the sender has
+  /// restarted: all stored units are dropped. Returns their number. `stamped`: frames are matched by
+  /// precision time. Then a restart begins another run, and the units of the previous run stay for frames
+  /// that have not arrived yet.
   std::uint64_t add(const UnitPlace& place, OwnedBuffer unit, bool stamped = false);
-  /// A gap of the units ends there.
+  /// A gap of the units ends at that time.
   void advance(Time progress) {
     progress_ = std::max(progress_, progress);
     gaps_ = std::max(gaps_, progress);
   }
-  /// The nearest unit not further than `tolerance` from `time`, taken out; nullptr = none is there.
+  /// Removes and returns the nearest unit at most `tolerance` from `time`; nullptr when there is none.
   OwnedBuffer take(Time time, Time tolerance);
-  /// The first unit of exactly this precision time in the frames' run, taken out; nullptr = none is there.
+  /// Removes and returns the first unit of this precision time in the frames' run; nullptr when there is
+  /// none.
   OwnedBuffer take_precise(PrecisionTime time);
-  /// True when a unit for a frame of this time cannot come any more.
+  /// True when no unit can arrive any more for a frame of this time.
   bool is_past(Time time, Time tolerance) const { return progress_ != never && progress_ > time + tolerance; }
   bool is_past_precisely(PrecisionTime time) const {
     return frames_run_ < run_ || (precision_progress_ && *precision_progress_ > time);
   }
-  /// The units' gaps reach beyond a frame of this time.
+  /// True when the units' gaps extend beyond a frame of this time.
   bool is_gap(Time time, Time tolerance) const { return gaps_ != never && gaps_ > time + tolerance; }
   std::optional<PrecisionTime> precision_progress() const { return precision_progress_; }
-  /// The frames have stamps from now on: they are of the oldest run of which there are units.
+  /// From now on frames have stamps: they belong to the oldest run that has units.
   void begin_precisely();
-  /// The units are in a later run than the frames.
+  /// True when the units are in a later run than the frames.
   bool has_later_run() const { return frames_run_ < run_; }
-  /// The frames are in the next run from now on, whether its units have begun or not: what is kept of before
-  /// is dropped. Returns how many units that were.
+  /// From now on frames belong to the next run, whether it has units yet or not. Drops the units of earlier
+  /// runs and returns their number.
   std::uint64_t leave_run();
-  /// Drops units that no frame from `time` on can match; returns how many.
+  /// Drops units that no frame from `time` on can match. Returns their number.
   std::uint64_t drop_before(Time time);
   std::uint64_t drop_before_precisely(PrecisionTime time);
   std::uint64_t drop_oldest();
   std::size_t size() const { return units_.size(); }
-  std::size_t bytes() const { return bytes_; } ///< of all buffers, with what follows a unit in its buffer
+  std::size_t bytes() const { return bytes_; } ///< size of all buffers, including bytes after a unit
   void clear();
 
  private:
@@ -93,11 +95,11 @@ class UnitStore {
   Units units_;
   std::map<Key, Units::iterator> precise_;
   std::uint64_t arrived_ = 0;
-  std::uint64_t run_ = 0, frames_run_ = 0; ///< of the newest unit, and of the frames
-  bool frames_lead_ = false;               ///< the frames' run began first, and has met no unit yet
+  std::uint64_t run_ = 0, frames_run_ = 0; ///< run of the newest unit, and of the frames
+  bool frames_lead_ = false;               ///< the frames' run has no unit yet
   std::size_t bytes_ = 0;
   Time progress_ = never, gaps_ = never;
-  std::optional<PrecisionTime> precision_progress_; ///< of the newest unit's run
+  std::optional<PrecisionTime> precision_progress_; ///< progress in the newest unit's run
 };
 
 } // namespace terrainseg

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Metres for terrainseg: the calibration and the mount that were asked for, the attitude of the moment, and
-// the warnings about them.
+// Ranges in metres for terrainseg: reads the calibration and the mount, keeps the attitude of the moment, and
+// makes the warnings about them.
 #pragma once
 
 #include <gst/gst.h>
@@ -21,26 +21,27 @@ namespace terrainseg {
 
 class MetricStage {
  public:
-  /// Begins anew with the files of camera-info and mount (or a mount as `height=..,pitch=..`); empty = none.
+  /// Resets the stage and reads the files of camera-info and mount (or a mount such as `height=..,pitch=..`);
+  /// empty = none.
   std::optional<SettingFlaw> start(const std::string& camera_info, const std::string& mount);
-  /// Whether both are there.
+  /// Whether both were read.
   bool is_calibrated() const { return camera_ && mount_; }
-  /// Takes frames of a size. What is wrong when they are not pictures of the camera that was calibrated, as
-  /// the rest of a sentence; empty when nothing is. Then there are no metres of them.
+  /// Sets the size of the frames. When the calibration does not fit them there are no ranges, and the result
+  /// is the reason as the rest of a sentence; otherwise it is empty.
   std::string fit(int width, int height);
 
-  /// Takes the fields of a terrainseg-pose event, from any thread. nullptr, or why it was ignored.
+  /// Stores the pose of a terrainseg-pose event, from any thread. Returns nullptr, or why it was ignored.
   const char* take_pose(const GstStructure* fields);
-  /// After a flush: running times begin anew, and with them the poses. Metres wait for the next one.
+  /// After a flush: drops all poses, because running times restart. There are no metres until the next pose.
   void flush();
 
-  /// Where the pose of the moment, or else the mount, has the vanishing line of level ground in frames of the
-  /// size of fit(), Q8 rows; nothing when that is not known.
+  /// The vanishing line of level ground according to the pose, otherwise the mount, in Q8 rows of frames of
+  /// the size of fit(); nothing when unknown.
   std::optional<std::int32_t> vanishing_row(GstClockTime running_time);
-  /// Metres of a frame's boundary, valid until the next call; nullptr when there are none. `running_time` or
-  /// NONE; `range_max` in metres, 0 = where the expected error reaches 20 %.
+  /// Ranges of a frame's boundary, valid until the next call; nullptr when there are none. `running_time` may
+  /// be NONE. `range_max` is in metres, 0 = where the expected error reaches 20 %.
   const MetricEstimate* measure(const Estimate& estimate, GstClockTime running_time, double range_max);
-  /// A warning after measure(), each once until the next start; mostly nothing.
+  /// A warning after measure(), if any; each at most once until the next start.
   std::optional<std::string> take_notice();
 
  private:

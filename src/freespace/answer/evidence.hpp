@@ -19,7 +19,7 @@ namespace terrainseg {
 /// Confidence of the mask, 0..255. It measures how far the scores (Q4) of the ground exceed those of the
 /// rest, in the whole picture and in the rows next to the boundary. It decreases with the number of rows that
 /// the boundary jumps, because a curve that follows many obstacles is uncertain. On five labelled sequences
-/// its rank correlation with the frame's error is negative in each (docs/accuracy.md).
+/// its rank correlation with the frame's error is negative in each.
 std::uint8_t mask_confidence(const Grid& grid, const CellScores& score, const GridCurve& boundary,
                              const GroundBehind& behind);
 

@@ -145,9 +145,11 @@ void BoundarySearch::find(const Grid& grid, const CellScores& score, const RowPr
       pass(r, price[r - 1], static_cast<std::uint16_t>(r));
     for (int r = rows - 2; r >= 0; --r)
       pass(r, price[r], from[r]);
+    // Subtracting a constant does not change the best curve. It keeps the sums below 2^31 for every grid.
     const std::int32_t* utility = column_of(utility_, j);
+    const std::int32_t constant = best[0];
     for (int r = 0; r < rows; ++r)
-      best[r] += utility[r];
+      best[r] += utility[r] - constant;
   }
   boundary.resize(static_cast<std::size_t>(grid.width));
   auto row = static_cast<std::uint16_t>(std::max_element(best_.begin(), best_.end()) - best_.begin());

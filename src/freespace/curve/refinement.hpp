@@ -46,7 +46,7 @@ class Refinement {
 // Finds doubtful ground next to the boundary: cells that do not look like ground and are below the boundary
 // only because it is smooth.
 
-/// The limit that disables the stage.
+/// This limit and lower ones disable the stage.
 inline constexpr int doubtful_off = -96;
 
 /// Walks down from the boundary in each column while the mean of the score (Q4) over 3x3 cells, weighted

@@ -155,7 +155,7 @@ int run(const Words& words) {
     std::cout << help();
     return EXIT_SUCCESS;
   }
-  throw tools::UsageError("'" + command + "' is no command: camera, mount or check");
+  throw tools::UsageError("'" + command + "' is not a command: use camera, mount or check");
 }
 
 } // namespace

@@ -24,13 +24,13 @@ GstPadProbeReturn on_end(GstPad*, GstPadProbeInfo* info, gpointer ended) {
   return GST_PAD_PROBE_OK;
 }
 
-/// The side of an annotated picture that holds a frame's: H.264 4:2:0 needs even ones, mp4mux 16 pixels and
-/// more.
+/// Width or height of the annotated video for that of a frame: H.264 with 4:2:0 needs even sides, mp4mux at
+/// least 16 pixels.
 int annotated_side(int side) {
   return std::max(16, side + (side & 1));
 }
 
-/// A side of the annotated video and of the recording: smaller than the frame's where no encoder takes that.
+/// Width or height of the encoded video: reduced when the encoder does not support the frame's size.
 int encoded_side(int side, const GstVideoInfo& info) {
   const int longer = std::max(info.width, info.height);
   const int most = most_encoded_side();
@@ -38,8 +38,9 @@ int encoded_side(int side, const GstVideoInfo& info) {
                         : std::max(1, static_cast<int>(gst_util_uint64_scale_int_round(side, most, longer)));
 }
 
-/// Samples of 16 to 235, as every player expects in H.264; primaries and transfer, which HDR needs, stay.
-/// videoconvert 1.22 converts a range only together with a matrix: full range gets the other one.
+/// Colorimetry of the encoded video. The range is 16 to 235, because every player expects it in H.264. The
+/// primaries and the transfer function are kept, because HDR needs them. videoconvert 1.22 converts the range
+/// only when the matrix changes too, so full range input gets the other matrix (BT.601 or BT.709).
 std::string encoded_colorimetry(const GstVideoInfo& info) {
   GstVideoColorimetry color = info.colorimetry;
   const bool large = info.height >= 720;
@@ -57,7 +58,8 @@ std::string encoded_colorimetry(const GstVideoInfo& info) {
   return take(gst_video_colorimetry_to_string(&color));
 }
 
-/// mp4mux begins every file at 0; the other outputs have the times of the input.
+/// Moves the start of the MP4 file to the time of the first frame: mp4mux starts every file at 0, but the
+/// other outputs have the times of the input.
 GstPadProbeReturn on_movie_box(GstPad*, GstPadProbeInfo* info, gpointer start) {
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
   constexpr gsize head = 8;
@@ -92,7 +94,7 @@ GstElement* Graph::add(const char* factory) {
   return element;
 }
 
-/// A queue behind the tee: every branch works in a thread of its own.
+/// Adds a queue after the tee, so that each branch runs in its own thread.
 GstElement* Graph::branch(GstElement* tee) {
   GstElement* queue = add("queue");
   g_object_set(queue, "max-size-buffers", 4, "max-size-bytes", 0, "max-size-time", guint64{0}, nullptr);
@@ -100,7 +102,8 @@ GstElement* Graph::branch(GstElement* tee) {
   return queue;
 }
 
-/// Writes to the output's file. Without preroll: an encoder may look at 50 frames before it gives the first.
+/// Adds the sink that writes the output's file. It does not preroll, because an encoder may need 50 frames
+/// before it outputs the first one.
 GstElement* Graph::add_sink(Output kind, int fd) {
   GstElement* sink = add(kind == Output::mcap ? "terrainmcapsink" : "fdsink");
   g_object_set(sink, "fd", fd, "sync", FALSE, "async", FALSE, nullptr);
@@ -109,9 +112,9 @@ GstElement* Graph::add_sink(Output kind, int fd) {
   return sink;
 }
 
-/// Ends are counted here: behind decodebin, a bin whose sinks are async=false sometimes loses its EOS
-/// message. When the event reaches a sink, everything in front of it has been written; what the sink itself
-/// does at the end comes after it, and ends when the pipeline is stopped.
+/// Counts EOS events at the sinks: with decodebin, a bin whose sinks have async=false sometimes loses its EOS
+/// message. When the event arrives, all earlier data has been written. The sink completes its file after
+/// the event, at the latest when the pipeline stops.
 void Graph::watch_end(GstElement* sink) {
   ++sinks_;
   const PadPointer pad(gst_element_get_static_pad(sink, "sink"));
@@ -128,13 +131,13 @@ void Graph::add_annotated(GstElement* tee, int fd) {
   GstElement* queue = branch(tee);
   overlay_ = add("terrainoverlay");
   GstElement* convert = add("videoconvert");
-  GstElement* scale = add("videoscale"); // only where a stream changes its size: a file has one
+  GstElement* scale = add("videoscale"); // needed when the stream changes its size
   annotated_caps_ = add("capsfilter");
-  annotated_box_ = add("videobox"); // fills up to annotated_side(), and forgets the colours
+  annotated_box_ = add("videobox"); // pads to annotated_side(); drops the colorimetry
   annotated_colors_ = add("capsfilter");
   GstElement* mux = add("mp4mux");
   muxers_[static_cast<std::size_t>(Output::annotated)] = mux;
-  // The index in front, where a browser needs it; the frames wait for it in a file without a name.
+  // A browser needs the index at the start of the file. Until it is known, the frames are in an unnamed file.
   if (scratch_.open(options_.output_dir)) {
     g_object_set(mux, "faststart", TRUE, "faststart-file", scratch_.path().c_str(), nullptr);
     const PadPointer pad(gst_element_get_static_pad(mux, "src"));
@@ -148,13 +151,13 @@ void Graph::add_annotated(GstElement* tee, int fd) {
   count_buffers(encoded, "src", Output::annotated);
 }
 
-/// An encoder, and a parser where one is needed, behind `from`; the last of them.
+/// Adds an encoder after `from`, and a parser where one is needed. Returns the last element.
 GstElement* Graph::encode_h264(GstElement* from, bool recording) {
   const std::string name = h264_encoder();
   const bool x264 = name == "x264enc";
   GstElement* encoder = add(name.c_str());
   gst_element_link(from, encoder);
-  constexpr guint key_frame_distance = 30; // frames that a seek has to decode
+  constexpr guint key_frame_distance = 30; // largest number of frames that a seek decodes
   const auto threads = static_cast<guint>(options_.threads);
   if (x264) {
     gst_util_set_object_arg(G_OBJECT(encoder), "pass", "qual");
@@ -199,7 +202,8 @@ void Graph::add_json(GstElement* tee, int fd) {
   count_buffers(sink, "sink", Output::json);
 }
 
-/// The untouched video, the metadata and the metres. A scaler makes odd sides even; it keeps the metadata.
+/// Records the video without drawings, the metadata and the ranges. videoscale makes odd sides even and keeps
+/// the metadata.
 void Graph::add_recording(GstElement* tee, int fd) {
   GstElement* queue = branch(tee);
   GstElement* convert = add("videoconvert");
@@ -229,7 +233,7 @@ std::optional<std::string> Graph::build(GstElement* source, const Descriptors& f
     if (wants(kind))
       (this->*add_branch)(tee, files[static_cast<std::size_t>(kind)]);
   if (sinks_ == 0) {
-    GstElement* sink = add("fakesink"); // the CSV comes from the metadata
+    GstElement* sink = add("fakesink"); // for CSV only, which is written from the metadata
     g_object_set(sink, "sync", FALSE, "async", FALSE, nullptr);
     watch_end(sink);
     gst_element_link(tee, sink);
@@ -259,7 +263,7 @@ void Graph::set_size(const GstVideoInfo& info) {
     GstCaps* recorded = caps("I420", width + (width & 1), height + (height & 1));
     gst_structure_remove_field(gst_caps_get_structure(recorded, 0), "pixel-aspect-ratio");
     const CharPointer colors(gst_video_colorimetry_to_string(&info.colorimetry));
-    if (colors && !GST_VIDEO_INFO_IS_RGB(&info)) // without them videoconvert 1.22 calls grey limited
+    if (colors && !GST_VIDEO_INFO_IS_RGB(&info)) // otherwise videoconvert 1.22 labels grey as limited
       gst_caps_set_simple(recorded, "colorimetry", G_TYPE_STRING, colors.get(), nullptr);
     set_caps(recording_caps_, recorded);
   }

@@ -16,36 +16,36 @@
 
 namespace terrainseg::process {
 
-/// Builds the pipeline, gives the branches the size of the video, and counts what reaches each output.
+/// Builds the pipeline, sets the size of the video in all branches, and counts the frames of each output.
 class Graph {
  public:
-  using Descriptors = std::array<int, output_count>; ///< of the files to write; -1 = not wanted
+  using Descriptors = std::array<int, output_count>; ///< of the output files; -1 = output not selected
 
   explicit Graph(const Options& options) : options_(options), pipeline_(gst_pipeline_new(nullptr)) {}
   ~Graph();
   Graph(const Graph&) = delete;
   Graph& operator=(const Graph&) = delete;
 
-  /// Connects `source`, which the pipeline then owns, with the branches of the wanted outputs. Returns the
-  /// problem, if any.
+  /// Connects `source` with the branches of the selected outputs. The pipeline takes ownership of `source`.
+  /// Returns the problem, if any.
   std::optional<std::string> build(GstElement* source, const Descriptors& files);
 
   GstElement* pipeline() const { return pipeline_; }
   GstElement* terrainseg() const { return terrainseg_; }
-  /// The size of the outputs: that of the first frame.
+  /// Sets the size of the outputs, that of the first frame.
   void set_size(const GstVideoInfo& info);
-  /// When the first frame is shown: what the annotated video begins with.
+  /// Sets the presentation time of the first frame, at which the annotated video starts.
   void set_start(GstClockTime start) { start_ = start; }
-  /// The output that an element writes, if it is a sink or a muxer of one.
+  /// The output whose sink or muxer the element is, if any.
   std::optional<Output> output_of(const GstObject* element) const;
-  /// True for an element behind the source.
+  /// True for an element of the pipeline that is not part of the source.
   bool holds(GstObject* element) const;
 
   bool ended() const { return sinks_ended_ == sinks_; } ///< every sink has received its EOS
   std::uint64_t written(Output kind) const { return written_[static_cast<std::size_t>(kind)]; }
   std::uint64_t written() const; ///< over all outputs
   void count(Output kind, std::uint64_t frames = 1) { written_[static_cast<std::size_t>(kind)] += frames; }
-  std::string bag_metadata() const; ///< of a recording that is whole; empty where none is wanted
+  std::string bag_metadata() const; ///< of a complete recording; empty when none is selected
 
  private:
   bool wants(Output kind) const { return options_.wanted[static_cast<std::size_t>(kind)]; }
@@ -63,9 +63,9 @@ class Graph {
   const Options& options_;
   GstElement* pipeline_;
   GstElement* source_ = nullptr;
-  ScratchFile scratch_; ///< of mp4mux
+  ScratchFile scratch_; ///< temporary file of mp4mux
   GstElement* terrainseg_ = nullptr;
-  GstElement* overlay_ = nullptr; ///< null where its output is not wanted, like the next four
+  GstElement* overlay_ = nullptr; ///< these five are null when their output is not selected
   GstElement* annotated_caps_ = nullptr;
   GstElement* annotated_box_ = nullptr;
   GstElement* annotated_colors_ = nullptr;

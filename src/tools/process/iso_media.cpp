@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::uint64_t longest_index = 256 << 20; ///< bytes of a moov or moof box
 
-/// Bytes of a box, read from the front; zeros past the end.
+/// Reads the bytes of a box in order; returns zeros past the end.
 class Bytes {
  public:
   Bytes(const std::uint8_t* data, std::size_t size, std::uint64_t position)
@@ -32,7 +32,7 @@ class Bytes {
   std::uint64_t position() const { return position_ + at_; } ///< in the file
 
   struct Box;
-  /// The next box; its type is empty at the end or where none can be.
+  /// Reads the next box; its type is empty at the end or when the bytes are not a box.
   Box next();
 
  private:
@@ -71,7 +71,7 @@ template <typename Visit> void each_box(Bytes content, const Visit& visit) {
     visit(box);
 }
 
-/// What one trak box says, before it is put together.
+/// The tables of one trak box as they are in the file.
 struct Tables {
   IsoTrack track;
   bool video = false;
@@ -79,7 +79,7 @@ struct Tables {
   std::vector<std::pair<std::uint64_t, std::int32_t>> offsets;    ///< frames, ticks
   struct Entry {
     std::uint64_t duration; ///< of the movie's timescale
-    std::int64_t begin;     ///< -1: nothing is shown
+    std::int64_t begin;     ///< -1 = nothing is shown
     std::uint32_t rate;     ///< 16.16
   };
   std::vector<Entry> entries;
@@ -156,13 +156,13 @@ std::vector<std::uint8_t> field_of(std::uint64_t value, int bytes) {
   return out;
 }
 
-/// Of a movie box: how to read it.
+/// Units of a movie box, and the position of its duration.
 struct Movie {
   std::uint64_t timescale = 1, duration_at = 0;
   int width = 4; ///< bytes of the duration
 };
 
-/// From `first` to the end of the last frame, in the movie's timescale.
+/// Time from `first` to the end of the last frame, in the movie's timescale.
 std::uint64_t media_length(const Tables& tables, std::uint64_t timescale, std::int64_t first) {
   const std::vector<std::int64_t>& times = tables.track.times;
   const std::int64_t last = times.empty() ? 0 : *std::max_element(times.begin(), times.end());
@@ -171,7 +171,8 @@ std::uint64_t media_length(const Tables& tables, std::uint64_t timescale, std::i
   return gst_util_uint64_scale_ceil(ticks, timescale, tables.track.timescale);
 }
 
-/// One edit instead of those that are there: from the first tick to the last frame's end.
+/// Replaces the edits of a track by one that shows everything, from the first tick to the end of the last
+/// frame.
 void show_all(const Tables& tables, const Movie& movie, IsoTrack& track) {
   const std::uint64_t length = media_length(tables, movie.timescale, 0) + 1;
   const int width = tables.wide ? 8 : 4;
@@ -181,7 +182,7 @@ void show_all(const Tables& tables, const Movie& movie, IsoTrack& track) {
   track.untrimmed = {{tables.list_at, list}, {movie.duration_at, field_of(length, movie.width)}};
 }
 
-/// The times of all frames; those of negative offsets are moved, as qtdemux does, so that none is negative.
+/// Computes the times of all frames. Like qtdemux, moves them so that negative offsets give no negative time.
 void put_together(Tables& tables, const Movie& movie) {
   constexpr std::uint64_t most = 1 << 28;
   IsoTrack& track = tables.track;
@@ -202,7 +203,7 @@ void put_together(Tables& tables, const Movie& movie) {
     const auto ticks = static_cast<std::int64_t>(
         gst_util_uint64_scale_round(entry.duration, track.timescale, movie.timescale));
     if (entry.begin >= 0) {
-      const bool rest = entry.duration == 0; // of a file that was written in fragments
+      const bool rest = entry.duration == 0; // in a file written in fragments: up to its end
       track.edits.push_back({entry.begin, rest ? INT64_MAX : entry.begin + ticks, shown});
       const std::size_t count = track.edits.size();
       track.in_order =
@@ -215,7 +216,7 @@ void put_together(Tables& tables, const Movie& movie) {
     show_all(tables, movie, track);
 }
 
-/// A box of the file in memory; empty when it is too long or cannot be read.
+/// Reads a box of the file; empty when it is too long or cannot be read.
 std::vector<std::uint8_t> load(std::ifstream& file, std::uint64_t begin, std::uint64_t length) {
   if (length > longest_index)
     return {};
@@ -226,7 +227,7 @@ std::vector<std::uint8_t> load(std::ifstream& file, std::uint64_t begin, std::ui
   return file ? bytes : std::vector<std::uint8_t>();
 }
 
-/// Calls `visit` with the tables of each video track, and the movie around it.
+/// Calls `visit` with the tables of each video track and with its movie.
 template <typename Visit> void each_video(const Bytes& content, const Visit& visit) {
   Movie movie;
   each_box(content, [&](Bytes::Box& box) {
@@ -247,11 +248,11 @@ template <typename Visit> void each_video(const Bytes& content, const Visit& vis
   });
 }
 
-/// What a movie box gets.
+/// Changes to a movie box.
 struct Change {
-  std::uint64_t length = 0;        ///< of the presentation, in the movie's timescale
+  std::uint64_t length = 0;        ///< duration of the presentation, in the movie's timescale
   std::vector<std::uint8_t> edits; ///< an edts box
-  std::uint64_t shift = 0;         ///< of what follows the movie box
+  std::uint64_t shift = 0;         ///< bytes by which the data after the movie box moves
 };
 
 void put(std::vector<std::uint8_t>& bytes, std::size_t at, std::uint64_t value, int width) {
@@ -260,7 +261,7 @@ void put(std::vector<std::uint8_t>& bytes, std::size_t at, std::uint64_t value, 
     std::copy(field.begin(), field.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at));
 }
 
-/// The boxes in `content`, changed.
+/// Returns the boxes in `content` with the changes applied.
 std::vector<std::uint8_t> changed(const Bytes& content, const Change& change) {
   std::vector<std::uint8_t> out;
   each_box(content, [&](Bytes::Box& box) {
@@ -277,7 +278,7 @@ std::vector<std::uint8_t> changed(const Bytes& content, const Change& change) {
       put(inside, wide ? 24 : 16, change.length, wide ? 8 : 4);
     else if (is("tkhd"))
       put(inside, wide ? 28 : 20, change.length, wide ? 8 : 4);
-    for (const int width : {4, 8}) // the positions of the frames
+    for (const int width : {4, 8}) // tables of the frames' positions
       for (std::size_t at = 8; is(width == 4 ? "stco" : "co64") && at + width <= inside.size(); at += width)
         put(inside, at, Bytes(&inside[at], width, 0).number(width) + change.shift, width);
     for (const auto& part : {field_of(8 + inside.size(), 4),
@@ -287,7 +288,7 @@ std::vector<std::uint8_t> changed(const Bytes& content, const Change& change) {
   return out;
 }
 
-/// The frames of a fragment.
+/// Counts the frames of a fragment in their tracks.
 void read_fragment(const Bytes& content, std::vector<IsoTrack>& tracks) {
   each_box(content, [&tracks](Bytes::Box& part) {
     if (part.type != "traf")

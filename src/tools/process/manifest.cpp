@@ -276,7 +276,7 @@ std::variant<Check, std::string> check_manifest(const Options& options, const st
   }
   if (!checker.read_any())
     return "--check: " + (options.check == "-" ? "what standard input gave" : options.check) +
-           " is no manifest of this tool (--manifest FILE writes one)";
+           " is not a manifest of this tool (--manifest FILE writes one)";
   return checker.finish(inputs);
 }
 

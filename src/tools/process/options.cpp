@@ -143,7 +143,7 @@ std::string plain_text(std::string text) {
   const CharPointer converted(g_convert(text.data() + 2, static_cast<gssize>(text.size() - 2), "UTF-8",
                                         little ? "UTF-16LE" : "UTF-16BE", nullptr, &length, nullptr));
   if (!converted)
-    throw UsageError("--inputs-from: the list begins as UTF-16 and is none");
+    throw UsageError("--inputs-from: the list starts with a UTF-16 mark but is not valid UTF-16");
   return {converted.get(), length};
 }
 
@@ -178,9 +178,9 @@ int threads_per_job(int jobs) {
 
 void read_name(const std::string& name, Options& options) {
   if (name.find('/') != std::string::npos)
-    throw UsageError("--name: '" + name + "' holds a '/'; the folder is --output-dir");
+    throw UsageError("--name: '" + name + "' contains a '/'; set the folder with --output-dir");
   if (name == "." || name == "..")
-    throw UsageError("--name: '" + name + "' is a folder's name; '' leaves the name out");
+    throw UsageError("--name: '" + name + "' is a folder's name; use '' for output names without a stem");
   options.name = name;
 }
 
@@ -194,7 +194,7 @@ void read_fps(const std::string& text, Options& options) {
   GValue value = G_VALUE_INIT;
   g_value_init(&value, GST_TYPE_FRACTION);
   if (!gst_value_deserialize(&value, text.c_str()) || gst_value_get_fraction_numerator(&value) <= 0)
-    throw UsageError("--fps: '" + text + "' is no frame rate above 0 such as 15 or 30000/1001");
+    throw UsageError("--fps: '" + text + "' is not a frame rate above 0, such as 15 or 30000/1001");
   options.fps_numerator = gst_value_get_fraction_numerator(&value);
   options.fps_denominator = gst_value_get_fraction_denominator(&value);
   options.fps_given = true;
@@ -212,7 +212,7 @@ void read_settings(const Given& given, Options& options) {
   for (const std::string& setting : given.settings.all()) {
     const std::size_t equals = setting.find('=');
     if (equals == std::string::npos || equals == 0)
-      throw UsageError("--set: '" + setting + "' is no PROPERTY=VALUE");
+      throw UsageError("--set: '" + setting + "' is not PROPERTY=VALUE");
     options.settings.emplace_back(setting.substr(0, equals), setting.substr(equals + 1));
   }
   for (const auto& [name, word] : {std::pair("camera-info", &given.camera_info), {"mount", &given.mount}})
@@ -247,7 +247,7 @@ void check_ranges(gint64 frames, const Options& options) {
                 {"--stall-timeout", options.stall_seconds, 1, 86400, " seconds"}};
   for (const auto& range : ranges)
     if (range.value < range.least || range.value > range.most)
-      throw UsageError(std::string(range.name) + ": must lie in " + std::to_string(range.least) + ".." +
+      throw UsageError(std::string(range.name) + ": must be in " + std::to_string(range.least) + ".." +
                        std::to_string(range.most) + range.unit);
 }
 
@@ -261,12 +261,12 @@ void apply(const Given& given, Options& options) {
   options.check = given.check.value();
   options.manifest = given.manifest.value();
   if (given.check.text && given.manifest.text)
-    throw UsageError("--check processes nothing, so there is nothing for --manifest");
+    throw UsageError("--check and --manifest exclude each other: --check does not process inputs");
   read(given.shard, read_shard_of);
   options.output_dir_given = given.output_dir.text != nullptr;
   options.output_dir = given.output_dir.value(".");
   if (options.output_dir.empty())
-    throw UsageError("--output-dir: an empty name is no folder");
+    throw UsageError("--output-dir: the name is empty");
   read(given.name, read_name);
   read(given.names, read_names);
   options.preset = given.preset.value();

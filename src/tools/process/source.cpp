@@ -17,11 +17,11 @@
 namespace terrainseg::process {
 namespace {
 
-/// Pulls behind the end, one after the other, of a demuxer that would go on for ever; others ask once or
-/// twice.
+/// Number of consecutive reads after the end of the file from which on a demuxer is taken to be in an endless
+/// loop. Others read there once or twice.
 constexpr std::uint64_t often = 1000;
 
-/// The decoder that a pad's frames come from; null when there is none.
+/// The decoder upstream of a pad; null when there is none.
 GstElement* decoder_of(GstPad* pad) {
   GstPad* at = GST_PAD(gst_object_ref(pad));
   while (at) {
@@ -41,7 +41,7 @@ GstElement* decoder_of(GstPad* pad) {
   return nullptr;
 }
 
-/// True for what was encoded as single pictures.
+/// True when the pad's stream was encoded as still pictures.
 bool is_picture(GstPad* pad) {
   const ElementPointer decoder(decoder_of(pad));
   const PadPointer sink(decoder ? gst_element_get_static_pad(decoder.get(), "sink") : nullptr);
@@ -49,9 +49,9 @@ bool is_picture(GstPad* pad) {
   return caps && g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)), "image/");
 }
 
-/// Why no decoder gives pictures of these caps; empty when their size is fine or unknown.
+/// Why pictures of these caps cannot be decoded; empty when their size is supported or unknown.
 std::string too_large(const GstCaps* caps) {
-  constexpr int most = 32767; // of gst_video_info_set_format()
+  constexpr int most = 32767; // limit of gst_video_info_set_format()
   int width = 0, height = 0;
   const GstStructure* format = gst_caps_get_structure(caps, 0);
   gst_structure_get_int(format, "width", &width);
@@ -63,14 +63,14 @@ std::string too_large(const GstCaps* caps) {
          " at most on each side; make them smaller: ffmpeg -i INPUT -vf scale=iw/4:ih/4 OUTPUT";
 }
 
-/// The number of a track in its container, by its stream's name; 0 when there is none.
+/// The number of a track in its container, from its stream id; 0 when there is none.
 unsigned track_id_of(GstPad* pad) {
   const CharPointer id(gst_pad_get_stream_id(pad));
   const char* number = id ? std::strrchr(id.get(), '/') : nullptr;
   return number ? static_cast<unsigned>(g_ascii_strtoull(number + 1, nullptr, 10)) : 0;
 }
 
-/// The colours of an event's caps; nothing when it has none.
+/// The colorimetry in the caps of an event, if any.
 std::optional<GstVideoColorimetry> colorimetry_of(GstEvent* event) {
   GstVideoColorimetry color;
   GstCaps* caps = nullptr;
@@ -81,7 +81,7 @@ std::optional<GstVideoColorimetry> colorimetry_of(GstEvent* event) {
   return color;
 }
 
-/// Writes other colours into the caps of the event that a probe sees.
+/// Replaces the colorimetry in the caps event of a probe.
 void set_colorimetry(GstPadProbeInfo* info, const GstVideoColorimetry& color) {
   GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
   GstCaps* caps = nullptr;
@@ -98,14 +98,14 @@ bool is_video(const GstCaps* caps) {
          g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), "video/");
 }
 
-/// videoflip, which turns a video upright by its tag, does not know 8-bit 4:2:2 in planes, and converting it
-/// would cost every frame: where no tag says that the video is turned, it goes without.
+/// False for planar 8-bit 4:2:2, which videoflip (it rotates a video by its tag) does not support. Converting
+/// every frame is expensive, so such a video has no videoflip unless a tag says that it is rotated.
 bool can_be_turned(const GstCaps* caps) {
   const char* format = gst_structure_get_string(gst_caps_get_structure(caps, 0), "format");
   return !format || !g_str_equal(format, "Y42B");
 }
 
-/// Whether a tag that came before the first frame says that the camera was turned.
+/// Whether a tag before the first frame says that the video is rotated.
 bool is_turned(GstPad* pad) {
   bool turned = false;
   for (guint index = 0;; ++index) {
@@ -121,20 +121,21 @@ bool is_turned(GstPad* pad) {
   }
 }
 
-/// False for a JPEG file that is cut off: decoders fill the rest with grey, and say nothing.
+/// False for a truncated JPEG file. Decoders fill the rest with grey without an error.
 bool has_end_mark(std::span<const std::uint8_t> jpeg) {
   constexpr std::uint8_t mark[] = {0xff, 0xd9};
-  constexpr std::size_t most_padding = 4096; // some cameras write whole blocks
+  constexpr std::size_t most_padding = 4096; // some cameras pad files to whole blocks
   const auto tail = jpeg.last(std::min(jpeg.size(), most_padding));
   return std::search(tail.begin(), tail.end(), std::begin(mark), std::end(mark)) != tail.end();
 }
 
-/// By which a buffer of an image has its tag of orientation.
+/// Key under which the buffer of an image stores its orientation tag.
 GQuark turned_quark() {
   return g_quark_from_static_string("terrainseg-process-orientation");
 }
 
-/// Every decoder has its own name for it: libav's, dav1d's, libvpx's.
+/// Limits a decoder's threads. The property has another name in each of libav's, dav1d's and libvpx's
+/// decoders.
 void bound_threads(GstElement* decoder, int threads) {
   for (const char* name : {"max-threads", "n-threads", "threads"})
     if (const GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(decoder), name);
@@ -189,7 +190,7 @@ void Source::build_image_feeder(const Options& options) {
   gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, on_image, this, nullptr);
 }
 
-/// The next image, whole, with its type; null with a problem set when it cannot be used.
+/// Reads an image file and its type. When it cannot be used, sets the problem and returns null.
 GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& type) {
   gchar* data = nullptr;
   gsize size = 0;
@@ -207,9 +208,9 @@ GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& ty
   if (size == 0)
     flaw = "the file is empty";
   else if (!type.starts_with("image/"))
-    flaw = "this is no image" + (type.empty() ? "" : " but " + type);
+    flaw = "not an image" + (type.empty() ? "" : " but " + type);
   else if (next_image_ > 0 && type != image_type_)
-    flaw = "the sequence began as " + image_type_ + " but this is " + type;
+    flaw = "the sequence starts with " + image_type_ + ", but this is " + type;
   else if (caps)
     flaw = too_large(caps.get());
   if (flaw.empty()) {
@@ -229,7 +230,7 @@ GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& ty
   return nullptr;
 }
 
-/// Hands the next image to the decoder, with its time.
+/// Pushes the next image with its time to the decoder.
 void Source::feed() {
   GstAppSrc* feeder = GST_APP_SRC(feeder_);
   std::string type;
@@ -256,7 +257,7 @@ void Source::feed() {
   gst_app_src_push_buffer(feeder, buffer);
 }
 
-/// Tells videoflip, in front of an image that is turned otherwise than the one before.
+/// Sends the orientation tag to videoflip before an image whose orientation differs from the last one's.
 GstPadProbeReturn Source::on_image(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
   Source* source = static_cast<Source*>(self);
   const char* tag = static_cast<const char*>(
@@ -279,11 +280,12 @@ void Source::pad_added(GstPad* pad) {
     caps.reset(gst_pad_query_caps(pad, nullptr));
   if (is_video(caps.get())) {
     ++videos_;
-    // A picture in front of the video (a cover, a preview) waits for it. What comes over a network cannot.
+    // A still picture (cover, preview) before the video is used only if no video follows. Network streams
+    // cannot wait for that.
     if (!linked_ && input_.kind != Input::Kind::uri && is_picture(pad)) {
       if (!picture_)
         picture_.reset(GST_PAD(gst_object_ref(pad)));
-    } else if (!linked_) { // a second camera of the same file is left alone
+    } else if (!linked_) { // only the first video track is used
       take(pad);
     }
     return;
@@ -330,20 +332,20 @@ std::string Source::choice() const {
     return {};
   return "it has " + std::to_string(videos_) + " video tracks; number " + std::to_string(taken_number_) +
          " was taken" + (track_id_ ? " (track " + std::to_string(track_id_) + " of the file)" : "") +
-         ", the others were left out";
+         ", the others are ignored";
 }
 
-/// All of these let frames through untouched that do not need them.
+/// Links conversion, deinterlacing and rotation. Each passes frames through that do not need it.
 bool Source::link_video(GstPad* pad) {
   GstElement* convert = gst_element_factory_make("videoconvert", nullptr);
   GstElement* deinterlace = gst_element_factory_make("deinterlace", nullptr);
   gst_bin_add_many(GST_BIN(bin_), convert, deinterlace, nullptr);
-  // One frame out per frame in: the other field of the same moment adds nothing to a mask.
+  // One frame out per frame in: the second field would show the same moment again.
   gst_util_set_object_arg(G_OBJECT(deinterlace), "fields", "top");
   bool ok = gst_element_link(convert, deinterlace);
   GstElement* last = deinterlace;
   const CapsPointer caps(gst_pad_query_caps(pad, nullptr));
-  // A later image of a sequence may be turned.
+  // A later image of a sequence may be rotated.
   if (input_.kind == Input::Kind::images || can_be_turned(caps.get()) || is_turned(pad)) {
     GstElement* flip = gst_element_factory_make("videoflip", nullptr);
     gst_util_set_object_arg(G_OBJECT(flip), "video-direction", "auto");
@@ -388,7 +390,7 @@ bool Source::has_given_up() const {
   if (linked_ || input_.kind != Input::Kind::file)
     return false;
   struct Look {
-    GstElement* tail; // waits for frames all the time
+    GstElement* tail; // its thread always runs, waiting for frames
     bool working = false;
   } look{tail_};
   GstIterator* elements = gst_bin_iterate_recurse(GST_BIN(bin_));
@@ -402,14 +404,15 @@ bool Source::has_given_up() const {
   };
   const GstIteratorResult result = gst_iterator_foreach(elements, visit, &look);
   gst_iterator_free(elements);
-  return result == GST_ITERATOR_DONE && !look.working; // changed while looking: still working
+  return result == GST_ITERATOR_DONE &&
+         !look.working; // not done: the bin changed meanwhile, so it is working
 }
 
 std::string Source::cut_images() const {
   const std::lock_guard lock(mutex_);
   if (cut_images_ == 0)
     return {};
-  return cut_image_ + ": the picture is cut off, its end mark is missing" +
+  return cut_image_ + ": the picture is truncated, its end mark is missing" +
          (cut_images_ > 1 ? "; so are " + std::to_string(cut_images_ - 1) + " more" : "");
 }
 
@@ -438,7 +441,7 @@ void Source::on_no_more_pads(GstElement*, gpointer self) {
     source->set_problem(no_video + (others.empty() ? "" : ", only " + others), Cause::unsupported);
 }
 
-/// Sound and subtitles are neither decoded nor asked decoders for.
+/// Prevents the decoding of sound and subtitles, and the search for decoders of them.
 gboolean Source::on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer self) {
   if (const std::string flaw = too_large(caps); !flaw.empty())
     static_cast<Source*>(self)->set_problem(flaw, Cause::unsupported);
@@ -468,7 +471,7 @@ void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer se
     gst_pad_add_probe(sink.get(),
                       static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BUFFER),
                       on_pulled, self, nullptr);
-    // Called before each pull, whatever comes of it.
+    // Called before each pull, even if the pull fails.
     gst_pad_add_probe(sink.get(),
                       static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BLOCK),
                       on_pull, self, nullptr);
@@ -489,9 +492,9 @@ void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer se
   gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_encoded_caps, track, nullptr);
 }
 
-/// libav's demuxers in GStreamer 1.22 take an end for nothing yet and ask on (a cut GIF), with libav's lock
-/// held, for which encoders wait when they stop. FLUSHING they take for an end, and give out what they have
-/// read.
+/// libav's demuxers in GStreamer 1.22 treat the end of a truncated file (such as a GIF) as missing data and
+/// read again forever. They hold libav's lock, so encoders cannot stop. FLUSHING makes them end the stream
+/// and output what they have read.
 GstPadProbeReturn Source::on_pull(GstPad*, GstPadProbeInfo* info, gpointer self) {
   Source* source = static_cast<Source*>(self);
   if (source->pulled_ > 0 && GST_PAD_PROBE_INFO_OFFSET(info) >= source->pulled_)
@@ -504,7 +507,7 @@ GstPadProbeReturn Source::on_pull(GstPad*, GstPadProbeInfo* info, gpointer self)
   return GST_PAD_PROBE_HANDLED;
 }
 
-/// Hides edit lists from qtdemux that it does not follow to the frame; on_decoded() follows them.
+/// Replaces edit lists that qtdemux would not follow exactly; on_decoded() applies the original ones.
 GstPadProbeReturn Source::on_index(GstPad*, GstPadProbeInfo* info, gpointer self) {
   const std::uint64_t begin = GST_PAD_PROBE_INFO_OFFSET(info);
   for (const IsoTrack& track : static_cast<Source*>(self)->tables_)
@@ -559,8 +562,9 @@ GstPadProbeReturn Source::on_encoded(GstPad* pad, GstPadProbeInfo* info, gpointe
   return GST_PAD_PROBE_OK;
 }
 
-/// qtdemux 1.22 calls the range of every colr box limited, and parsers and decoders believe it instead of the
-/// stream. The box may say full; else the range is left open, so that the decoder tells it.
+/// qtdemux 1.22 reports a limited range for every colr box, and parsers and decoders prefer that to the
+/// stream's own value. Sets the full range when the box declares it; otherwise the range is left unknown, and
+/// the decoder sets it.
 GstPadProbeReturn Source::on_encoded_caps(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
   const Source* source = static_cast<Track*>(data)->source;
   if (!source->is_iso_media_ || GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) != GST_EVENT_CAPS)
@@ -574,8 +578,8 @@ GstPadProbeReturn Source::on_encoded_caps(GstPad* pad, GstPadProbeInfo* info, gp
   return GST_PAD_PROBE_OK;
 }
 
-/// Fills in what a decoder leaves open. GStreamer 1.22 takes the default for all of it where the matrix is
-/// unknown, and so forgets that the range is full.
+/// Sets range and matrix where a decoder leaves them unknown. With an unknown matrix GStreamer 1.22 replaces
+/// the whole colorimetry by the default, and a full range is lost.
 GstPadProbeReturn Source::on_decoded_caps(GstPad*, GstPadProbeInfo* info, gpointer) {
   GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
   if (GST_EVENT_TYPE(event) != GST_EVENT_CAPS)
@@ -608,8 +612,8 @@ std::uint64_t Source::lost() const {
   std::vector<GstClockTime> in = taken_->encoded, out = decoded_;
   std::sort(in.begin(), in.end());
   std::sort(out.begin(), out.end());
-  // Before the first and behind the last that came out lies what the file itself trims. A picture needs no
-  // other to be decoded.
+  // The file itself trims frames before the first and after the last decoded one. This does not apply to
+  // still pictures, which are decoded independently.
   if (!taken_->pictures) {
     in.erase(in.begin(), std::lower_bound(in.begin(), in.end(), out.front()));
     in.erase(std::upper_bound(in.begin(), in.end(), out.back()), in.end());
@@ -617,9 +621,9 @@ std::uint64_t Source::lost() const {
   std::vector<GstClockTime> lost;
   std::set_difference(in.begin(), in.end(), out.begin(), out.end(), std::back_inserter(lost));
   if (const IsoTrack* track = table();
-      track && track->followed_here()) // what an edit cuts away need not come
+      track && track->followed_here()) // frames that no edit shows are not lost
     std::erase_if(lost, [track](GstClockTime time) { return !track->shown_at(time); });
-  // When nothing matches the decoder made times of its own, and nothing can be told.
+  // If no time matches, the decoder assigned new times, and the number is unknown.
   return lost.size() + 1 < in.size() ? lost.size() : 0;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The decoding half of a pipeline: a file, a URI or a list of images becomes raw, upright, progressive video.
+// The decoding part of a pipeline: turns a file, a URI or a list of images into raw, upright, progressive
+// video.
 #pragma once
 
 #include <gst/gst.h>
@@ -20,7 +21,7 @@
 
 namespace terrainseg::process {
 
-/// The problem of a source of which nothing more is known: an error says more.
+/// The problem of a source without any details. An error message, if there is one, is more precise.
 inline constexpr const char* no_video = "there is no video in it";
 
 class Source {
@@ -29,44 +30,45 @@ class Source {
   Source(const Source&) = delete;
   Source& operator=(const Source&) = delete;
 
-  /// The bin with one pad "src"; belongs to whoever adds it to a pipeline, and must be stopped (NULL) before
-  /// the Source goes.
+  /// The bin with one pad "src". A pipeline must take ownership of it, and must set it to NULL before the
+  /// Source is destroyed.
   GstElement* bin() const { return bin_; }
 
   bool has_video() const { return linked_; }
-  /// True when nothing works on the input any more although no video came: some demuxers give up a cut file
-  /// without a word.
+  /// True when no thread processes the input although no video was found: some demuxers stop at a truncated
+  /// file without an error.
   bool has_given_up() const;
-  /// What it holds instead of video, for a message; empty when nothing is known.
+  /// The media types of the input's other streams, for a message; empty when unknown.
   std::string other_streams() const;
-  /// Why feeding or linking failed; empty when it did not.
+  /// Why reading an image or linking failed; empty when neither did.
   std::string problem() const;
   Cause cause() const; ///< of the problem
-  /// Frames that the decoder marked as damaged. Those before the first sound frame do not count: a file that
-  /// is trimmed inside an open group of pictures begins like that, and a player shows them.
+  /// Number of frames that the decoder marked as damaged. Frames before the first undamaged one do not count:
+  /// a file that is trimmed inside an open group of pictures starts with such frames.
   std::uint64_t corrupted() const { return corrupted_; }
-  /// Frames that went into the decoder behind the first that came out, and never came out themselves. 0 where
-  /// that cannot be told: hidden frames (VP8, VP9, AV1), fields, files without times. When stopped only.
+  /// Number of frames after the first decoded one that the decoder received but did not output. 0 when this
+  /// is unknown: codecs with hidden frames (VP8, VP9, AV1), fields, files without times. Call it only after
+  /// the pipeline has stopped.
   std::uint64_t lost() const;
-  /// False where a frame that goes into the decoder need not come out of it.
+  /// False when the decoder may output fewer frames than it receives.
   bool is_countable() const;
-  /// Which of several video tracks was taken, for a message; empty when there is but one.
+  /// Which of several video tracks is used, for a message; empty when there is only one.
   std::string choice() const;
-  /// Which images of a sequence end early, for a message; empty when none does.
+  /// The truncated images of a sequence, for a message; empty when there are none.
   std::string cut_images() const;
-  /// Why the video tracks that the tables of its file list gave no frame; empty when they list none.
+  /// Why the video tracks in the file's tables gave no frame; empty when there are no such tracks.
   std::string listed() const;
-  /// Frames of the track that the tables of its file promise; 0 where they are unknown.
+  /// Number of frames of the track according to the file's tables; 0 when unknown.
   std::uint64_t promised() const;
-  /// The image that a decoder which has given out `frames` frames was busy with; empty for other inputs.
+  /// The image that is decoded after `frames` frames; empty for other inputs.
   std::string image_after(std::uint64_t frames) const;
-  /// Ends the stream as if the input were over: for a decoder that failed without doing so itself.
+  /// Sends EOS as at the end of the input, for a decoder that failed without sending it.
   void end();
 
  private:
   void build_decoder();
   void build_image_feeder(const Options& options);
-  /// A video track: what goes into its decoder.
+  /// A video track and the frames that its decoder receives.
   struct Track {
     GstElement* decoder;
     bool countable = true;
@@ -74,7 +76,7 @@ class Source {
     std::vector<GstClockTime> encoded; ///< times of its frames
     const Source* source = nullptr;
   };
-  /// What its file says of the taken track; null for other containers.
+  /// The file's tables of the used track; null for other containers.
   const IsoTrack* table() const { return table(track_id_); }
   const IsoTrack* table(unsigned track_id) const;
   Track* track_of(GstPad* pad);
@@ -103,29 +105,29 @@ class Source {
   GstElement* bin_ = nullptr;
   GstElement* tail_ = nullptr;   ///< the queue that ends the bin
   GstElement* feeder_ = nullptr; ///< the appsrc of an image sequence
-  std::size_t next_image_ = 0;   ///< feeder's thread only
+  std::size_t next_image_ = 0;   ///< used by the feeder's thread only
   int fps_numerator_ = 30, fps_denominator_ = 1;
   std::string image_type_;               ///< media type of the first image; feeder's thread only
-  std::string orientation_ = "rotate-0"; ///< of the last image; its streaming thread
+  std::string orientation_ = "rotate-0"; ///< of the last image; streaming thread only
   std::atomic<bool> linked_{false};
   std::atomic<bool> is_iso_media_{false}; ///< qtdemux reads it
   std::atomic<std::uint64_t> corrupted_{0};
-  bool sound_ = false;                ///< streaming thread: a frame came out that is not damaged
-  bool countable_ = true;             ///< one frame out per frame in; streaming threads
-  std::vector<GstClockTime> decoded_; ///< times of the frames that came out; a streaming thread
+  bool sound_ = false;                ///< an undamaged frame was decoded; streaming thread only
+  bool countable_ = true;             ///< one frame out per frame in; streaming threads only
+  std::vector<GstClockTime> decoded_; ///< times of the decoded frames; streaming thread only
   std::vector<std::unique_ptr<Track>> tracks_;
   Track* taken_ = nullptr;
-  PadPointer picture_; ///< a track of pictures, taken when no other video is there
+  PadPointer picture_; ///< a track of still pictures, used when there is no other video
   int videos_ = 0, taken_number_ = 0;
-  unsigned track_id_ = 0;              ///< of the container; 0 = unknown
+  unsigned track_id_ = 0;              ///< number of the used track in the container; 0 = unknown
   const std::vector<IsoTrack> tables_; ///< of an MP4 or MOV file
-  std::uint64_t pulled_ = 0;           ///< end of what a libav demuxer has read; its thread only
-  std::uint64_t pulls_at_end_ = 0;     ///< how often it asked for more behind that; its thread only
-  mutable std::mutex mutex_;           ///< guards those below and tracks_
+  std::uint64_t pulled_ = 0;           ///< end of the bytes that a libav demuxer has read; its thread only
+  std::uint64_t pulls_at_end_ = 0;     ///< consecutive reads after that end; its thread only
+  mutable std::mutex mutex_;           ///< protects the members below and tracks_
   std::string problem_;
   Cause cause_ = Cause::none;
   std::string other_streams_;
-  std::string cut_image_; ///< the first
+  std::string cut_image_; ///< path of the first truncated image
   std::uint64_t cut_images_ = 0;
 };
 

@@ -90,7 +90,7 @@ Fault damage_of(const Ended& run) {
     return {};
   const std::string& warning = run.complaints.decoder_warning();
   if (!image.empty())
-    return damaged(image + ": no picture came out of it" + (warning.empty() ? "" : ": " + warning));
+    return damaged(image + ": it could not be decoded" + (warning.empty() ? "" : ": " + warning));
   if (Fault cut = cut_off(run.input); cut.cause != Cause::none)
     return cut;
   if (!warning.empty())

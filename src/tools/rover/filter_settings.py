@@ -150,7 +150,7 @@ def set_text(element, name, value):
         if in_range:
             Gst.parse_launch(f'terrainseg {name}="{quoted}"')
     except (ValueError, GLib.Error):
-        raise ValueError(f'{name} = {value!r} is no {spec.value_type.name}; gst-inspect-1.0 terrainseg tells what it takes') from None
+        raise ValueError(f'{name} = {value!r} is not a {spec.value_type.name}; gst-inspect-1.0 terrainseg lists the values') from None
     if not in_range:
         raise ValueError(f'{name} = {value}: must be {least}..{most}')
     Gst.util_set_object_arg(element, name, value)

@@ -3,9 +3,9 @@
 const $ = id => document.getElementById(id);
 const at = path => new URL(path, location.origin); // without the user's name that an address may hold
 const HELP = {
-  '': '', window: 'Drag over the ground right in front of the rover: what lies in the window is learned. Reset: as preset and frame size say.',
-  ignore: 'Drag over parts of the vehicle or burnt-in text; tap a region to take it away.',
-  horizon: 'Tap or drag to where the plain ends. Reset: the filter finds it.',
+  '': '', window: 'Drag over the ground right in front of the rover: the filter learns from this window. Reset: the default window.',
+  ignore: 'Drag over parts of the vehicle or burnt-in text; tap a region to remove it.',
+  horizon: 'Tap or drag to the line at which level ground ends. Reset: the filter finds it.',
 };
 const seen = {pictures: 0, statuses: 0}; // also read by tests
 const view = $('view'), canvas = $('picture'), video = $('video'), marks = $('marks');
@@ -241,7 +241,7 @@ function useH264(on) {
   $('h264').setAttribute('aria-pressed', on);
   video.hidden = !on;
   canvas.hidden = on;
-  stopStream(); // begins anew with or without pictures
+  stopStream(); // restarts it with or without pictures
   if (!on) return;
   peer.ontrack = event => { video.srcObject = event.streams[0] || new MediaStream([event.track]); };
   peer.onconnectionstatechange = () => {

@@ -383,7 +383,7 @@ class Rover:
     def add_region(self, sides):
         with self.lock:
             if len(self.regions) >= MOST_REGIONS:
-                raise ValueError(f'there are {MOST_REGIONS} regions already')
+                raise ValueError(f'at most {MOST_REGIONS} regions are possible')
             width, height = self.frame_size()
             x, y, w, h = self.rectangle(sides)
             left, top = round(x * width), round(y * height)
@@ -472,7 +472,7 @@ class Rover:
         with self.lock:
             self.wants_recording = True
             if self.problem:
-                self.note = 'recording: begins when the camera is there'
+                self.note = 'recording: starts with the first frame of the camera'
             if self.recording or self.problem:
                 return
             mcap = has('terrainmcapsink')

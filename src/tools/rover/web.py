@@ -127,7 +127,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             raise Refused(403, 'Host or Origin is not valid') from None
         here = self.connection.getsockname()[0].removeprefix('::ffff:')
         if host not in self.server.names and host != here:
-            raise Refused(403, f'the rover does not go by the name {host[:80]!r}; --name {host[:80]} lets it')
+            raise Refused(403, f'the host name {host[:80]!r} is not allowed; start terrainseg-rover with --name {host[:80]}')
         other = self.headers.get('Sec-Fetch-Site') in ('cross-site', 'same-site') and self.path.split('?')[0] != '/'
         if not same or other:
             raise Refused(403, 'the request comes from the page of another site')
@@ -151,7 +151,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         if not cookie or not right(cookie.value):
             raise Refused(401, 'open the address with the token that terrainseg-rover printed')
         if self.command == 'POST' and not from_page:
-            raise Refused(403, 'a browser names its Origin; programs send the token as Authorization: Bearer')
+            raise Refused(403, 'the header Origin is missing; programs send the token as Authorization: Bearer')
 
     def body(self):
         try:
@@ -267,7 +267,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         """Multipart stream of pictures and the status; a slow viewer gets fewer pictures."""
         rover, peer = self.server.rover, self.query.get('peer', [''])[0]
         if not self.server.viewers.acquire(blocking=False):
-            raise Refused(503, f'{MOST_VIEWERS} viewers are looking already')
+            raise Refused(503, f'at most {MOST_VIEWERS} viewers are possible')
         seen = rover.begin_watching('pictures') if pictures else None
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)  # a small buffer, because queued pictures are shown late
