@@ -192,7 +192,7 @@ void MetricStage::find_ticks(const metric::Mount& mount, double range_max) {
 }
 
 void MetricStage::watch_horizon(const Estimate& e, const metric::Mount& mount, GstClockTime running_time) {
-  constexpr int sure = 128;
+  constexpr int sure = 80;
   if (e.horizon_row < 0 || e.horizon_confidence < sure || (e.flags & flag_horizon_held) ||
       !GST_CLOCK_TIME_IS_VALID(running_time))
     return;
