@@ -438,9 +438,10 @@ TEST(WindowStill, ADashboardIsNoted) {
 }
 
 TEST(WindowStill, NoPlaceIsTakenForADashboard) {
-  for (const Kind kind : {Kind::road, Kind::trail, Kind::corridor, Kind::plain})
-    for (const Motion motion : {Motion::straight, Motion::turn, Motion::bumpy})
-      EXPECT_EQ(still_frames(kind, motion, false), 0) << static_cast<int>(kind) << static_cast<int>(motion);
+  for (const auto& [kind, motion] :
+       {std::pair(Kind::road, Motion::straight), std::pair(Kind::trail, Motion::turn),
+        std::pair(Kind::corridor, Motion::straight), std::pair(Kind::plain, Motion::bumpy)})
+    EXPECT_EQ(still_frames(kind, motion, false), 0) << static_cast<int>(kind);
 }
 
 } // namespace
