@@ -41,6 +41,13 @@ GstElement* decoder_of(GstPad* pad) {
   return nullptr;
 }
 
+/// The element before one in the same bin; null when there is none.
+ElementPointer element_before(GstElement* element) {
+  const PadPointer sink(gst_element_get_static_pad(element, "sink"));
+  const PadPointer peer(sink ? gst_pad_get_peer(sink.get()) : nullptr);
+  return ElementPointer(peer ? gst_pad_get_parent_element(peer.get()) : nullptr);
+}
+
 /// True when the pad's stream was encoded as still pictures.
 bool is_picture(GstPad* pad) {
   const ElementPointer decoder(decoder_of(pad));
@@ -297,17 +304,24 @@ void Source::pad_added(GstPad* pad) {
                     std::string(gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)));
 }
 
-Source::Track* Source::track_of(GstPad* pad) {
-  const ElementPointer decoder(decoder_of(pad));
+Source::Track* Source::track_of(const GstElement* element) {
   const std::lock_guard lock(mutex_);
   for (const auto& track : tracks_)
-    if (track->decoder == decoder.get())
+    if (track->element == element)
       return track.get();
   return nullptr;
 }
 
 void Source::take(GstPad* pad) {
-  taken_ = track_of(pad);
+  const ElementPointer decoder(decoder_of(pad));
+  taken_ = track_of(decoder.get());
+  // Since GStreamer 1.24 a parser of pictures drops those that it does not understand before they are
+  // decoded.
+  ElementPointer before = decoder ? element_before(decoder.get()) : ElementPointer();
+  while (before && !parsed_) {
+    parsed_ = track_of(before.get());
+    before = element_before(before.get());
+  }
   track_id_ = track_id_of(pad);
   taken_number_ = videos_;
   linked_ = link_video(pad);
@@ -476,12 +490,16 @@ void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer se
                       static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BLOCK),
                       on_pull, self, nullptr);
   }
-  if (!factory || !gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_DECODER |
-                                                                 GST_ELEMENT_FACTORY_TYPE_MEDIA_VIDEO |
-                                                                 GST_ELEMENT_FACTORY_TYPE_MEDIA_IMAGE))
+  const auto is = [factory](GstElementFactoryListType type) {
+    return factory && gst_element_factory_list_is_type(factory, type);
+  };
+  const bool decodes = is(GST_ELEMENT_FACTORY_TYPE_DECODER | GST_ELEMENT_FACTORY_TYPE_MEDIA_VIDEO |
+                          GST_ELEMENT_FACTORY_TYPE_MEDIA_IMAGE);
+  if (!decodes && !is(GST_ELEMENT_FACTORY_TYPE_PARSER | GST_ELEMENT_FACTORY_TYPE_MEDIA_IMAGE))
     return;
   Source* source = static_cast<Source*>(self);
-  bound_threads(element, source->threads_);
+  if (decodes)
+    bound_threads(element, source->threads_);
   const PadPointer sink(gst_element_get_static_pad(element, "sink"));
   if (!sink)
     return;
@@ -489,7 +507,8 @@ void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer se
   source->tracks_.push_back(std::make_unique<Track>(Track{element, true, false, {}, source}));
   Track* track = source->tracks_.back().get();
   gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, track, nullptr);
-  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_encoded_caps, track, nullptr);
+  if (decodes)
+    gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_encoded_caps, track, nullptr);
 }
 
 /// libav's demuxers in GStreamer 1.22 treat the end of a truncated file (such as a GIF) as missing data and
@@ -609,7 +628,8 @@ bool Source::is_countable() const {
 std::uint64_t Source::lost() const {
   if (!is_countable() || decoded_.empty() || taken_->encoded.empty())
     return 0;
-  std::vector<GstClockTime> in = taken_->encoded, out = decoded_;
+  const bool parsed = parsed_ && parsed_->countable && parsed_->encoded.size() > taken_->encoded.size();
+  std::vector<GstClockTime> in = (parsed ? parsed_ : taken_)->encoded, out = decoded_;
   std::sort(in.begin(), in.end());
   std::sort(out.begin(), out.end());
   // The file itself trims frames before the first and after the last decoded one. This does not apply to

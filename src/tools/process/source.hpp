@@ -68,9 +68,9 @@ class Source {
  private:
   void build_decoder();
   void build_image_feeder(const Options& options);
-  /// A video track and the frames that its decoder receives.
+  /// A video track and the frames that its decoder, or its parser of pictures, receives.
   struct Track {
-    GstElement* decoder;
+    GstElement* element;
     bool countable = true;
     bool pictures = false;             ///< each can be decoded without the others
     std::vector<GstClockTime> encoded; ///< times of its frames
@@ -79,7 +79,7 @@ class Source {
   /// The file's tables of the used track; null for other containers.
   const IsoTrack* table() const { return table(track_id_); }
   const IsoTrack* table(unsigned track_id) const;
-  Track* track_of(GstPad* pad);
+  Track* track_of(const GstElement* element);
   void take(GstPad* pad);
   void feed();
   GstBuffer* read_image(const std::filesystem::path& path, std::string& type);
@@ -117,7 +117,8 @@ class Source {
   std::vector<GstClockTime> decoded_; ///< times of the decoded frames; streaming thread only
   std::vector<std::unique_ptr<Track>> tracks_;
   Track* taken_ = nullptr;
-  PadPointer picture_; ///< a track of still pictures, used when there is no other video
+  Track* parsed_ = nullptr; ///< of the parser before the used track's decoder, where there is one
+  PadPointer picture_;      ///< a track of still pictures, used when there is no other video
   int videos_ = 0, taken_number_ = 0;
   unsigned track_id_ = 0;              ///< number of the used track in the container; 0 = unknown
   const std::vector<IsoTrack> tables_; ///< of an MP4 or MOV file
