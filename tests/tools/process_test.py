@@ -1528,8 +1528,9 @@ def trimmed_files_give_every_frame_that_a_player_shows(folder):
             # ffmpeg moves all frames by as much as the first begins behind its edit, so that it is at 0.
             moved = [a - b for a, b in zip(pts, shown)]
             assert 0 <= pts[0] < 40e6 and max(abs(each - pts[0]) for each in moved) < 2e3, (codec, start, pts, shown)
-            worst = max(differences('trim.mp4', 'out/trim.annotated.mp4', size))
-            assert worst < 8, (codec, start, worst)
+            # FFmpeg 7 shows pictures whose reference was trimmed away, too: what is in them differs from run to run.
+            apart = differences('trim.mp4', 'out/trim.annotated.mp4', size)
+            assert max(apart[:3]) < 16 and max(apart[3:]) < 8, (codec, start, apart)
 
 
 @case
