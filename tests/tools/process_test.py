@@ -1611,7 +1611,9 @@ def colours_keep_their_tags(folder):
             ('hlg.mkv', '320x180', ('bt2020nc', 'arib-std-b67', 'bt2020'), hdr)):
         space, transfer, primaries = wanted
         drive(name, *encoder, '-colorspace', space, '-color_trc', transfer, '-color_primaries', primaries,
-              '-vf', f'scale={size.replace("x", ":")}:out_color_matrix={space.replace("bt2020nc", "bt2020")}', frames=5)
+              '-vf', f'scale={size.replace("x", ":")}:out_color_matrix={space.replace("bt2020nc", "bt2020")},'
+                     f'setparams=color_trc={transfer}:color_primaries={primaries}', frames=5)
+        equal(tuple(probe(name).get(tag) for tag in tags), wanted, f'tags of {name} before')
         ok('-q', '-o', 'out', '--outputs', 'annotated', '--quality', '5', '--set', 'overlay-alpha=0', name)
         made = f'out/{pathlib.Path(name).stem}.annotated.mp4'
         equal(tuple(probe(made).get(tag) for tag in tags), wanted, f'tags of {name}')
