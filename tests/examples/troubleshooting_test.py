@@ -92,6 +92,18 @@ def window_does_not_fit(folder):
     assert 'WARNING' not in launch(f'{SCENE} ! terrainseg window-rect=0.3,0.7,0.4,0.2 ! fakesink')
 
 
+@row('a warning that the window does not change')
+def window_shows_the_vehicle(folder):
+    def pipeline(setting):
+        return ('compositor name=c sink_1::ypos=130 ! video/x-raw,format=I420,width=320,height=180 '
+                f'! terrainseg {setting} ! fakesink terrainscenesrc scene=trail num-buffers=150 '
+                '! video/x-raw,width=320,height=180,framerate=30/1 ! c. '
+                'videotestsrc pattern=circular num-buffers=150 ! video/x-raw,width=320,height=50,framerate=30/1 ! c.')
+    contains(launch(pipeline('window-bottom=0')), 'The training window does not change')
+    for remedy in 'window-bottom=50', 'window-rect=0.35,0.55,0.3,0.15':
+        assert 'does not change' not in launch(pipeline(remedy)), remedy
+
+
 @row('everything is grey')
 def everything_is_grey(folder):
     for setting in 'learning=false', 'near-clear=false':
