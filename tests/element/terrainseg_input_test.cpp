@@ -788,7 +788,7 @@ TEST(Input, ADashboardInTheWindowIsWarnedOfOnce) {
       ASSERT_EQ(rig.push(frame_with_dashboard(k)), GST_FLOW_OK);
       const auto out = rig.pull();
       flags = EstimateReader(out.get()).estimate().flags;
-      EXPECT_EQ((flags & flag_window_still) != 0, guarded && k >= 12) << k;
+      EXPECT_EQ((flags & flag_window_still) != 0, guarded && k >= 8) << k;
     }
     const auto warnings = rig.warnings();
     ASSERT_EQ(warnings.size(), guarded ? 1u : 0u);

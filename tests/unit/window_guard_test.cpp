@@ -129,8 +129,8 @@ class Still : public testing::Test {
   int above_ = 0, in_ = 0;
 };
 
-TEST_F(Still, ADashboardInTheWindowAfterTwelveChanges) {
-  EXPECT_EQ(frames_until_still(5, 0), 13); // the first frame has none before it
+TEST_F(Still, ADashboardInTheWindowAfterEightChanges) {
+  EXPECT_EQ(frames_until_still(5, 0), 9); // the first frame has none before it
   EXPECT_TRUE(look(0, 0));                 // the vehicle stops: nothing more is known
 }
 
@@ -167,7 +167,7 @@ TEST_F(Still, MarkingsAlongTheWayAreNoDashboard) {
 // The edge of a bonnet crosses all columns of the window.
 TEST_F(Still, TheEdgeOfABonnet) {
   paint_ = [](int row, int, int) { return row >= 35 ? 80 : 0; };
-  EXPECT_EQ(frames_until_still(5, 0), 13);
+  EXPECT_EQ(frames_until_still(5, 0), 9);
 }
 
 TEST_F(Still, ASlowVehicleNeedsMoreFrames) {
@@ -176,7 +176,7 @@ TEST_F(Still, ASlowVehicleNeedsMoreFrames) {
   for (int frame = 1; frame <= 100 && frames == 0; ++frame)
     if (look(frame % 4 == 0 ? 3 : 0, 0))
       frames = frame;
-  EXPECT_EQ(frames, 48);
+  EXPECT_EQ(frames, 32);
 }
 
 TEST_F(Still, EndsWhenTheWindowIsMovedOntoTheGround) {
@@ -198,7 +198,7 @@ TEST_F(Still, AnotherSizeOfTheGridStartsAgain) {
 
 TEST_F(Still, AWindowAtTheEdgesOfTheGrid) {
   window_ = {0, 38, width, 2};
-  EXPECT_EQ(frames_until_still(5, 0), 13);
+  EXPECT_EQ(frames_until_still(5, 0), 9);
   still_ = {};
   window_ = {0, 0, width, height};
   EXPECT_EQ(frames_until_still(5, 0), 0); // no picture above it

@@ -70,7 +70,7 @@ TERRAINSEG_TUNED(int, still_window, least_contrast, 6);
 /// Inverse of the largest share of the window's cells with contrast that have changed while it is still.
 TERRAINSEG_TUNED(int, still_window, most_changed, 8);
 /// Changes of the picture above the window until the window is still, and the largest count.
-TERRAINSEG_TUNED(int, still_window, enough, 12);
+TERRAINSEG_TUNED(int, still_window, enough, 8);
 TERRAINSEG_TUNED(int, still_window, most, 16);
 
 /// Cells with contrast, and those of them that have changed.
