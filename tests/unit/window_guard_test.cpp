@@ -131,7 +131,7 @@ class Still : public testing::Test {
 
 TEST_F(Still, ADashboardInTheWindowAfterEightChanges) {
   EXPECT_EQ(frames_until_still(5, 0), 9); // the first frame has none before it
-  EXPECT_TRUE(look(0, 0));                 // the vehicle stops: nothing more is known
+  EXPECT_TRUE(look(0, 0));                // the vehicle stops: nothing more is known
 }
 
 TEST_F(Still, GroundMovesWithThePicture) {
