@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # terrainros2sink beside the other implementation of DDS, Fast DDS, in a network namespace of its own: scans and masks byte for byte,
 # readers of every kind, before and after the sink, one that stops, poses and hostile messages, a second interface and a second machine,
-# and the processor time when nobody reads.
+# and the processor time without a reader.
 # usage: tests/ci/ros2.sh [BUILD_FOLDER]
 #   BUILD_FOLDER  a build that is there (default: build-release, else build)
 # Without Fast DDS or the right to make a network namespace it says so and ends with 77: skipped.
@@ -185,7 +185,7 @@ else
 fi
 kill "$machine"
 
-echo "== nobody reads: processor time at 30 frames/s, side by side, after the start, the median of five times 4 s"
+echo "== without a reader: processor time at 30 frames/s, side by side, after the start, the median of five times 4 s"
 runs() {
   gst-launch-1.0 -q videotestsrc is-live=true ! video/x-raw,format=I420,width=320,height=180,framerate=30/1 \
     ! terrainseg "${metres[@]}" ! "$@" &
@@ -201,15 +201,15 @@ for _ in 1 2 3; do # a busy machine gets three tries
     a=$(spent $plain) b=$(spent $sink)
     sleep 4
     echo "$(($(spent $plain) - a)) $(($(spent $sink) - b))" | awk '{ printf "%.2f %.2f %.2f\n", ($2 - $1) / 40000, $1 / 40000, $2 / 40000 }'
-  done | sort -n | sed -n 3p >nobody
-  read -r more nothing taken <nobody
+  done | sort -n | sed -n 3p >median
+  read -r more nothing taken <median
   echo "fakesink $nothing %, terrainros2sink $taken % of a core: $more more"
   awk -v more="$more" 'BEGIN { exit !(more < 0.5) }' && status=0 || status=1
   [ $status -ne 0 ] || break
 done
 kill $plain $sink
 wait $plain $sink || true
-mark $status "nobody reads, and the sink takes $taken % instead of $nothing %"
+mark $status "without a reader the sink takes $taken % instead of $nothing %"
 
 echo "$passed passed, $failed failed"
 [ "$failed" -eq 0 ]
