@@ -29,30 +29,33 @@ TERRAINSEG_TUNED(int, window_guard, patience, 64); ///< frames
 bool WindowGuard::refuses(const CellBins& cells, const LikelihoodTables& tables, int grid_width,
                           const Rectangle& window) {
   // A thing may fill a third of the window only: each third is compared too.
-  std::array<std::int64_t, parts> inside{};
-  std::int64_t beside = 0;
-  const std::int64_t cells_beside = std::int64_t{grid_width - window.width} * window.height;
+  struct Scores {
+    std::int64_t sum = 0, cells = 0;
+    void add(std::int64_t score, std::int64_t count = 1) {
+      sum += score;
+      cells += count;
+    }
+  };
+  std::array<Scores, parts> thirds;
+  Scores beside;
   for (int i = window.y; i < window.y + window.height; ++i)
     for (int j = 0; j < grid_width; ++j) {
       const std::size_t cell = static_cast<std::size_t>(i) * grid_width + j;
-      const int score = std::clamp(tables.color[cells.color[cell]] + tables.texture[cells.texture[cell]],
-                                   -score_limit, score_limit);
-      if (j >= window.x && j < window.x + window.width)
-        inside[static_cast<std::size_t>((j - window.x) * parts / window.width)] += score;
-      else
-        beside += score;
+      const bool in_window = j >= window.x && j < window.x + window.width;
+      (in_window ? thirds[static_cast<std::size_t>((j - window.x) * parts / window.width)] : beside)
+          .add(std::clamp(tables.color[cells.color[cell]] + tables.texture[cells.texture[cell]], -score_limit,
+                          score_limit));
     }
-  const auto differs = [&](std::int64_t sum, int columns, const Limits& limits) {
-    const std::int64_t count = std::int64_t{columns} * window.height;
-    return count > 0 && cells_beside > 0 && sum < limits.inside * count &&
-           beside * count - sum * cells_beside > limits.gap * count * cells_beside;
+  const auto differs = [&beside](const Scores& inside, const Limits& limits) {
+    return inside.cells > 0 && beside.cells > 0 && inside.sum < limits.inside * inside.cells &&
+           beside.sum * inside.cells - inside.sum * beside.cells > limits.gap * inside.cells * beside.cells;
   };
-  const auto columns_of = [&](int part) { // rounded as in the sums
-    return (window.width * (part + 1) + parts - 1) / parts - (window.width * part + parts - 1) / parts;
-  };
-  bool foreign = differs(inside[0] + inside[1] + inside[2], window.width, held_ > 0 ? to_stay : to_enter);
-  for (int part = 0; part < parts; ++part)
-    foreign |= differs(inside[static_cast<std::size_t>(part)], columns_of(part), of_a_third);
+  Scores whole;
+  for (const Scores& third : thirds)
+    whole.add(third.sum, third.cells);
+  const bool foreign = differs(whole, held_ > 0 ? to_stay : to_enter) ||
+                       std::any_of(thirds.begin(), thirds.end(),
+                                   [&](const Scores& third) { return differs(third, of_a_third); });
   if (!foreign || held_ >= patience) {
     // After the limit is reached the count decreases slowly, so that the decision does not alternate.
     held_ = std::max(held_ - 4, 0);
