@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <stdexcept>
 
 #include <opencv2/imgcodecs.hpp>
@@ -116,6 +117,15 @@ cv::Mat3b judged(const cv::Mat3b& picture, const cv::Mat1b& labels, const cv::Ma
         out(y, x)[c] = static_cast<std::uint8_t>((out(y, x)[c] + color[c]) / 2);
     }
   return out;
+}
+
+std::vector<int> frames_of_sheet(int count) {
+  constexpr int row = 4;
+  std::set<int> chosen;
+  for (const int first : {0, (count - row) / 2, count - row})
+    for (int i = std::max(first, 0); i < std::min(first + row, count); ++i)
+      chosen.insert(i);
+  return {chosen.begin(), chosen.end()};
 }
 
 cv::Mat contact_sheet(const std::vector<Tile>& tiles, int across, int width) {

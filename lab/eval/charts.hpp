@@ -23,6 +23,10 @@ cv::Mat chart(const std::string& title, const std::string& x_name, const std::st
 /// A frame with what is right (green), wrongly called ground (red), missed (blue) and doubtful (yellow).
 cv::Mat3b judged(const cv::Mat3b& picture, const cv::Mat1b& labels, const cv::Mat1b& mask);
 
+/// Of `count` frames in the order of their error: up to four of the best, of the middle and of the worst,
+/// each once, in that order.
+std::vector<int> frames_of_sheet(int count);
+
 /// Pictures in rows of `across`, each scaled to `width` and captioned.
 struct Tile {
   cv::Mat picture;

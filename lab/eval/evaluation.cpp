@@ -20,24 +20,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Four of the best, of the middle and of the worst frames.
+/// Four of the best, of the middle and of the worst frames, each at most once, by error.
 void draw_sheet(const fs::path& folder, const Figures& f, const std::vector<Sample>& samples,
                 const std::vector<cv::Mat1b>& masks) {
   std::vector<FrameFigures> order = f.frames;
   std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.error < b.error; });
-  std::vector<Tile> tiles;
   const int count = static_cast<int>(order.size()), across = std::min(count, 4);
-  for (const double place : {0.0, 0.5, 1.0}) {
-    const int first = std::clamp(static_cast<int>(place * count) - (place > 0.9 ? across
-                                                                    : place > 0 ? across / 2
-                                                                                : 0),
-                                 0, count - across);
-    for (int k = 0; k < across; ++k) {
-      const FrameFigures& frame = order[static_cast<std::size_t>(first + k)];
-      tiles.push_back(
-          {judged(samples[frame.index].picture.bgr(), samples[frame.index].labels, masks[frame.index]),
-           "frame " + std::to_string(frame.index) + ": " + number(frame.error) + " % wrong"});
-    }
+  std::vector<Tile> tiles;
+  for (const int i : frames_of_sheet(count)) {
+    const FrameFigures& frame = order[static_cast<std::size_t>(i)];
+    tiles.push_back(
+        {judged(samples[frame.index].picture.bgr(), samples[frame.index].labels, masks[frame.index]),
+         "frame " + std::to_string(frame.index) + ": " + number(frame.error) + " % wrong"});
   }
   save(folder / (f.sequence + "-sheet.jpg"), contact_sheet(tiles, across, 320));
 }

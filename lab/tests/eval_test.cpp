@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
 
+#include "lab/eval/charts.hpp"
 #include "lab/eval/comparison.hpp"
 #include "lab/eval/engines.hpp"
 #include "lab/eval/evaluation.hpp"
@@ -769,6 +770,15 @@ TEST_F(EvalSequence, SettingsWithoutEffectAreNamed) {
   for (const char* engine : {"paper,texture=false", "paper,threshold=2.1", "default,motion=off",
                              "default,threshold=2.1,free-space=false", "paper,window-bottom=4"})
     EXPECT_NO_THROW(run(engine)) << engine;
+}
+
+TEST(Sheet, ShowsEachFrameOnce) {
+  using Frames = std::vector<int>;
+  EXPECT_EQ(frames_of_sheet(0), Frames());
+  EXPECT_EQ(frames_of_sheet(3), (Frames{0, 1, 2}));
+  EXPECT_EQ(frames_of_sheet(5), (Frames{0, 1, 2, 3, 4}));
+  EXPECT_EQ(frames_of_sheet(12), (Frames{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11}));
+  EXPECT_EQ(frames_of_sheet(100), (Frames{0, 1, 2, 3, 48, 49, 50, 51, 96, 97, 98, 99}));
 }
 
 } // namespace

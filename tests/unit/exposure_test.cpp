@@ -2,6 +2,9 @@
 #include "freespace/look/color_bins.hpp"
 
 #include <algorithm>
+#include <random>
+#include <tuple>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -80,6 +83,70 @@ TEST(Exposure, AModelKeepsItsShapeInTheDark) {
   ASSERT_GT(square, std::uint64_t{1} << 31);
   EXPECT_EQ(dark.variance[1], (std::uint64_t{1} << 40) / square);
   EXPECT_EQ(dark.variance[2], (std::uint64_t{1} << 42) / square);
+}
+
+// An oracle in floating point: the mean over the columns and rows in reach that exist, twice.
+std::vector<double> box_twice(const test::OwnedGrid& grid, int reach) {
+  std::vector<double> now(grid.y.begin(), grid.y.end()), next(now.size());
+  for (int time = 0; time < 2; ++time) {
+    for (int i = 0; i < grid.height; ++i)
+      for (int j = 0; j < grid.width; ++j) {
+        double sum = 0;
+        int count = 0;
+        for (int y = std::max(i - reach, 0); y <= std::min(i + reach, grid.height - 1); ++y)
+          for (int x = std::max(j - reach, 0); x <= std::min(j + reach, grid.width - 1); ++x, ++count)
+            sum += now[grid.at(y, x)];
+        next[grid.at(i, j)] = sum / count;
+      }
+    now.swap(next);
+  }
+  return now;
+}
+
+TEST(LocalLight, IsTheMeanOfTwoBoxes) {
+  std::mt19937 random(7);
+  CellBins work;
+  for (const auto& [width, height, reach] :
+       {std::tuple{1, 1, 1}, {4, 4, 1}, {7, 5, 9}, {53, 30, 10}, {60, 34, 12}, {95, 96, 19}, {300, 4, 60}}) {
+    test::OwnedGrid grid(width, height);
+    for (auto& y : grid.y)
+      y = static_cast<std::uint8_t>(random());
+    mean_around(grid, reach, work.half_around, work.sums, work.around);
+    const std::vector<double> expected = box_twice(grid, reach);
+    for (std::size_t i = 0; i < expected.size(); ++i)
+      ASSERT_NEAR(work.around[i], expected[i], 2.1)
+          << width << " x " << height << " at " << i; // four roundings
+    for (auto& y : grid.y)
+      y = 255;
+    mean_around(grid, reach, work.half_around, work.sums, work.around);
+    ASSERT_TRUE(std::all_of(work.around.begin(), work.around.end(), [](int y) { return y == 255; }));
+  }
+}
+
+// One ground, its left third in the sun at twice the brightness: in the bins the sunlit part comes three
+// eighths of the way to the mean of the frame, and the rest stays as it is.
+TEST(LocalLight, BringsBrightPartsTowardsTheMean) {
+  test::OwnedGrid grid = test::gray_grid(90, 60, 80);
+  for (int i = 0; i < 60; ++i)
+    std::fill_n(grid.y.begin() + static_cast<std::ptrdiff_t>(grid.at(i, 0)), 30, std::uint8_t{160});
+  const std::uint32_t mean = mean_luma(grid);
+  ASSERT_NEAR(mean / 256.0, 106.7, 0.1);
+  ExposureTables none;
+  fill_exposure(0, none);
+  CellBins as_it_is, flat;
+  const std::vector<std::uint16_t> texture(grid.size(), 100);
+  bin_cells(grid, texture, none, 0, as_it_is);
+  EXPECT_EQ(as_it_is.luma, grid.y);
+  bin_cells(grid, texture, none, mean, flat);
+  const std::size_t sun = grid.at(30, 2), shade = grid.at(30, 87);
+  EXPECT_EQ(flat.luma[shade], 80);
+  const double whole = 160 * (106.7 + 8) / (flat.around[sun] + 8);
+  EXPECT_NEAR(flat.luma[sun], 160 + (whole - 160) * 3 / 8, 2);
+  EXPECT_LT(flat.luma[sun], 150);
+  EXPECT_EQ(flat.u, as_it_is.u);
+  EXPECT_EQ(flat.v, as_it_is.v);
+  for (std::size_t i = 0; i < grid.size(); ++i)
+    ASSERT_LE(flat.luma[i], grid.y[i]); // no cell becomes brighter
 }
 
 } // namespace

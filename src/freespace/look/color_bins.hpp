@@ -48,7 +48,9 @@ struct CellBins {
   std::vector<std::uint8_t> texture;    ///< 0..texture_bins - 1
   std::vector<std::int16_t> roughness;  ///< log2 in Q8, normalised for brightness; the texture bins quantise
                                         ///< it
-  std::vector<std::uint32_t> gain, differences; ///< working memory of bin_cells()
+  std::vector<std::uint32_t> gain, differences; ///< working memory of bin_cells(), as the following
+  std::vector<std::uint8_t> around, half_around;
+  std::vector<std::uint32_t> sums;
 };
 
 /// The normalised colours of all cells, for clustering.
@@ -64,9 +66,15 @@ inline Grid colors_of(const CellBins& cells, const Grid& grid) {
 /// log2 in Q8 of values from 2^10 on and below 2^25.
 void log2_q8(const std::uint32_t* values, int count, std::int16_t* out);
 
-/// `texture` is the output of TextureReader.
+/// The mean luma around each cell, row by row: of the columns and rows within `reach`, twice. `between` and
+/// `sums` are working memory.
+void mean_around(const Grid& grid, int reach, std::vector<std::uint8_t>& between,
+                 std::vector<std::uint32_t>& sums, std::vector<std::uint8_t>& out);
+
+/// `texture` is the output of TextureReader. Unless `mean` is 0 (Q8, see mean_luma()), the luma of cells with
+/// brighter surroundings is reduced, because ground in a bright part of the picture is in another light.
 void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, const ExposureTables& exposure,
-               CellBins& cells);
+               std::uint32_t mean, CellBins& cells);
 
 /// Smooths a histogram of color_bins bins by 1-2-1 along luma and both chromas, with repeated ends. Each sum
 /// is divided by 4, rounded down. `between` is working memory. The sum of all bins must be at most (2^32 - 1)

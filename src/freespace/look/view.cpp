@@ -36,13 +36,14 @@ void FrameReader::read_cells(const FrameTask& task, std::uint32_t& exposure_mean
     texture_reader_.read(pyramid_, grid_, transform_, rgb, texture_);
   else
     texture_.assign(grid_.size(), 0);
+  const std::uint32_t mean_now = settings.exposure ? mean_luma(grid_) : 0;
   if (settings.exposure && settings.learning)
-    exposure_mean = follow_exposure(exposure_mean, mean_luma(grid_));
+    exposure_mean = follow_exposure(exposure_mean, mean_now);
   const std::uint32_t mean = settings.exposure ? exposure_mean : 0;
   if (exposure_of_tables_ != mean)
     fill_exposure(mean, exposure_);
   exposure_of_tables_ = mean;
-  bin_cells(grid_, texture_, exposure_, cells_);
+  bin_cells(grid_, texture_, exposure_, mean_now, cells_);
   if (settings.connected_ground)
     connected_.look(grid_, cells_);
 }
