@@ -209,10 +209,20 @@ void weights_of(const std::int32_t* __restrict differences, int count, std::int3
     weights[i] = 0;
 }
 
-#if HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR
+#if (HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR) || HWY_TARGET == HWY_NEON
 using Narrow = hn::CappedTag<std::int32_t, points_together>;
 using Wide = hn::RepartitionToWide<Narrow>;
 
+#if HWY_TARGET == HWY_NEON
+/// NEON multiplies the lower and the upper halves of two vectors and adds the products.
+using Halves = hn::Vec<Narrow>;
+HWY_INLINE Halves halves_of(hn::Vec<Narrow> numbers) {
+  return numbers;
+}
+HWY_INLINE void add_product(hn::Vec<Wide>& sum, Halves a, Halves b) {
+  sum.raw = vmlal_high_s32(vmlal_s32(sum.raw, vget_low_s32(a.raw), vget_low_s32(b.raw)), a.raw, b.raw);
+}
+#else
 /// Every second number: the first or the second of each pair.
 struct Halves {
   hn::Vec<Narrow> even, odd;
@@ -222,9 +232,10 @@ HWY_INLINE Halves halves_of(hn::Vec<Narrow> numbers) {
   const hn::RebindToUnsigned<Wide> pairs;
   return {numbers, hn::BitCast(narrow, hn::ShiftRight<32>(hn::BitCast(pairs, numbers)))};
 }
-HWY_INLINE hn::Vec<Wide> product_of(const Halves& a, const Halves& b) {
-  return hn::Add(hn::MulEven(a.even, b.even), hn::MulEven(a.odd, b.odd));
+HWY_INLINE void add_product(hn::Vec<Wide>& sum, const Halves& a, const Halves& b) {
+  sum = hn::Add(sum, hn::Add(hn::MulEven(a.even, b.even), hn::MulEven(a.odd, b.odd)));
 }
+#endif
 
 /// Computes rows first .. end - 1 of the sums, as many as fit the registers.
 template <int first, int end>
@@ -251,7 +262,7 @@ void rows_of_sums(const FitLists& lists, std::int64_t* left, std::int64_t* right
     for (int r = 0; r < rows; ++r) {
       weighted[r] =
           halves_of(hn::Mul(weight, hn::LoadU(narrow, lists.derivatives + (first + r) * lists.stride + i)));
-      explained[r] = hn::Add(explained[r], product_of(weighted[r], difference));
+      add_product(explained[r], weighted[r], difference);
     }
 #pragma GCC unroll 8
     for (int c = 0; c < end; ++c) {
@@ -259,7 +270,7 @@ void rows_of_sums(const FitLists& lists, std::int64_t* left, std::int64_t* right
 #pragma GCC unroll 8
       for (int r = 0; r < rows; ++r)
         if (c <= first + r)
-          sums[r][c] = hn::Add(sums[r][c], product_of(weighted[r], column));
+          add_product(sums[r][c], weighted[r], column);
     }
   }
   for (int r = 0; r < rows; ++r) {

@@ -238,10 +238,26 @@ HWY_INLINE hn::Vec<D8> read_pairs(D8 d8, const std::uint8_t* p, bool upper_half,
   }
 }
 
+#if HWY_TARGET == HWY_NEON
+// The sums of sums() for one byte per pixel, by loads that part even and odd bytes: NEON has no weighted sum
+// of pairs.
+HWY_INLINE hn::Vec128<std::uint16_t> sums_of_bytes(const std::uint8_t* p) {
+  const uint8x8x2_t before = vld2_u8(p - 2), here = vld2_u8(p), after = vld2_u8(p + 2);
+  const uint8x8_t centre = here.val[0];
+  const uint16x8_t outer = vmlal_u8(vaddl_u8(before.val[0], after.val[0]), centre, vdup_n_u8(2));
+  const uint16x8_t inner = vaddw_u8(vaddl_u8(before.val[1], here.val[1]), centre);
+  return hn::Vec128<std::uint16_t>{vmlaq_n_u16(outer, inner, 4)};
+}
+#endif
+
 // 1-4-6-4-1 around each even pixel from `p` on.
 template <int step, class D8, class Spread>
 HWY_INLINE auto sums(D8 d8, const std::uint8_t* p, bool upper_half, hn::Vec<D8> pairing,
                      const Spread& spread) {
+#if HWY_TARGET == HWY_NEON
+  if constexpr (step == 1)
+    return sums_of_bytes(p);
+#endif
   const hn::Repartition<std::uint16_t, D8> d16;
   const auto before = read_pairs<step>(d8, p - 2 * step, upper_half, pairing, spread);
   const auto here = read_pairs<step>(d8, p, upper_half, pairing, spread);
@@ -400,7 +416,7 @@ bool single_pixels([[maybe_unused]] const std::uint8_t* row, [[maybe_unused]] in
                    [[maybe_unused]] int last, [[maybe_unused]] std::ptrdiff_t ahead,
                    [[maybe_unused]] std::uint8_t* out) {
 #if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint8_t, 32> d8;
+  const hn::CappedTag<std::uint8_t, 64> d8;
   const hn::Repartition<std::uint16_t, decltype(d8)> d16;
   const std::size_t block = hn::Lanes(d8), half = block / 2;
   const std::size_t count = static_cast<std::size_t>(std::max(0, last - first)) * written;

@@ -71,8 +71,9 @@ void note_dark(const DeviationRow& in, int enough, std::int16_t row, int count, 
 void oddness(const DeviationRow& in, const std::int16_t* nearest, std::int16_t reached, int most, int count,
              std::uint8_t* out);
 
-/// sums[i] += sign * (values[i] - (ground[i] ? enough : 0)); sign is 1 or -1, ground 1 or 0.
+/// sums[i] += sign * (values[i] - (ground[i] ? enough : 0)), modulo 2^16; sign is 1 or -1, ground 1 or 0,
+/// values and enough 0..127.
 void add_excess(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign, int count,
-                std::int32_t* sums);
+                std::int16_t* sums);
 
 } // namespace terrainseg::kernels

@@ -21,7 +21,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 BENCH = ROOT / 'tests' / 'bench'
 # Name, width, height, mask level, threads.
 ROWS = [('480p', 854, 480, 0, 1), ('1080p', 1920, 1080, 0, 1), ('1080p, mask-level=2', 1920, 1080, 2, 1), ('4K', 3840, 2160, 0, 1),
-        ('4K, mask-level=2', 3840, 2160, 2, 1), ('4K, n-threads=2', 3840, 2160, 0, 2)]
+        ('4K, mask-level=2', 3840, 2160, 2, 1), ('1080p, n-threads=2', 1920, 1080, 0, 2), ('4K, n-threads=2', 3840, 2160, 0, 2)]
 FRAMES = 8
 WARM_UP = 20
 

@@ -1455,17 +1455,20 @@ TEST(Kernels, AddExcess) {
       for (const bool at_end : {false, true}) {
         const auto size = static_cast<std::size_t>(count);
         const Guarded<std::uint8_t> values(size, at_end), ground(size, at_end);
-        const Guarded<std::int32_t> sums(size, at_end);
+        const Guarded<std::int16_t> sums(size, at_end);
         fill(values, all_fills[count % 5], random);
         std::vector<int> before(size);
         for (std::size_t i = 0; i < size; ++i) {
+          values[i] &= 127;
           ground[i] = random() % 3 > 0;
-          sums[i] = before[i] = static_cast<int>(random() % 200001) - 100000;
+          sums[i] = static_cast<std::int16_t>(random());
+          before[i] = sums[i];
         }
         const int enough = count % 128, sign = count % 2 ? 1 : -1;
         add_excess(values.data(), ground.data(), enough, sign, count, sums.data());
         for (std::size_t i = 0; i < size; ++i)
-          ASSERT_EQ(sums[i], before[i] + sign * (values[i] - (ground[i] ? enough : 0)))
+          ASSERT_EQ(sums[i],
+                    static_cast<std::int16_t>(before[i] + sign * (values[i] - (ground[i] ? enough : 0))))
               << i << " of " << count;
       }
   });

@@ -27,6 +27,7 @@ class CandidateCells {
     cells_.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
     columns_.reserve(static_cast<std::size_t>(width));
     row_ends_.assign(static_cast<std::size_t>(height), 0);
+    has_seeds_.reserve(static_cast<std::size_t>(height));
   }
 
   /// Lists the cells whose value (0..127) is at least `least`.
@@ -59,29 +60,29 @@ class CandidateCells {
   template <typename Reach>
   bool seed(const std::uint8_t* values, const GroundOutline& ground, int enough, Reach reach_of,
             std::uint8_t* seeds) {
-    bool any = false;
+    has_seeds_.assign(static_cast<std::size_t>(height_), 0);
     sum_around(
         reach_of,
         [&](int row, int sign) {
           kernels::add_excess(values + cell_of(row), ground.row(row), enough, sign, width_, columns_.data());
         },
-        [&](std::uint32_t cell, int excess) {
+        [&](int row, std::uint32_t cell, int excess) {
           seeds[cell] = excess >= 0;
-          any |= excess >= 0;
+          has_seeds_[static_cast<std::size_t>(row)] |= seeds[cell];
         });
-    return any;
+    return std::find(has_seeds_.begin(), has_seeds_.end(), 1) != has_seeds_.end();
   }
 
-  /// Sets near[cell] = 1 where the surrounding box contains a seed, otherwise 0. Only listed cells can be
-  /// seeds.
+  /// Sets near[cell] = 1 where the surrounding box contains a seed of seed(), otherwise 0.
   template <typename Reach> void grow(const std::uint8_t* seeds, Reach reach_of, std::uint8_t* near) {
     sum_around(
         reach_of,
         [&](int row, int sign) {
           const std::uint8_t* const of_row = seeds + cell_of(row);
-          kernels::add_excess(of_row, of_row, 0, sign, width_, columns_.data());
+          if (has_seeds_[static_cast<std::size_t>(row)])
+            kernels::add_excess(of_row, of_row, 0, sign, width_, columns_.data());
         },
-        [&](std::uint32_t cell, int count) { near[cell] = count > 0; });
+        [&](int, std::uint32_t cell, int count) { near[cell] = count > 0; });
   }
 
   /// Calls visit(row, first, end) for each run of listed cells of a row that are `marked`.
@@ -127,7 +128,7 @@ class CandidateCells {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
   }
 
-  // Calls visit(cell, sum) for each listed cell with the sum over the surrounding box, which extends
+  // Calls visit(row, cell, sum) for each listed cell with the sum over the surrounding box, which extends
   // reach_of(row) cells. `add(row, sign)` adds a row's values to columns_ or subtracts them. Boxes only move
   // down with the rows, so each row is added once.
   template <typename Reach, typename Add, typename Visit>
@@ -162,7 +163,7 @@ class CandidateCells {
           sum += columns_[static_cast<std::size_t>(right)];
         for (; left < from; ++left)
           sum -= columns_[static_cast<std::size_t>(left)];
-        visit(cells_[next], sum);
+        visit(i, cells_[next], sum);
       }
     }
   }
@@ -177,8 +178,9 @@ class CandidateCells {
 
   int width_ = 0, height_ = 0, first_ = 0;
   std::vector<std::uint32_t> cells_;
-  std::vector<std::int32_t> columns_; ///< sums over the rows of a box
-  std::vector<std::size_t> row_ends_; ///< end of each row in cells_
+  std::vector<std::int16_t> columns_;   ///< sums over the rows of a box, of which there are at most 255
+  std::vector<std::size_t> row_ends_;   ///< end of each row in cells_
+  std::vector<std::uint8_t> has_seeds_; ///< of each row
 };
 
 } // namespace terrainseg

@@ -2,6 +2,7 @@
 #include "freespace/holes/odd_spots.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 #include "base/fixed_log.hpp"
@@ -81,7 +82,7 @@ constexpr int stride_of(int width) {
 }
 
 /// Number of blocks of a side at that distance.
-constexpr int side_reach(int distance) {
+int side_reach(int distance) {
   return std::max((box_width * distance / 16 + 1) >> 1, 2);
 }
 
@@ -132,8 +133,11 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
     strip.reserve(static_cast<std::size_t>(blocks_x_ + 1 + 2 * most_reach));
   nearest_dark_.assign(static_cast<std::size_t>(stride_), 30000);
   for (int block_row = blocks_y_ - 1; 2 * block_row >= first_; --block_row) {
-    compare_sides(block_row);
-    for (int row = std::min(2 * block_row, height_ - 1); row >= std::max(2 * block_row - 1, first_); --row)
+    const int top = std::max(2 * block_row - 1, first_), bottom = std::min(2 * block_row, height_ - 1);
+    find_extent(top, bottom);
+    if (count_ > 0)
+      compare_sides(block_row);
+    for (int row = bottom; row >= top; --row)
       measure_row(row);
   }
   if (!seed())
@@ -197,18 +201,38 @@ void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
   }
 }
 
+// The elements of the rows `top` to `bottom` that are searched: all ground and one cell on each side, in
+// whole vectors.
+void OddSpots::find_extent(int top, int bottom) {
+  constexpr int vector = 32;
+  const auto w = static_cast<std::size_t>(stride_);
+  std::size_t from = w, last = 0;
+  for (int row = top; row <= bottom; ++row) {
+    const std::uint8_t* const ground = ground_.row(row) - 1;
+    if (const auto* const first = static_cast<const std::uint8_t*>(std::memchr(ground, 1, w))) {
+      from = std::min(from, static_cast<std::size_t>(first - ground));
+      const auto* const end = static_cast<const std::uint8_t*>(memrchr(ground, 1, w));
+      last = std::max(last, static_cast<std::size_t>(end - ground));
+    }
+  }
+  from_ = std::max(static_cast<int>(from) - 1, 0) / vector * vector;
+  const int end = std::min((static_cast<int>(last) + 1 + vector) / vector * vector, stride_);
+  count_ = last == 0 ? 0 : end - from_;
+}
+
 void OddSpots::compare_sides(int I) {
   const int away = distance(2 * I), reach = side_reach(away),
             rows = std::max((box_height * away / 16 + 1) >> 1, 1);
   const int top = std::max(I - rows, 0), bottom = std::min(I + rows + 1, blocks_y_);
   const auto blocks = static_cast<std::size_t>(blocks_x_);
+  const int first = from_ / 2, count = count_ / 2;
   sum_strips(top, bottom, static_cast<std::size_t>(reach));
   // A side with too little ground has no result.
   const auto full = 4u * static_cast<std::uint32_t>(reach) * static_cast<std::uint32_t>(bottom - top);
   for (auto* values : {&box_cells_, &box_inverse_[0], &box_inverse_[1], &box_inverse_[2]})
     values->resize(blocks);
   kernels::count_boxes(
-      strips_[0].data(), reach, (full + least_side - 1) / least_side, blocks_x_,
+      strips_[0].data() + first, reach, (full + least_side - 1) / least_side, count,
       {box_cells_.data(), box_inverse_[0].data(), box_inverse_[1].data(), box_inverse_[2].data()});
   const kernels::BoxRow boxes{box_cells_.data(), box_inverse_[0].data(), box_inverse_[1].data(),
                               box_inverse_[2].data(), reach};
@@ -217,12 +241,12 @@ void OddSpots::compare_sides(int I) {
   variance_.resize(blocks);
   for (std::size_t k = 0; k < 3; ++k) {
     const auto floor = static_cast<std::uint32_t>(deviation_floor[k] * deviation_floor[k] << 8);
-    kernels::compare_boxes(strips_[1 + k].data(), strips_[4 + k].data(), boxes, floor, blocks_x_,
+    kernels::compare_boxes(strips_[1 + k].data() + first, strips_[4 + k].data() + first, boxes, floor, count,
                            {block_left_.data(), block_right_.data(), variance_.data()});
-    kernels::look_up_octaves(variance_.data(), root_table.data(), blocks_x_, block_deviation_.data());
+    kernels::look_up_octaves(variance_.data(), root_table.data(), count, block_deviation_.data());
     const auto spread = [&](const std::vector<std::int16_t>& from, std::vector<std::int16_t>& to) {
       to.resize(2 * blocks);
-      kernels::double_each(from.data(), blocks_x_, to.data());
+      kernels::double_each(from.data(), count, to.data());
     };
     spread(block_left_, sides_.left[k]);
     spread(block_right_, sides_.right[k]);
@@ -230,26 +254,29 @@ void OddSpots::compare_sides(int I) {
   }
 }
 
-// From column -1 on.
 void OddSpots::measure_row(int row) {
-  const auto w = static_cast<std::size_t>(stride_);
-  const std::size_t at = static_cast<std::size_t>(row) * w;
+  const auto w = static_cast<std::size_t>(stride_), from = static_cast<std::size_t>(from_);
+  std::uint8_t* const odd = &odd_[static_cast<std::size_t>(row) * w];
+  std::fill_n(odd, count_ > 0 ? from_ : stride_, std::uint8_t{0});
+  if (count_ == 0)
+    return;
+  std::fill(odd + from_ + count_, odd + stride_, std::uint8_t{0});
   dark_.resize(w);
   for (std::size_t c = 0; c < 3; ++c) {
     deviation_[c].resize(w);
-    kernels::deviations(&color_[c][at], sides_.left[c].data(), sides_.right[c].data(),
-                        sides_.inverse[c].data(), stride_, deviation_[c].data(),
+    kernels::deviations(&color_[c][static_cast<std::size_t>(row) * w + from], sides_.left[c].data(),
+                        sides_.right[c].data(), sides_.inverse[c].data(), count_, deviation_[c].data(),
                         c == 0 ? dark_.data() : nullptr);
   }
-  const std::uint8_t *const ground = ground_.row(row) - 1, *const y = deviation_[0].data(),
-                            *const dark = dark_.data();
   // One more column on each side.
   shade_.resize(w + 2);
-  const kernels::DeviationRow deviations{y, deviation_[1].data(), deviation_[2].data(), ground, dark};
-  kernels::note_dark(deviations, dark_enough, static_cast<std::int16_t>(row), stride_, shade_.data(),
-                     nearest_dark_.data());
+  const kernels::DeviationRow deviations{deviation_[0].data(), deviation_[1].data(), deviation_[2].data(),
+                                         ground_.row(row) - 1 + from, dark_.data()};
+  std::int16_t* const nearest_dark = nearest_dark_.data() + from;
+  kernels::note_dark(deviations, dark_enough, static_cast<std::int16_t>(row), count_, shade_.data(),
+                     nearest_dark);
   const auto reached = static_cast<std::int16_t>(row + std::max(shadow_reach * distance(row) / 64, 1));
-  kernels::oddness(deviations, nearest_dark_.data(), reached, most_oddness, stride_, &odd_[at]);
+  kernels::oddness(deviations, nearest_dark, reached, most_oddness, count_, odd + from);
 }
 
 // Marks the candidates around which the mean oddness of the ground is high enough. The other elements of

@@ -57,8 +57,8 @@ class OddSpots {
  private:
   /// Sums over blocks of 2 x 2 cells: count, three values, three squares.
   static constexpr int sum_count = 7;
-  /// Statistics of both sides of a row of cells, from column -1 on: means (Q4) on the left and right, and 1 /
-  /// deviation (Q12).
+  /// Statistics of both sides of a row of cells, from element from_ on: means (Q4) on the left and right, and
+  /// 1 / deviation (Q12).
   struct Sides {
     std::array<std::vector<std::int16_t>, 3> left, right, inverse;
   };
@@ -69,6 +69,7 @@ class OddSpots {
   void read_cells(const Pyramid& pyramid, const ColorTransform& transform);
   void sum_blocks();
   void sum_strips(int top, int bottom, std::size_t pad);
+  void find_extent(int top, int bottom);
   void compare_sides(int block_row);
   void measure_row(int row);
   bool seed();
@@ -79,6 +80,7 @@ class OddSpots {
   GroundView view_;
   int width_ = 0, stride_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
   int blocks_x_ = 0, blocks_y_ = 0;
+  int from_ = 0, count_ = 0; ///< elements of a row that are searched; sides_ and later members begin there
   GroundOutline ground_;
   std::array<std::vector<std::uint8_t>, 3> color_; ///< these and odd_ begin with column -1 of the first row
   std::vector<std::uint8_t> odd_, seed_, spot_;
