@@ -6,11 +6,18 @@
 # --tag: sets the tag vVERSION in the end, signed where git has a key. It is not pushed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-case "${1:-}" in --help | -h) sed -n '3,6s/^# //p' "$0"; exit ;; esac
-tag=0
-[ "${1:-}" != --tag ] || { tag=1; shift; }
 . examples/heartbeat.sh
 fail() { echo "release.sh: $*" >&2; exit 1; }
+tag=0 out=
+for word; do
+  case $word in
+  --help | -h) sed -n '3,6s/^# //p' "$0"; exit ;;
+  --tag) tag=1 ;;
+  -*) fail "unknown option $word: see tools/release.sh --help" ;;
+  *) [ -z "$out" ] || fail "two folders, $out and $word: name one"
+    out=$word ;;
+  esac
+done
 
 version=$(sed -n "s/^  version: '\(.*\)',$/\1/p" meson.build)
 packaged=$(sed -n '1s/.*(\([^)-]*\).*/\1/p' debian/changelog)
@@ -22,7 +29,7 @@ if [ "$tag" = 1 ]; then
   ! git rev-parse -q --verify "refs/tags/v$version" >/dev/null || fail "the tag v$version already exists"
 fi
 
-out=$(realpath -m "${1:-release}")
+out=$(realpath -m "${out:-release}")
 mkdir -p "$out"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-/* Preloaded into a program and those that it starts: the n-th call that matters to their unfinished files
- * fails, or is the last thing they do. Counted together are write, writev, fsync and rename of files named
- * *.part. FAULT=count:FILE   how many there were, as text, into FILE at the end FAULT=before:N     SIGKILL
- * for them instead of the N-th call (N from 1) FAULT=after:N      SIGKILL for them when the N-th call has
- * been done FAULT=crash:TEXT   SIGSEGV for the one that writes a file with TEXT in its path; crash-once: only
- * the first FAULT=kill:TEXT    SIGKILL for it FAULT=stop:N       SIGSTOP for the first of them at the N-th
- * call; another waits with it. After SIGCONT the call is done as if nothing had been FAULT=wait:N       the
- * N-th call takes 4 seconds FAULT=28:N         the N-th call fails with that errno (28 = ENOSPC, 5 = EIO),
- * and so does every one after it; as disks do, it takes its time to: whoever does not wait for the call does
- * not hear of it */
+// Preloaded into a program and those that it starts: a call on their unfinished files fails, or is the last
+// thing they do. Counted are write, writev, fsync and rename of files named *.part, of all processes
+// together. FAULT is one of:
+// - count:FILE   writes the number of calls into FILE at the end
+// - before:N     SIGKILL for all instead of the N-th call (N from 1)
+// - after:N      SIGKILL for all after the N-th call
+// - crash:TEXT   SIGSEGV for the process that writes a file with TEXT in its path
+// - crash-once:TEXT   the same, but only the first time
+// - kill:TEXT    SIGKILL for it
+// - hang:TEXT    a call for such a file never returns
+// - stop:N       SIGSTOP for the first process at the N-th call, which is done after SIGCONT
+// - wait:N       the N-th call takes 4 seconds
+// - 28:N         the N-th call and all later ones fail with that errno (28 = ENOSPC, 5 = EIO) after 0.1 s
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -102,6 +105,11 @@ static int decide(const char* path) {
   if ((strncmp(fault, "crash", 5) == 0 || strncmp(fault, "kill", 4) == 0) && strstr(path, colon + 1)) {
     if (strncmp(fault, "crash-once", 10) != 0 || atomic_fetch_add(&all->crashes, 1) == 0)
       raise(*fault == 'c' ? SIGSEGV : SIGKILL);
+    return 0;
+  }
+  if (strncmp(fault, "hang", 4) == 0) {
+    while (strstr(path, colon + 1))
+      pause();
     return 0;
   }
   const int wanted = atoi(colon + 1);

@@ -655,6 +655,7 @@ TEST(Workers, WhatCrashedIsTheInputsFaultAndWhatWasEndedIsNot) {
   EXPECT_EQ(loss_of(1 << 8, true).cause, Cause::crashed) << "a library that calls exit()";
   EXPECT_NE(loss_of(1 << 8, true).text.find("exit code 1"), std::string::npos);
   EXPECT_EQ(loss_of(SIGKILL, true).cause, Cause::resources);
+  EXPECT_EQ(loss_of(124 << 8, true).cause, Cause::stalled) << "a pipeline that hangs";
   EXPECT_NE(loss_of(SIGSEGV | 0x80, false).text.find("signal 11"), std::string::npos) << "with a core dump";
 }
 

@@ -76,6 +76,8 @@ def what_it_refuses(folder):
         git('commit', '-qam', 'another version')
         contains(release(folder / 'out', code=1), said)
         git('reset', '-q', '--hard', 'HEAD~1')
+    contains(release('--tags', folder / 'out', code=1), 'unknown option --tags')
+    contains(release(folder / 'out', folder / 'other', code=1), 'two folders')
     assert not (folder / 'out').exists(), 'nothing is left'
 
 
@@ -89,7 +91,7 @@ def the_tag(folder):
     git('commit', '-qam', 'a date')
     git('config', 'user.name', 'test')
     git('config', 'user.email', 'test@localhost')
-    release('--tag', folder / 'out')
+    release(folder / 'out', '--tag')
     equal(git('rev-parse', f'v{version}^{{commit}}'), git('rev-parse', 'HEAD'), 'what the tag names')
     contains(release('--tag', folder / 'again', code=1), 'already exists')
 

@@ -39,7 +39,8 @@ int encoded_side(int side, const GstVideoInfo& info) {
 }
 
 /// Colorimetry of the encoded video. The range is 16 to 235, because every player expects it in H.264. The
-/// primaries and the transfer function are kept, because HDR needs them. videoconvert 1.22 converts the range
+/// primaries and the transfer function are kept, because HDR needs them; if they are unknown, nothing is
+/// claimed, except for RGB pictures. videoconvert 1.22 converts the range
 /// only when the matrix changes too, so full range input gets the other matrix (BT.601 or BT.709).
 std::string encoded_colorimetry(const GstVideoInfo& info) {
   GstVideoColorimetry color = info.colorimetry;
@@ -51,10 +52,10 @@ std::string encoded_colorimetry(const GstVideoInfo& info) {
     color.matrix = color.matrix == GST_VIDEO_COLOR_MATRIX_BT709 ? GST_VIDEO_COLOR_MATRIX_BT601
                                                                 : GST_VIDEO_COLOR_MATRIX_BT709;
   color.range = GST_VIDEO_COLOR_RANGE_16_235;
-  if (color.transfer == GST_VIDEO_TRANSFER_UNKNOWN || GST_VIDEO_INFO_IS_RGB(&info))
+  if (GST_VIDEO_INFO_IS_RGB(&info)) {
     color.transfer = large ? GST_VIDEO_TRANSFER_BT709 : GST_VIDEO_TRANSFER_BT601;
-  if (color.primaries == GST_VIDEO_COLOR_PRIMARIES_UNKNOWN || GST_VIDEO_INFO_IS_RGB(&info))
     color.primaries = large ? GST_VIDEO_COLOR_PRIMARIES_BT709 : GST_VIDEO_COLOR_PRIMARIES_SMPTE170M;
+  }
   return take(gst_video_colorimetry_to_string(&color));
 }
 

@@ -90,7 +90,7 @@ std::string folder_name(const fs::path& folder) {
   fs::path written = folder.lexically_normal();
   if (!written.has_filename())
     written = written.parent_path();
-  if (const std::string name = written.filename().string(); !name.empty() && name != "." && name != "..")
+  if (std::string name = written.filename().string(); !name.empty() && name != "." && name != "..")
     return name;
   const fs::path whole = fs::weakly_canonical(folder, error);
   const std::string name = whole.filename().string();
@@ -301,6 +301,11 @@ void add(const std::string& argument, Found& found) {
   }
   if (fs::exists(status)) {
     found.inputs.push_back(file(path, path.stem().string()));
+    return;
+  }
+  if (argument == "-") {
+    found.inputs.push_back(
+        failed(argument, "standard input cannot be read; write it to a file first", Cause::unsupported));
     return;
   }
   if (const auto pattern = read_pattern(path.filename().string()))

@@ -190,10 +190,11 @@ void Batch::report(const Input& input, const Outcome& outcome) {
     for (const std::string& warning : record.warnings)
       complain(input.label + ": warning: " + warning);
   if (kept && record.still_rows > 0 && !options_.quiet)
-    complain(
-        input.label + ": the lowest " + std::to_string(record.still_rows) +
-        " rows never change (a bonnet, a black bar?) and are learned as ground; try --set window-bottom=" +
-        std::to_string(record.still_rows));
+    complain(input.label + ": the lowest " + std::to_string(record.still_rows) +
+             " rows never change (a bonnet, a black bar?): do not learn them as ground, with --set "
+             "window-bottom=" +
+             std::to_string(record.still_rows) +
+             ", and take them out of the mask with --set ignore-regions=...");
   switch (outcome.kind) {
   case Outcome::Kind::complete:
   case Outcome::Kind::interrupted:

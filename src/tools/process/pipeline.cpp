@@ -10,13 +10,14 @@
 #include "tools/process/graph.hpp"
 #include "tools/process/handles.hpp"
 #include "tools/process/output_files.hpp"
+#include "tools/process/running_clock.hpp"
 #include "tools/process/source.hpp"
 #include "tools/process/verdict.hpp"
 
 namespace terrainseg::process {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using Clock = RunningClock::Clock;
 
 /// Time limit for a failed source to end its stream.
 constexpr std::chrono::seconds grace{2};
@@ -48,7 +49,7 @@ class Run {
 
  private:
   enum class Step { go_on, stop };
-  Step watch_source(Clock::time_point now, bool interrupted);
+  Step watch_source(Clock::duration now, bool interrupted);
   bool starts(GstBus* bus);
   void end_source();
   void update_progress();
@@ -68,7 +69,8 @@ class Run {
   gint64 duration_ = -1;
   bool stopped_ = false;      ///< by the user
   bool asked_to_end_ = false; ///< the source
-  Clock::time_point last_move_;
+  RunningClock clock_;
+  Clock::duration last_move_{};
 };
 
 std::optional<Fault> Run::build() {
@@ -79,6 +81,7 @@ std::optional<Fault> Run::build() {
 }
 
 void Run::update_progress() {
+  ++progress_.answers;
   progress_.frames = frames_.labelled();
   std::uint64_t done = frames_.position(), whole = 0;
   if (options_.max_frames || input_.kind == Input::Kind::images) {
@@ -111,7 +114,7 @@ void Run::end_source() {
 }
 
 /// Handles a source that failed, stalled or was interrupted.
-Run::Step Run::watch_source(Clock::time_point now, bool interrupted) {
+Run::Step Run::watch_source(Clock::duration now, bool interrupted) {
   const bool none_yet = frames_.labelled() == 0;
   const bool has_failed = complaints_.source().cause != Cause::none || !source_.problem().empty();
   const bool quiet = now - last_move_ > grace;
@@ -135,14 +138,15 @@ Run::Step Run::watch_source(Clock::time_point now, bool interrupted) {
 
 void Run::play(const std::atomic<int>& interrupted) {
   const BusPointer bus(gst_element_get_bus(graph_.pipeline()));
+  ++progress_.answers;
   if (!starts(bus.get()))
     return;
-  last_move_ = Clock::now();
+  last_move_ = clock_.now();
   std::uint64_t last_moved = 0;
   while (!graph_.ended() && complaints_.behind_source().cause == Cause::none) {
     complaints_.take_all(bus.get(), poll_interval);
     update_progress();
-    const auto now = Clock::now();
+    const auto now = clock_.now();
     if (const std::uint64_t moved = frames_.labelled() + graph_.written(); moved != last_moved) {
       last_moved = moved;
       last_move_ = now;
@@ -155,7 +159,7 @@ void Run::play(const std::atomic<int>& interrupted) {
     if (watch_source(now, interrupted > 0) == Step::stop) {
       // The error with the cause may arrive late on a busy machine.
       for (const auto until = now + error_delay;
-           complaints_.source().cause == Cause::none && Clock::now() < until;)
+           complaints_.source().cause == Cause::none && clock_.now() < until;)
         complaints_.take_all(bus.get(), poll_interval);
       return;
     }
@@ -202,6 +206,7 @@ void Run::learn_from_the_run() {
 Outcome Run::conclude() {
   gst_element_set_state(graph_.pipeline(), GST_STATE_NULL);
   learn_from_the_run();
+  progress_.answers = 0;
   if (stopped_) {
     Outcome outcome = failed(record_, {Cause::interrupted, "interrupted"});
     outcome.kind = Outcome::Kind::interrupted;

@@ -12,10 +12,13 @@
 
 namespace terrainseg::process {
 
-/// Progress of an input: written by its pipeline, read by the display.
+/// Progress of an input: written by its pipeline, read by the display and by the worker's second thread.
 struct Progress {
   std::atomic<std::uint64_t> frames{0};
   std::atomic<int> permille{-1}; ///< 0..1000; -1 = unknown length
+  /// Grows while the pipeline answers; 0 while no call of GStreamer is pending. Starting and stopping a
+  /// pipeline wait for its elements and have no time limit of their own.
+  std::atomic<std::uint64_t> answers{0};
 };
 
 /// Result of an input.

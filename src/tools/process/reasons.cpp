@@ -84,11 +84,17 @@ std::pair<std::string, std::string> said_in(GstMessage* message) {
   else
     gst_message_parse_error(message, &error, &debug);
   std::string text = error->message, detail = take(debug);
+  const bool unknown_type = g_error_matches(error, GST_STREAM_ERROR, GST_STREAM_ERROR_TYPE_NOT_FOUND);
   g_error_free(error);
   const std::size_t line = detail.find('\n');
   detail.erase(0, line == std::string::npos ? line : line + 1);
   trim(text);
   trim(detail);
+  if (unknown_type)
+    return {detail.find("empty") != std::string::npos
+                ? "it is empty"
+                : "its type is unknown: it is not a video, or its beginning is damaged",
+            ""};
   return {text, detail};
 }
 
@@ -178,6 +184,10 @@ std::string no_decoder(GstMessage* message) {
   if (caps && gst_caps_get_size(caps) > 0)
     if (const std::string codec = unknown_codec(gst_caps_get_structure(caps, 0)); !codec.empty())
       return "GStreamer does not know the codec '" + codec + "', and no package adds it; " + make_it_anew;
+  if (detail && G_VALUE_HOLDS_STRING(detail) &&
+      g_strcmp0(gst_structure_get_string(gst_message_get_structure(message), "type"), "urisource") == 0)
+    return std::string("no element of GStreamer reads ") + g_value_get_string(detail) +
+           ":// addresses; copy the video to this machine and name the file";
   std::string text =
       "no decoder for it: " + take(gst_missing_plugin_message_get_description(message)) + " is missing; ";
   std::string packages;

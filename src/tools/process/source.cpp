@@ -361,10 +361,15 @@ bool Source::link_video(GstPad* pad) {
   const CapsPointer caps(gst_pad_query_caps(pad, nullptr));
   // A later image of a sequence may be rotated.
   if (input_.kind == Input::Kind::images || can_be_turned(caps.get()) || is_turned(pad)) {
-    GstElement* flip = gst_element_factory_make("videoflip", nullptr);
+    // GStreamer 1.26's FFmpeg decoders abort at times when they decode into videoflip's buffers and the frame
+    // is padded ("video meta uses 368x640 instead of 360x640"). They decode into their own.
+    GstElement *own_buffers = gst_element_factory_make("identity", nullptr),
+               *flip = gst_element_factory_make("videoflip", nullptr);
+    g_object_set(own_buffers, "drop-allocation", TRUE, nullptr);
     gst_util_set_object_arg(G_OBJECT(flip), "video-direction", "auto");
-    gst_bin_add(GST_BIN(bin_), flip);
-    ok = ok && gst_element_link(deinterlace, flip);
+    gst_bin_add_many(GST_BIN(bin_), own_buffers, flip, nullptr);
+    ok = ok && gst_element_link_many(deinterlace, own_buffers, flip, nullptr);
+    gst_element_sync_state_with_parent(own_buffers);
     gst_element_sync_state_with_parent(flip);
     last = flip;
   }

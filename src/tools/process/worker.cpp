@@ -8,7 +8,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <condition_variable>
 #include <cstdlib>
 #include <cstring>
@@ -21,6 +23,7 @@
 #include "exchange/write_all.hpp"
 #include "tools/process/conflicts.hpp"
 #include "tools/process/reasons.hpp"
+#include "tools/process/running_clock.hpp"
 
 extern char** environ;
 
@@ -31,6 +34,11 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 constexpr int tick = 100; // interval of checking signals and progress, milliseconds
+
+/// Exit code of a worker whose pipeline hangs.
+constexpr int hangs = 124;
+/// Time limit of a pipeline that the user interrupted.
+constexpr std::chrono::seconds interrupted_limit{10};
 
 /// Kind of a message: its first byte.
 enum Kind : char { work = 'w', interrupt = 'i', progress_made = 'p', done = 'd' };
@@ -171,6 +179,7 @@ class Line {
 
  private:
   void tell_progress();
+  bool hangs_now();
 
   const int socket_;
   const Options& options_;
@@ -180,6 +189,9 @@ class Line {
   std::optional<Input> input_;         ///< input to process
   std::unique_ptr<Progress> progress_; ///< progress of the current input
   std::uint64_t told_frames_ = 0;
+  RunningClock clock_; ///< this and the following: of the listening thread
+  RunningClock::Clock::duration last_answer_{};
+  std::uint64_t last_answers_ = 0;
 };
 
 /// Processes requests.
@@ -219,8 +231,22 @@ void Line::listen() {
       given_.notify_all();
     }
     tell_progress();
+    if (hangs_now())
+      std::quick_exit(hangs);
   }
   std::quick_exit(0); // skips destructors, because other threads may hold locks
+}
+
+/// Whether an element does not return from a call, such as the one that stops it.
+bool Line::hangs_now() {
+  const auto now = clock_.now();
+  const std::uint64_t answers = progress_ ? progress_->answers.load() : 0;
+  if (answers == 0 || std::exchange(last_answers_, answers) != answers)
+    last_answer_ = now;
+  std::chrono::seconds limit(options_.stall_seconds);
+  if (interrupted_)
+    limit = std::min(limit, interrupted_limit);
+  return now - last_answer_ > limit;
 }
 
 void Line::tell_progress() {
@@ -272,6 +298,9 @@ Outcome unpacked_outcome(const std::string& bytes) {
 }
 
 Loss loss_of(int status, bool file) {
+  if (WIFEXITED(status) && WEXITSTATUS(status) == hangs)
+    return {Cause::stalled, "an element of GStreamer did not start or stop in the time of --stall-timeout; "
+                            "no output is kept"};
   const int number = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
   const std::string named =
       number ? "signal " + std::to_string(number) + ", " + strsignal(number)
@@ -375,12 +404,15 @@ Outcome Worker::process(const Input& input, const Naming& naming, const Options&
       return *outcome;
     const int status = stop();
     remove_parts(naming, options);
-    if (used && !interrupted) { // the crash may have been caused by an earlier input
+    const Loss loss = loss_of(status, input.kind == Input::Kind::file);
+    if (used && !interrupted &&
+        loss.cause != Cause::stalled) { // the crash may have been caused by an earlier input
       progress.frames = 0;
       progress.permille = -1;
       continue;
     }
-    const Loss loss = loss_of(status, input.kind == Input::Kind::file);
+    if (interrupted && loss.cause == Cause::stalled)
+      return {Outcome::Kind::interrupted, lost(input, options, Cause::interrupted, "interrupted").record};
     return lost(input, options, loss.cause, loss.text);
   }
 }

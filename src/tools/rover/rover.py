@@ -84,6 +84,12 @@ class Feed:
         return error
 
 
+def said_in(message):
+    """The sentence of an error and its detail, without the place in GStreamer's source."""
+    error, debug = message.parse_error()
+    return ': '.join([error.message.rstrip('. ')] + [line.rstrip('. ') for line in (debug or '').splitlines()[1:2]])
+
+
 class Rover:
     def __init__(self, options, log):
         self.options, self.log = options, log
@@ -128,7 +134,7 @@ class Rover:
             self.terrain.set_property('start-time', str(time.time_ns()))
         if self.pipeline.set_state(Gst.State.PLAYING) == Gst.StateChangeReturn.FAILURE:
             message = self.pipeline.get_bus().pop_filtered(Gst.MessageType.ERROR)
-            self.fail(message.parse_error()[0].message if message else 'the camera cannot be started')
+            self.fail(said_in(message) if message else 'the camera cannot be started')
 
     def stop(self):
         """Stops the feeds and the camera."""
@@ -149,7 +155,7 @@ class Rover:
 
     def on_message(self, _bus, message):
         if message.type == Gst.MessageType.ERROR:
-            self.fail(message.parse_error()[0].message)
+            self.fail(said_in(message))
         elif message.type == Gst.MessageType.EOS:
             self.fail('the source has ended')
         elif message.type == Gst.MessageType.WARNING:
