@@ -82,11 +82,11 @@ class RecordingClock {
         time_ + (frame.stream > last_->stream ? frame.stream - last_->stream : GST_MSECOND);
     GstClockTime time = expected; // between frames that have a time of day
     if (!wall_ || frame.utc) {
-      time = static_cast<GstClockTime>(correction_) + (wall_ ? *frame.utc : frame.stream);
+      time = correction_ + (wall_ ? *frame.utc : frame.stream);
       const auto ahead = static_cast<GstClockTimeDiff>(time - expected);
       const bool paused = frame.base != last_->base && ahead > 0;
       if ((ahead > largest_slew && !paused) || ahead < -largest_slew || time < time_) {
-        correction_ -= ahead;
+        correction_ -= static_cast<std::uint64_t>(ahead);
         step_ = ahead;
         time = expected;
       }
@@ -107,7 +107,8 @@ class RecordingClock {
   bool wall_ = false;
   std::optional<Times> last_;
   std::uint64_t time_ = 0;
-  GstClockTimeDiff correction_ = 0, step_ = 0;
+  std::uint64_t correction_ = 0; ///< added to the frame's time, modulo 2^64
+  GstClockTimeDiff step_ = 0;
 };
 
 } // namespace

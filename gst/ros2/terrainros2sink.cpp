@@ -434,17 +434,16 @@ bool open_topics(GstTerrainRos2Sink* self) {
 std::uint64_t time_of(GstTerrainRos2Sink* self, GstBuffer* buffer) {
   if (const auto utc = utc_of(buffer))
     return *utc;
-  const GstClockTimeDiff now = g_get_real_time() * 1000;
+  const auto now = static_cast<std::uint64_t>(g_get_real_time()) * 1000;
   const GstClockTime due = running_time_of(GST_BASE_SINK(self)->segment, GST_BUFFER_PTS(buffer));
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock || !GST_CLOCK_TIME_IS_VALID(due)) {
     gst_clear_object(&clock);
-    return static_cast<std::uint64_t>(now);
+    return now;
   }
-  const auto running =
-      static_cast<GstClockTimeDiff>(gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(self)));
+  const GstClockTime running = gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(self));
   gst_object_unref(clock);
-  return static_cast<std::uint64_t>(now - (running - static_cast<GstClockTimeDiff>(due)));
+  return now - running + due;
 }
 
 GstFlowReturn send(GstTerrainRos2Sink* self, GstBuffer* buffer) {

@@ -18,10 +18,12 @@ inline bool has_running_time(const GstSegment& segment) {
   return segment.format == GST_FORMAT_TIME && (segment.rate > 0 || GST_CLOCK_TIME_IS_VALID(segment.stop));
 }
 
-/// GST_CLOCK_TIME_NONE if there is none.
+/// GST_CLOCK_TIME_NONE if there is none, or if it does not fit into a signed number.
 inline GstClockTime running_time_of(const GstSegment& segment, GstClockTime timestamp) {
-  return has_running_time(segment) ? gst_segment_to_running_time(&segment, GST_FORMAT_TIME, timestamp)
-                                   : GST_CLOCK_TIME_NONE;
+  const GstClockTime time = has_running_time(segment)
+                                ? gst_segment_to_running_time(&segment, GST_FORMAT_TIME, timestamp)
+                                : GST_CLOCK_TIME_NONE;
+  return time <= static_cast<GstClockTime>(G_MAXINT64) ? time : GST_CLOCK_TIME_NONE;
 }
 
 } // namespace terrainseg

@@ -97,15 +97,17 @@ std::uint16_t McapWriter::add_channel(Channel channel) {
 }
 
 /// Writes schema and channel. Each channel has its own schema with the same number.
-void McapWriter::append_announcement(Bytes& out, std::uint16_t number) const {
+void McapWriter::append_schema(Bytes& out, std::uint16_t number) const {
   const Channel& channel = channels_[number - 1U];
-  {
-    Record schema(out, op_schema);
-    schema.integer(number);
-    schema.string(channel.schema);
-    schema.string(channel.schema_encoding);
-    schema.string(channel.schema_text);
-  }
+  Record record(out, op_schema);
+  record.integer(number);
+  record.string(channel.schema);
+  record.string(channel.schema_encoding);
+  record.string(channel.schema_text);
+}
+
+void McapWriter::append_channel(Bytes& out, std::uint16_t number) const {
+  const Channel& channel = channels_[number - 1U];
   Record record(out, op_channel);
   record.integer(number);
   record.integer(number);
@@ -121,8 +123,10 @@ void McapWriter::append_announcement(Bytes& out, std::uint16_t number) const {
 
 bool McapWriter::write(std::uint16_t number, std::uint64_t time, ByteView data) {
   Channel& channel = channels_.at(number - 1U);
-  if (channel.messages == 0)
-    append_announcement(chunk_, number);
+  if (channel.messages == 0) {
+    append_schema(chunk_, number);
+    append_channel(chunk_, number);
+  }
   chunk_start_ = indexes_.empty() ? time : std::min(chunk_start_, time);
   chunk_end_ = indexes_.empty() ? time : std::max(chunk_end_, time);
   start_time_ = messages_ == 0 ? time : std::min(start_time_, time);
@@ -223,6 +227,26 @@ void McapWriter::append_statistics(Bytes& out) const {
   });
 }
 
+void McapWriter::append_chunk_indexes(Bytes& out) const {
+  for (const ChunkIndex& chunk : chunk_indexes_) {
+    Record record(out, op_chunk_index);
+    record.integer(chunk.start_time);
+    record.integer(chunk.end_time);
+    record.integer(chunk.position);
+    record.integer(chunk.length);
+    record.list([&] {
+      for (const auto& [number, position] : chunk.index_positions) {
+        record.integer(number);
+        record.integer(position);
+      }
+    });
+    record.integer(chunk.index_length);
+    record.string("zstd");
+    record.integer(chunk.compressed);
+    record.integer(chunk.uncompressed);
+  }
+}
+
 bool McapWriter::finish() {
   if (!flush())
     return false;
@@ -247,42 +271,15 @@ bool McapWriter::finish() {
     if (const std::uint64_t to = begin + summary.size(); to > from)
       groups.push_back({opcode, from, to});
   };
-  // Schemas and channels are written in pairs; the summary needs them grouped by kind.
-  Bytes schemas, channels;
-  for (std::size_t i = 0; i < channels_.size(); ++i) {
-    if (channels_[i].messages == 0)
-      continue;
-    Bytes both;
-    append_announcement(both, static_cast<std::uint16_t>(i + 1));
-    std::uint64_t length = 0;
-    for (std::size_t b = 0; b < 8; ++b)
-      length |= std::uint64_t{both[1 + b]} << (8 * b);
-    const ByteView view(both);
-    append(schemas, view.first(9 + length));
-    append(channels, view.subspan(9 + length));
-  }
-  group(op_schema, [&] { append(summary, schemas); });
-  group(op_channel, [&] { append(summary, channels); });
+  const auto each_used_channel = [&](void (McapWriter::*append_it)(Bytes&, std::uint16_t) const) {
+    for (std::size_t i = 0; i < channels_.size(); ++i)
+      if (channels_[i].messages > 0)
+        (this->*append_it)(summary, static_cast<std::uint16_t>(i + 1));
+  };
+  group(op_schema, [&] { each_used_channel(&McapWriter::append_schema); });
+  group(op_channel, [&] { each_used_channel(&McapWriter::append_channel); });
   group(op_statistics, [&] { append_statistics(summary); });
-  group(op_chunk_index, [&] {
-    for (const ChunkIndex& chunk : chunk_indexes_) {
-      Record record(summary, op_chunk_index);
-      record.integer(chunk.start_time);
-      record.integer(chunk.end_time);
-      record.integer(chunk.position);
-      record.integer(chunk.length);
-      record.list([&] {
-        for (const auto& [number, position] : chunk.index_positions) {
-          record.integer(number);
-          record.integer(position);
-        }
-      });
-      record.integer(chunk.index_length);
-      record.string("zstd");
-      record.integer(chunk.compressed);
-      record.integer(chunk.uncompressed);
-    }
-  });
+  group(op_chunk_index, [&] { append_chunk_indexes(summary); });
   const std::uint64_t offsets = begin + summary.size();
   for (const Group& each : groups) {
     Record record(summary, op_summary_offset);

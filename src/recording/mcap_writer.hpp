@@ -63,8 +63,10 @@ class McapWriter {
     std::map<std::uint16_t, std::uint64_t> index_positions;
   };
   bool put(ByteView bytes);
-  void append_announcement(Bytes& out, std::uint16_t channel) const;
+  void append_schema(Bytes& out, std::uint16_t channel) const;
+  void append_channel(Bytes& out, std::uint16_t channel) const;
   void append_statistics(Bytes& out) const;
+  void append_chunk_indexes(Bytes& out) const;
   ByteView compress();
   bool write_indexes(ChunkIndex& chunk);
 

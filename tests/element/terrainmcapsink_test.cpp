@@ -270,6 +270,9 @@ TEST_F(McapSink, AClockThatIsSetNeitherTurnsNorBreaksTheTimeOfARecording) {
   EXPECT_EQ(recorded(at("forth.mcap"), {0, 100, 3'600'200, 3'600'300, 3'600'400}, warning), even);
   EXPECT_NE(warning.find("jumped by 3600.000 s"), std::string::npos) << warning;
   EXPECT_EQ(recorded(at("both.mcap"), {0, 100, 1200, 300, 400}, warning), even);
+  // Two jumps whose sum no signed number holds.
+  constexpr GstClockTimeDiff far = 9'200'000'000'000, before = -1'000'000'000'000;
+  EXPECT_EQ(recorded(at("far.mcap"), {0, far, far + 100, before, before + 100}, warning), even);
   EXPECT_EQ(recorded(at("slewed.mcap"), {0, 110, 220, 330, 440}, warning), (Times{0, 110, 220, 330, 440}));
   EXPECT_NE(warning.find("No frame had terrain metadata"), std::string::npos) << warning;
 }
