@@ -429,13 +429,13 @@ void warn_once(GstTerrainExtract* self, const char* error) {
   GST_ELEMENT_WARNING(self, STREAM, DECODE, ("Invalid terrain metadata, ignored: %s.", error), ("%s", error));
 }
 
-/// Without a calibration the autopilot receives "unknown" for all directions: the user has to know.
+/// Without ranges the autopilot receives an obstacle in all directions: the user has to know.
 void warn_unmeasured(GstTerrainExtract* self, const char* error) {
   GST_LOG_OBJECT(self, "no metres: %s", error ? error : "no metadata");
   if (!self->state->unmeasured.first())
     return;
   GST_ELEMENT_WARNING(self, STREAM, FORMAT,
-                      ("The autopilot receives \"unknown\" for all directions: %s.",
+                      ("The autopilot receives an obstacle in all directions: %s.",
                        error ? error : "frames carry no ranges (set camera-info and mount of terrainseg)"),
                       ("GstTerrainMetricMeta is missing or cannot be read"));
 }

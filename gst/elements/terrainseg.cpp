@@ -3,7 +3,6 @@
 
 #include <gst/terrainseg/terrainsegmeta.h>
 
-#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <memory>
@@ -478,38 +477,15 @@ bool fail(gpointer object, const Status& status) {
   return false;
 }
 
-/// The confidence map in memory that can travel; nullptr where there is none, or no memory for it.
-OwnedBuffer copy_confidence_map(Streaming& s, const GrayView& map) {
-  if (map.empty())
-    return nullptr;
-  OwnedBuffer buffer = s.confidence_maps.acquire(map.width, map.height);
-  const MappedBuffer out(buffer.get(), GST_MAP_WRITE);
-  if (!out.data())
-    return nullptr;
-  for (int y = 0; y < map.height; ++y)
-    std::copy_n(map.plane.row(y), map.width, out.data() + static_cast<std::ptrdiff_t>(y) * map.width);
-  return buffer;
-}
-
-/// Training pixels of the frame; invalid ones are reported once a stream.
-Supervision read_training(gpointer object, Streaming& s, GstBuffer* buffer) {
-  const Supervision supervision =
-      s.training.read(buffer, GST_VIDEO_INFO_WIDTH(&s.info), GST_VIDEO_INFO_HEIGHT(&s.info));
-  if (s.training.error() && s.training_flaw.first())
+/// Reads the pixels of the frame that metadata names; invalid ones are reported once a stream.
+template <typename Reader>
+auto read_pixels(gpointer object, const GstVideoInfo& info, GstBuffer* buffer, Reader& reader, Once<>& flaw,
+                 const char* what) {
+  const auto pixels = reader.read(buffer, GST_VIDEO_INFO_WIDTH(&info), GST_VIDEO_INFO_HEIGHT(&info));
+  if (reader.error() && flaw.first())
     GST_ELEMENT_WARNING(GST_ELEMENT(object), STREAM, FAILED,
-                        ("Invalid training pixels, ignored: %s.", s.training.error()),
-                        ("%s", s.training.error()));
-  return supervision;
-}
-
-/// Pixels of the frame that a detector upstream vetoes; invalid ones are reported once a stream.
-Veto read_veto(gpointer object, Streaming& s, GstBuffer* buffer) {
-  s.veto.choose(s.settings.values().veto_roi_types);
-  const Veto veto = s.veto.read(buffer, GST_VIDEO_INFO_WIDTH(&s.info), GST_VIDEO_INFO_HEIGHT(&s.info));
-  if (s.veto.error() && s.veto_flaw.first())
-    GST_ELEMENT_WARNING(GST_ELEMENT(object), STREAM, FAILED, ("Invalid veto, ignored: %s.", s.veto.error()),
-                        ("%s", s.veto.error()));
-  return veto;
+                        ("Invalid %s, ignored: %s.", what, reader.error()), ("%s", reader.error()));
+  return pixels;
 }
 
 /// Adds the frame to `stats`, and to the log: GST_DEBUG=terrainseg:5 has a line a second, :6 one a frame.
@@ -556,11 +532,11 @@ Status run(GstBaseTransform* transform, GstBuffer* buffer, const Frame& frame, c
   const LearnedTerrain::Turn turn(shared_of(transform).learned);
   Segmenter& segmenter = turn.segmenter();
   s.settings.configure(segmenter, is_learnable(transform->segment, buffer));
-  const Status status = segmenter.process(frame, supervision, target, veto);
+  Status status = segmenter.process(frame, supervision, target, veto);
   if (!status.ok())
     return status;
   outcome.estimate = segmenter.estimate();
-  outcome.confidence_map = copy_confidence_map(s, outcome.estimate.confidence_map);
+  outcome.confidence_map = s.confidence_maps.copy_of(outcome.estimate.confidence_map);
   outcome.estimate.confidence_map = {}; // the segmenter's memory
   outcome.counters = segmenter.counters();
   outcome.stage_times = segmenter.stage_times();
@@ -589,8 +565,11 @@ bool label(GstBaseTransform* transform, GstBuffer* buffer, const MappedFrame& ma
                       ("a mask of %d x %d cannot be allocated", width, height));
     return false;
   }
-  const Supervision supervision = read_training(transform, s, buffer);
-  const Status status = run(transform, buffer, frame, supervision, read_veto(transform, s, buffer),
+  const Supervision supervision =
+      read_pixels(transform, s.info, buffer, s.training, s.training_flaw, "training pixels");
+  s.veto.choose(set.veto_roi_types);
+  const Veto veto = read_pixels(transform, s.info, buffer, s.veto, s.veto_flaw, "veto");
+  const Status status = run(transform, buffer, frame, supervision, veto,
                             {{mask.data(), width}, width, height}, boundary.data(), outcome);
   s.training.release();
   s.veto.release();

@@ -3,7 +3,11 @@
 
 #include <gst/video/video.h>
 
+#include <algorithm>
+#include <cstddef>
+
 #include "support/estimate_meta.hpp"
+#include "support/mapped_buffer.hpp"
 
 namespace terrainseg {
 
@@ -43,6 +47,19 @@ OwnedBuffer MaskPool::acquire(int width, int height) {
   meta = describe_mask(buffer.get(), width, height);
   meta->meta.flags = static_cast<GstMetaFlags>(
       meta->meta.flags | GST_META_FLAG_POOLED); // kept when the buffer returns to the pool
+  return buffer;
+}
+
+OwnedBuffer MaskPool::copy_of(const GrayView& picture) {
+  if (picture.empty())
+    return nullptr;
+  OwnedBuffer buffer = acquire(picture.width, picture.height);
+  const MappedBuffer out(buffer.get(), GST_MAP_WRITE);
+  if (!out.data())
+    return nullptr;
+  for (int y = 0; y < picture.height; ++y)
+    std::copy_n(picture.plane.row(y), picture.width,
+                out.data() + static_cast<std::ptrdiff_t>(y) * picture.width);
   return buffer;
 }
 

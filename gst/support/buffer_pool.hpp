@@ -6,6 +6,8 @@
 
 #include <memory>
 
+#include "terrainseg/frame.hpp"
+
 namespace terrainseg {
 
 struct BufferUnref {
@@ -34,6 +36,8 @@ class SmallPool {
 class MaskPool {
  public:
   OwnedBuffer acquire(int width, int height);
+  /// A copy of a picture, or nullptr if it is empty or memory is exhausted.
+  OwnedBuffer copy_of(const GrayView& picture);
   void drop() { pool_.drop(); }
 
  private:

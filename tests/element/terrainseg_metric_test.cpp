@@ -10,6 +10,7 @@
 
 #include "harness.hpp"
 #include "support/metric_meta.hpp"
+#include "support/segment_time.hpp"
 #include "support/wall_clock.hpp"
 
 namespace terrainseg::test {
@@ -465,6 +466,15 @@ TEST_F(Metric, PosesOfAWrongClockDoNotKeepOutTheRightOnes) {
   EXPECT_FALSE(has_metres(rig.step().get()));
   gst_harness_push_event(rig.harness(), pose(0, 5, 33));
   EXPECT_TRUE(has_metres(rig.step().get()));
+}
+
+TEST_F(Metric, ATimeThatNoSignedNumberHoldsIsNone) {
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  constexpr GstClockTime last = G_MAXINT64;
+  EXPECT_EQ(terrainseg::running_time_of(segment, last), last);
+  EXPECT_EQ(terrainseg::running_time_of(segment, last + 1), GST_CLOCK_TIME_NONE);
+  EXPECT_EQ(terrainseg::running_time_of(segment, GST_CLOCK_TIME_NONE - 1), GST_CLOCK_TIME_NONE);
 }
 
 TEST_F(Metric, GroundBeyondTheLimitIsNoFreeGround) {

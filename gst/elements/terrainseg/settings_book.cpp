@@ -173,12 +173,13 @@ const Property<ElementSettings>& own_of(guint id) {
 }
 
 // Ids begin at 1, and a release of GStreamer with GstAnalytics has one property more.
-#define TERRAINSEG_SETTING(...) +1
-constexpr std::size_t all_rows =
+#define TERRAINSEG_SETTING(...) 1,
+constexpr int one_for_each_row[] = {
 #include "terrainseg/settings.def"
-    ;
+};
 #undef TERRAINSEG_SETTING
-static_assert(all_rows + specials + overlay_property_count + std::size(own_table) < SettingsBook::capacity);
+static_assert(std::size(one_for_each_row) + specials + overlay_property_count + std::size(own_table) <
+              SettingsBook::capacity);
 
 /// By id; filled once, when the class is made.
 std::array<GParamSpec*, SettingsBook::capacity> specs;
