@@ -26,7 +26,7 @@ use_plugin() {
     folder=$(cd "$(dirname "$newest")" && pwd)
     export GST_PLUGIN_PATH=$folder:${folder%/gst}/lab
     echo "$(basename "$0"): uses the plugin in ${folder#"$(dirname "$here")"/}" >&2
-  elif gst-inspect-1.0 --exists terrainseg; then
+  elif gst-inspect-1.0 terrainseg >/dev/null 2>&1; then # --exists wants a plugin with the version of GStreamer
     echo "$(basename "$0"): uses the plugin that is installed" >&2
   else
     fail "GStreamer does not find terrainseg, and there is no build in $(dirname "$here"): run examples/quickstart.sh, install it, or set GST_PLUGIN_PATH"

@@ -33,9 +33,19 @@ with open(sys.argv[1], "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.AC
     at = data.rfind(b"stsz")  # the sizes of the samples: after eight bytes how many there are
     sys.exit(at < 0 or not int.from_bytes(data[at + 12:at + 16], "big"))' "$1"
 }
+# end_when_idle PROCESS: kills a process that has used no processor time for 20 seconds. gst-launch-1.0 of GStreamer 1.26 sometimes
+# misses an error that comes before it listens, and waits for ever.
+end_when_idle() {
+  local used before='' idle=0
+  while sleep 1 && used=$(cut -d' ' -f14,15 "/proc/$1/stat" 2>/dev/null); do
+    if [ "$used" = "$before" ]; then idle=$((idle + 1)); else idle=0; fi
+    before=$used
+    [ "$idle" -lt 20 ] || kill -KILL "$1"
+  done
+}
 # The first videoconvert is for formats that videoflip does not turn; H.264 wants even sides, MP4 sides of 16 and more.
-if ! (pipeline "uridecodebin uri=$(uri_of "$1") ! videoconvert ! deinterlace fields=top \
-  ! videoflip video-direction=auto ! videoconvert ! terrainseg overlay=true $SETTINGS ! videoconvert ! videoscale \
+if ! (launched=$BASHPID; end_when_idle "$launched" & pipeline "uridecodebin uri=$(uri_of "$1") ! videoconvert ! deinterlace fields=top \
+  ! identity drop-allocation=true ! videoflip video-direction=auto ! videoconvert ! terrainseg overlay=true $SETTINGS ! videoconvert ! videoscale \
   ! video/x-raw,format=I420,width=[16,32766,2],height=[16,32766,2] ! x264enc pass=qual speed-preset=veryfast ! mp4mux \
   ! filesink location=$(quoted "$part")") || ! has_frames "$part"; then
   rm -f "$part"

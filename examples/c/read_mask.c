@@ -75,9 +75,10 @@ static GstElement* make_pipeline(const gchar* video) {
       return NULL;
     }
     /* Upright and progressive video from every recording. */
-    text = g_strdup_printf("uridecodebin uri=\"%s\" ! videoconvert ! deinterlace fields=top ! "
-                           "videoflip video-direction=auto ! videoconvert ! %s",
-                           uri, tail);
+    text =
+        g_strdup_printf("uridecodebin uri=\"%s\" ! videoconvert ! deinterlace fields=top ! "
+                        "identity drop-allocation=true ! videoflip video-direction=auto ! videoconvert ! %s",
+                        uri, tail);
     g_free(uri);
   } else {
     text = g_strdup_printf("terrainscenesrc num-buffers=60 ! video/x-raw,width=320,height=180 ! %s", tail);

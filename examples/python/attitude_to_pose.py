@@ -138,7 +138,10 @@ def main():
     except OSError as error:
         sys.exit(f'attitude_to_pose.py: {options.listen}: {error.strerror}; another program listens there, or the address is not this machine\'s')
     Gst.init(None)
-    pipeline = Gst.parse_launch(' '.join(options.pipeline))
+    try:
+        pipeline = Gst.parse_launch(' '.join(options.pipeline))
+    except GLib.Error as error:
+        sys.exit(f'attitude_to_pose.py: the pipeline cannot be built: {error.message}')
     filters = [element for element in all_elements(pipeline) if element.get_factory() and element.get_factory().get_name() == 'terrainseg']
     if not filters:
         sys.exit('attitude_to_pose.py: there is no terrainseg in the pipeline')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Finds the plugin for the programs in this folder. If it is installed, or GST_PLUGIN_PATH is set, Gst.init() is enough."""
+"""Finds the plugin for the programs in this folder, and reads videos for them. If it is installed, or GST_PLUGIN_PATH is set, Gst.init() is enough."""
 import pathlib
 import sys
 
@@ -27,3 +27,10 @@ def init():
     if not Gst.ElementFactory.find('terrainseg'):
         sys.exit(f'{name}: {newest} cannot be loaded: run GST_DEBUG=2 {name} for the reason')
     print(f'{name}: uses the plugin in {newest.parent.relative_to(top)}', file=sys.stderr)
+
+
+def upright(video):
+    """The source of a pipeline: the pictures of a recording, upright and progressive. The identity keeps GStreamer 1.26's FFmpeg decoders from
+    decoding into videoflip's buffers, at which they abort at times."""
+    return (f'uridecodebin uri="{pathlib.Path(video).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
+            '! identity drop-allocation=true ! videoflip video-direction=auto ! videoconvert')

@@ -8,7 +8,6 @@ Copy frames() into your program. It reads the metadata of every frame, and on re
 """
 import argparse
 import os
-import pathlib
 import sys
 
 import gi
@@ -108,9 +107,7 @@ def frames(source, settings='', picture=False):
 def source_of(video):
     if video is None:
         return 'terrainscenesrc num-buffers=60 ! video/x-raw,width=320,height=180'
-    # Upright and progressive video from every recording.
-    return (f'uridecodebin uri="{pathlib.Path(video).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
-            '! videoflip video-direction=auto ! videoconvert')
+    return find_plugin.upright(video)
 
 
 def main():

@@ -14,7 +14,6 @@ import argparse
 import array
 import math
 import os
-import pathlib
 import sys
 import tempfile
 
@@ -128,9 +127,7 @@ def main():
     options = parser.parse_args()
     find_plugin.init()
     if options.video:
-        # Upright and progressive video from every recording.
-        run(f'uridecodebin uri="{pathlib.Path(options.video).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
-            '! videoflip video-direction=auto ! videoconvert', options.camera_info, options.mount, options.start_time)
+        run(find_plugin.upright(options.video), options.camera_info, options.mount, options.start_time)
         return
     with tempfile.NamedTemporaryFile('w', suffix='.yaml') as camera:
         camera.write(SCENE)

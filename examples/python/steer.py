@@ -15,7 +15,6 @@ A mask does not prove that the ground carries the vehicle. The near-range sensor
 import argparse
 import array
 import os
-import pathlib
 import sys
 
 import gi
@@ -115,9 +114,7 @@ def main():
     find_plugin.init()
     source = 'terrainscenesrc num-buffers=90 ! video/x-raw,width=320,height=180'
     if options.video:
-        # Upright and progressive video from every recording.
-        source = (f'uridecodebin uri="{pathlib.Path(options.video).resolve().as_uri()}" ! videoconvert ! deinterlace fields=top '
-                  '! videoflip video-direction=auto ! videoconvert')
+        source = find_plugin.upright(options.video)
     # On a rover the newest frame counts: there put  queue leaky=downstream max-size-buffers=1  before terrainseg.
     seen = options.link or f'{source} ! terrainseg mask-level=2 {options.settings}'
     pipeline = Gst.parse_launch(f'{seen} ! appsink name=out sync=false max-buffers=1')

@@ -42,8 +42,7 @@ def source_of(what):
         return os.environ.get('SOURCE', 'v4l2src ! decodebin') + ' ! videoconvert ! video/x-raw,format=NV12 ! queue leaky=downstream max-size-buffers=1'
     if not os.access(what, os.R_OK):
         fail(f'{what} cannot be read; use a video file, camera or scene')
-    uri = pathlib.Path(what).resolve().as_uri()
-    return f'uridecodebin uri={uri} ! videoconvert ! deinterlace fields=top ! videoflip video-direction=auto ! videoconvert'
+    return find_plugin.upright(what)
 
 
 class Tuner:

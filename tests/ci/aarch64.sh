@@ -48,7 +48,7 @@ fi
 
 mapfile -t core < <(find src -name '*.cpp' -not -path 'src/scene/*' -not -path 'src/tools/*' -not -path 'src/metric/*' -not -path 'src/recording/*' -not -path 'src/ros2/*')
 gtest=/usr/src/googletest/googletest
-flags=(-std=c++20 -O2 -Iinclude -Isrc -I"$gtest" -I"$gtest/include" -pthread)
+flags=(-std=c++20 -O3 -Iinclude -Isrc -I"$gtest" -I"$gtest/include" -pthread)
 
 # build OUT COMPILER OPTIONS...: the kernels' test and the hashes.
 build() {

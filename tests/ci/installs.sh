@@ -65,7 +65,7 @@ for way in "${ways[@]}"; do
       here 'mkdir -p /build/aside && mv build /build/aside/ && if [ -d build-quickstart ]; then mv build-quickstart /build/aside/; fi'
       walk install '' "${steps[@]}" "${whole_steps[@]}"
       here 'mv /build/aside/* .'
-      check "ninja uninstall" here 'ninja -C build uninstall && ! gst-inspect-1.0 --exists terrainseg && ! command -v terrainseg-process' ;;
+      check "ninja uninstall" here 'ninja -C build uninstall && ! gst-inspect-1.0 terrainseg >/dev/null 2>&1 && ! command -v terrainseg-process' ;;
     *) echo "installs.sh: unknown way '$way': quickstart, devenv, install" >&2; exit 2 ;;
   esac
 done

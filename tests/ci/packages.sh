@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Builds the Debian packages, runs lintian, installs them into a clean root and runs the filter there.
+# Builds the Debian packages, runs lintian, installs them into a clean root, and runs the filter and the rover's unit there.
 # usage: tests/ci/packages.sh [FOLDER]     FOLDER: where the root lies (default: /var/tmp/terrainseg-debian12)
 # Ends with "N passed, N failed".
 set -uo pipefail
@@ -43,6 +43,9 @@ check "a program compiles against the library" in_root "$root" sh -c \
 check "a program compiles against the metadata header" in_root "$root" sh -c \
   'printf "#include <gst/terrainseg/terrainsegmeta.h>\nint main(void) { return 0; }\n" >/tmp/b.c &&
    cc /tmp/b.c -o /tmp/b $(pkg-config --cflags --libs gstreamer-terrainseg-1.0) && /tmp/b'
+PACKAGES=$root/packages tests/ci/systemd.sh
+status=$?
+[ $status -eq 77 ] || check "the package's unit runs under systemd" [ $status -eq 0 ]
 check "the packages leave cleanly" in_root "$root" apt-get purge -y gstreamer1.0-terrainseg libterrainseg0
 echo "$passed passed, $failed failed"
 [ "$failed" -eq 0 ]

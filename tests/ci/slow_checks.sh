@@ -14,7 +14,7 @@ slow_checks=(
   "4|examples src/tools/rover tests/rover_process.py tests/ci/browser.py tests/ci/browser.sh|env BUILD=build-release tests/ci/browser.sh"
   "3|lab/eval lab/reference lab/evaluation src/paper|env BUILD=build-release OUT=build-release/paper LIMIT=5 lab/evaluation/reproduce.sh"
   "4|src/recording src/ros2 gst/ros2 tests/ros2 tests/ci/ros2.sh|tests/ci/ros2.sh"
-  "9|debian meson.build meson_options.txt install-dependencies.sh tests/ci/packages.sh|tests/ci/packages.sh"
+  "14|debian meson.build meson_options.txt install-dependencies.sh tests/ci/packages.sh|tests/ci/packages.sh"
   "17|tests/ci/debian13.sh tests/ci/debian_root.sh|tests/ci/debian13.sh"
   "9|Containerfile install-dependencies.sh tests/ci/containerfile.sh|tests/ci/containerfile.sh"
   "20|examples install-dependencies.sh tools/after_install.sh meson.build tests/ci/installs.sh|tests/ci/installs.sh"

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # The unit terrainseg-rover.service under a real systemd: PID 1 of a clean Debian in namespaces of its own, installed as docs/tasks/at-boot.md says.
 # usage: tests/ci/systemd.sh [FOLDER]
-#   FOLDER  where the root lies (default: /var/tmp/terrainseg-systemd)
-#   BUILD   a build for the prefix /usr/local (default: build-systemd, which it makes)
+#   FOLDER    where the root lies (default: /var/tmp/terrainseg-systemd; with PACKAGES another one)
+#   BUILD     a build for the prefix /usr/local (default: build-systemd, which it makes)
+#   PACKAGES  a folder of this version's Debian packages, which are installed in place of the build
 # Ends with "N passed, N failed"; with 77 (skipped) where no systemd can be run: no root rights, namespaces or cgroup2.
 set -uo pipefail
 cd "$(dirname "$0")/../.."
@@ -49,7 +50,7 @@ mkdir "$group" 2>/dev/null || skip "no right to make a control group"
 rmdir "$group"
 unshare --fork --pid --mount --uts --ipc --net --cgroup true 2>/dev/null || skip "no right to make namespaces"
 
-root=${1:-/var/tmp/terrainseg-systemd}
+root=${1:-/var/tmp/terrainseg-systemd${PACKAGES:+-packages}}
 build=${BUILD:-build-systemd}
 work=$(mktemp -d)
 log=$work/log
@@ -100,7 +101,7 @@ is() { [ "$(property "$1")" = "$2" ]; }
 # main: its process inside, and a failure where there is none.
 main() { property MainPID | grep -v '^0$'; }
 journal() { inside journalctl -q --no-pager -o cat -u "$unit" "$@"; }
-said() { journal "${@:2}" | grep -q -e "$1"; }
+said() { journal "${@:2}" | grep -e "$1" >/dev/null; } # not -q, which ends before journalctl: a failure with pipefail
 state=/var/lib/terrainseg-rover
 # ask PATH [BODY]: a request to the page, as a program makes it.
 ask() {
@@ -127,16 +128,23 @@ packages=(systemd systemd-sysv gstreamer1.0-tools gstreamer1.0-plugins-base gstr
 if ! in_root "$root" dpkg -s "${packages[@]}" >/dev/null 2>&1; then
   check "packages" in_root "$root" sh -c "apt-get update && apt-get install -y --no-install-recommends ${packages[*]}" || exit 1
 fi
-if [ ! -f "$build/build.ninja" ]; then
-  ./install-dependencies.sh build || exit 1
-  meson setup "$build" -Dtests=disabled -Dlab=disabled -Dbench=disabled -Dunity-tools=true >"$log" || exit 1
-fi
-check "build" ninja -C "$build" || exit 1
 rm -rf "$root/etc/terrainseg" "$root/etc/systemd/system/$unit.service.d" "$root/etc/systemd/system/multi-user.target.wants/$unit.service" \
   "$root/var/lib/private" "$root$state" "$root/var/cache/private" "$root/var/cache/$unit" "$root/var/log/journal"
-check "meson install" env DESTDIR="$root" meson install -C "$build" --no-rebuild || exit 1
-in_root "$root" ldconfig
-in_root "$root" install -D -m 644 /usr/local/share/terrainseg/rover/rover.conf /etc/terrainseg/rover.conf
+if [ -n "${PACKAGES:-}" ]; then
+  rm -rf "$root/packages"
+  mkdir "$root/packages" && cp "$PACKAGES"/*.deb "$root/packages/" && rm -f "$root"/packages/*dbgsym* || exit 1
+  check "the packages install" in_root "$root" sh -c \
+    'apt-get purge -y terrainseg-rover; apt-get install -y --no-install-recommends --reinstall /packages/*.deb' || exit 1
+else
+  if [ ! -f "$build/build.ninja" ]; then
+    ./install-dependencies.sh build || exit 1
+    meson setup "$build" -Dtests=disabled -Dlab=disabled -Dbench=disabled -Dunity-tools=true >"$log" || exit 1
+  fi
+  check "build" ninja -C "$build" || exit 1
+  check "meson install" env DESTDIR="$root" meson install -C "$build" --no-rebuild || exit 1
+  in_root "$root" ldconfig
+  in_root "$root" install -D -m 644 /usr/local/share/terrainseg/rover/rover.conf /etc/terrainseg/rover.conf
+fi
 leave_root "$root"
 # Of the root's own units, what has nothing to do here.
 for other in console-getty systemd-modules-load systemd-sysctl; do ln -sf /dev/null "$root/etc/systemd/system/$other.service"; done

@@ -112,7 +112,7 @@ def the_newest_build_is_found_and_named(folder):
     """A source tree with builds, and a GStreamer that knows no plugin of ours."""
     plain = {key: value for key, value in os.environ.items() if key != 'GST_PLUGIN_PATH'}
     plain['GST_REGISTRY'] = str(folder / 'registry')
-    if not subprocess.run(['gst-inspect-1.0', '--exists', 'terrainseg'], env=plain).returncode:
+    if not subprocess.run(['gst-inspect-1.0', 'terrainseg'], capture_output=True, env=plain).returncode:
         raise Skip('the plugin is installed on this machine')
     shutil.copytree(EXAMPLES, 'tree/examples')
     for program in ['tree/examples/camera.sh', '--self-test'], [PYTHON, 'tree/examples/python/steer.py']:
@@ -125,6 +125,20 @@ def the_newest_build_is_found_and_named(folder):
         os.utime(plugin, (time.time() - age,) * 2, follow_symlinks=False)
     for program in ['tree/examples/camera.sh', '--self-test'], [PYTHON, 'tree/examples/python/steer.py']:
         contains(run(*program, env=plain).stderr, 'uses the plugin in build')
+
+
+@case
+def the_installed_plugin_is_found_and_named(folder):
+    """Examples without a build beside them, and a plugin where GStreamer looks by itself."""
+    built = pathlib.Path(os.environ['GST_PLUGIN_PATH'].split(':')[0], 'libgstterrainseg.so')
+    installed = folder / 'data/gstreamer-1.0/plugins'
+    os.makedirs(installed)
+    (installed / built.name).symlink_to(built)
+    shutil.copytree(EXAMPLES, 'tree/examples')
+    plain = {key: value for key, value in os.environ.items() if key != 'GST_PLUGIN_PATH'}
+    plain.update(XDG_DATA_HOME=str(folder / 'data'), GST_REGISTRY=str(folder / 'registry'))
+    contains(run('tree/examples/camera.sh', '--self-test', env=plain).stderr, 'uses the plugin that is installed')
+    contains(run(PYTHON, 'tree/examples/python/steer.py', env=plain).stdout, 'frame 0')
 
 
 @case

@@ -503,7 +503,7 @@ def a_warning_is_shown_once_and_the_log_is_not(folder):
     grey = 'terrainscenesrc num-buffers=200 ! video/x-raw,width=64,height=48 ! videobalance saturation=0'
     told = run(EXAMPLES / 'camera.sh', env={**plain, 'SOURCE': grey, 'VIEW': 'fakesink'}).stderr.splitlines()
     equal([line[:52] for line in told], ['WARNING: from element terrainseg0: The video format '], told)
-    contains(run(EXAMPLES / 'ardupilot.sh', env={**plain, 'SOURCE': source}).stderr, 'The autopilot receives "unknown" for all directions')
+    contains(run(EXAMPLES / 'ardupilot.sh', env={**plain, 'SOURCE': source}).stderr, 'The autopilot receives an obstacle in all directions')
     wrong = run(EXAMPLES / 'camera.sh', code=255, env={**plain, 'SOURCE': source, 'VIEW': 'fakesink', 'SETTINGS': 'camera-info=none.yaml mount=height=1'})
     equal(wrong.stderr.count('No such file'), 2, 'error and details of gst-launch-1.0')
 

@@ -61,7 +61,7 @@ def share(rows, value=255):
 @row('`no element "terrainseg"`')
 def no_element(folder):
     plain = {'GST_PLUGIN_PATH': '', 'GST_REGISTRY': str(folder / 'registry')}
-    if not subprocess.run(['gst-inspect-1.0', '--exists', 'terrainseg'], env={**os.environ, **plain}).returncode:
+    if not subprocess.run(['gst-inspect-1.0', 'terrainseg'], capture_output=True, env={**os.environ, **plain}).returncode:
         raise Skip('the plugin is installed on this machine')
     contains(launch('videotestsrc num-buffers=1 ! terrainseg ! fakesink', code=1, **plain), 'no element "terrainseg"')
     launch('videotestsrc num-buffers=1 ! terrainseg ! fakesink')
@@ -220,13 +220,14 @@ def range_of_an_mp4(folder):
     ffmpeg('-i', 'full.mp4', '-c', 'copy', 'full.mkv')
 
     def all_masks(name, remedy=''):
-        masks(f'filesrc location={name} ! decodebin ! {remedy}terrainseg')
+        masks(f'filesrc location={name} ! decodebin ! {remedy}terrainseg motion=off')  # the times of an MKV are rounded
         return pathlib.Path('masks').read_bytes()
     right = all_masks('full.mkv')
     remedy, = re.findall('`(capssetter [^`]+)`', PAGE.read_text())
-    equal(all_masks('full.mp4', remedy.replace('"', '') + ' ! ') == right, True, 'masks with the remedy are those of the MKV')
-    if all_masks('full.mp4') == right:
+    remedied = all_masks('full.mp4', remedy.replace('"', '') + ' ! ')
+    if all_masks('full.mp4') == remedied:
         raise Skip('this GStreamer reads the range')
+    equal(remedied == right, True, 'masks with the remedy are those of the MKV')
 
 
 @row('the picture lies on its side')
@@ -237,7 +238,7 @@ def turned(folder):
     size = [(line['width'], line['height']) for line in lines(f'{source} ! terrainseg ! terrainextract')][0]
     equal(size, (320, 180), 'as it lies in the file')
     size = [(line['width'], line['height']) for line in
-            lines(f'{source} ! videoflip video-direction=auto ! terrainseg ! terrainextract')][0]
+            lines(f'{source} ! identity drop-allocation=true ! videoflip video-direction=auto ! terrainseg ! terrainextract')][0]
     equal(size, (180, 320), 'upright')
 
 
