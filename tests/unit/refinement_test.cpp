@@ -54,6 +54,36 @@ TEST(Refinement, WithoutSnapIsTheCurveBetweenTheCells) {
     EXPECT_GE(rows[x], rows[x - 1]);
 }
 
+TEST(Refinement, FollowsTheSidesOfThings) {
+  // Above ground from row 24 on stands a thing up to row 104, left or right of `side`. The columns of the
+  // grid are centred at 8 j, so that the side is between columns 9 and 10.
+  for (int side = 72; side <= 80; ++side)
+    for (const bool left : {true, false}) {
+      const auto end_of_thing = [&](int x) { return (x < side) == left ? 104 : 24; };
+      const auto paint = [&](int x, int y) {
+        return y < end_of_thing(x) ? Components{200, 100, 150} : Components{90, 128, 128};
+      };
+      GridCurve curve(20, left ? 3 : 13);
+      std::fill_n(curve.begin(), 10, static_cast<std::uint16_t>(left ? 13 : 3));
+      const FrameCurve rows = refined(paint, curve, true);
+      for (int x = 0; x < width; ++x)
+        if (std::abs(x - side) > 3) {
+          ASSERT_NEAR(rows[static_cast<std::size_t>(x)], end_of_thing(x), 1) << side << ' ' << x;
+        }
+    }
+}
+
+TEST(Refinement, AColumnWithoutAnEdgeHasNoSide) {
+  // Row 0 says that nothing ends there, as above columns without ground behind an obstacle.
+  GridCurve curve(20, 0);
+  std::fill_n(curve.begin(), 10, std::uint16_t{13});
+  const auto slanted = [](int x, int y) {
+    return x < 70 + y / 10 ? Components{200, 100, 150} : Components{90, 128, 128};
+  };
+  for (const int r : refined(slanted, curve, true))
+    EXPECT_TRUE(r == 0 || r > 90) << r;
+}
+
 TEST(Refinement, AllAndNothingStayAll) {
   for (const bool snap : {false, true}) {
     EXPECT_EQ(refined(edge_at(64), GridCurve(20, 0), snap), FrameCurve(width, 0));

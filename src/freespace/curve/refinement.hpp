@@ -20,16 +20,23 @@ class Refinement {
  public:
   /// Must be called before the curves of another picture.
   void start() { asked_.clear(); }
-  /// `curve`: per grid column the first row of the ground, 0..grid.height. With `snap` the curve moves to the
-  /// strongest colour edge within three quarters of a cell at refinement_level(), then a median of five
-  /// columns is applied. `rows` receives the first row of the ground in the frame, 0..frame_height, for each
-  /// column of a mask that is 2^mask_level times narrower than the frame.
+  /// `curve`: per grid column the first row of the ground, 0..grid.height. With `snap` the sides of things
+  /// (see sharpen_sides()) and then the curve itself move to the strongest colour edges at
+  /// refinement_level(), the curve by at most three quarters of a cell; then a median of five columns is
+  /// applied. `rows` receives the first row of the ground in the frame, 0..frame_height, for each column of a
+  /// mask that is 2^mask_level times narrower than the frame.
   void refine(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform,
               const GridCurve& curve, bool snap, int mask_level, int frame_width, int frame_height,
               FrameCurve& rows);
 
  private:
   void interpolate(const Grid& grid, const GridCurve& curve, int width, int height);
+  void sharpen_sides(const Pyramid& pyramid, const ColorTransform& transform, const Grid& grid,
+                     const GridCurve& curve);
+  /// By column of a side's box.
+  using Crossings = std::array<int, kernels::strip_rows>;
+  void count_crossings(const Pyramid& pyramid, const ColorTransform& transform, int level, int ratio,
+                       const Rectangle& box, Crossings& crossings);
   bool ask(int first, int end);
   void snap_columns(const Pyramid& pyramid, const ColorTransform& transform, int level, int first, int end);
   void take_medians();
