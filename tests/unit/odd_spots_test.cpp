@@ -320,6 +320,21 @@ TEST(OddSpots, WhatTouchesTheBoundaryIsTheBoundarysMatter) {
   EXPECT_FALSE(s.find());
 }
 
+TEST(OddSpots, RowsThatAreSkippedAreNotSearched) {
+  Scene s(160, 120, 1, sand({60, 60, 12, 10}, {50, 120, 136})); // rows 30 to 34 of cells, the horizon is 16
+  for (const int skipped : {0, 1, 10, 13}) {
+    s.view.skipped = skipped;
+    EXPECT_TRUE(s.find()) << skipped;
+    EXPECT_TRUE(s.spot(32, 33)) << skipped;
+  }
+  for (const int skipped : {20, 43, 44, 1000}) { // the picture ends at row 60
+    s.view.skipped = skipped;
+    EXPECT_FALSE(s.find()) << skipped;
+    EXPECT_EQ(s.oddness(32, 33), 0) << skipped;
+    EXPECT_FALSE(s.spot(32, 33)) << skipped;
+  }
+}
+
 TEST(OddSpots, WhatStandsNearestIsSeenToo) {
   const Rectangle box{74, 107, 10, 8}; // where the training window lies
   Scene s(160, 120, 1, sand(box, {50, 120, 136}));

@@ -4,8 +4,10 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cstdint>
 #include <cstring>
+#include <span>
 #include <vector>
 
 #include "freespace/holes/hole.hpp"
@@ -22,9 +24,11 @@ class CandidateCells {
     width_ = width;
     height_ = height;
     first_ = first;
-    cells_.clear();
-    // reserved now, so that the first frame with a candidate does not allocate
-    cells_.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+    count_ = 0;
+    // All cells may be candidates; no later frame of this size allocates.
+    if (const std::size_t all = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+        cells_.size() < all)
+      cells_.resize(all);
     columns_.reserve(static_cast<std::size_t>(width));
     row_ends_.assign(static_cast<std::size_t>(height), 0);
     has_seeds_.reserve(static_cast<std::size_t>(height));
@@ -33,26 +37,24 @@ class CandidateCells {
   /// Lists the cells whose value (0..127) is at least `least`.
   void list(const std::uint8_t* values, int least) {
     const auto w = static_cast<std::size_t>(width_);
-    cells_.clear();
+    std::uint32_t* next = cells_.data();
     for (int i = first_; i < height_; ++i) {
       const std::size_t at = static_cast<std::size_t>(i) * w;
       const std::uint8_t* const row = values + at;
-      const auto take = [&](std::size_t j) {
-        if (row[j] >= least)
-          cells_.push_back(static_cast<std::uint32_t>(at + j));
-      };
       std::size_t j = 0;
       for (; j + 8 <= w; j += 8)
-        if (any_of_eight(row + j, least))
-          for (std::size_t e = 0; e < 8; ++e)
-            take(j + e);
+        for (std::uint64_t found = enough_of_eight(row + j, least); found; found &= found - 1)
+          *next++ =
+              static_cast<std::uint32_t>(at + j) + static_cast<std::uint32_t>(std::countr_zero(found)) / 8;
       for (; j < w; ++j)
-        take(j);
-      row_ends_[static_cast<std::size_t>(i)] = cells_.size();
+        if (row[j] >= least)
+          *next++ = static_cast<std::uint32_t>(at + j);
+      row_ends_[static_cast<std::size_t>(i)] = static_cast<std::size_t>(next - cells_.data());
     }
+    count_ = static_cast<std::size_t>(next - cells_.data());
   }
 
-  const std::vector<std::uint32_t>& cells() const { return cells_; }
+  std::span<const std::uint32_t> cells() const { return {cells_.data(), count_}; }
 
   /// Sets seeds[cell] = 1 where the mean of `values` (0..127) over the ground in the surrounding box is at
   /// least `enough`, otherwise 0. The box extends reach_of(row) cells in each direction. Returns false when
@@ -168,16 +170,20 @@ class CandidateCells {
     }
   }
 
-  /// Whether one of eight values (0..127) is at least `least`.
-  static bool any_of_eight(const std::uint8_t* values, int least) {
+  /// The highest bit of byte k, from the lowest byte on, is set where value k (0..127) of eight is at least
+  /// `least`.
+  static std::uint64_t enough_of_eight(const std::uint8_t* values, int least) {
     constexpr std::uint64_t ones = 0x0101010101010101u;
     std::uint64_t eight = 0;
     std::memcpy(&eight, values, sizeof eight);
-    return ((eight + ones * static_cast<std::uint64_t>(128 - least)) & (ones << 7)) != 0;
+    if constexpr (std::endian::native == std::endian::big)
+      eight = __builtin_bswap64(eight);
+    return (eight + ones * static_cast<std::uint64_t>(128 - least)) & (ones << 7);
   }
 
   int width_ = 0, height_ = 0, first_ = 0;
-  std::vector<std::uint32_t> cells_;
+  std::vector<std::uint32_t> cells_; ///< the first count_ are listed
+  std::size_t count_ = 0;
   std::vector<std::int16_t> columns_;   ///< sums over the rows of a box, of which there are at most 255
   std::vector<std::size_t> row_ends_;   ///< end of each row in cells_
   std::vector<std::uint8_t> has_seeds_; ///< of each row

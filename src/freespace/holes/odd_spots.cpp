@@ -121,10 +121,10 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   seed_.resize(size);
   const bool any_ground = ground_.draw(
       curves, {view.level, width_, height_, view.column_level, view.level, view.ignored, stride_});
-  first_ = ground_.first();
+  first_ = std::max(ground_.first(), view.skipped > 0 ? horizon_row_ + view.skipped : 0);
   candidates_.start(stride_, height_, first_);
   std::fill_n(odd_.begin(), std::min(first_, height_) * stride_ + 1, std::uint8_t{0});
-  if (!any_ground)
+  if (!any_ground || first_ >= height_)
     return false;
   read_cells(pyramid, transform);
   sum_blocks();

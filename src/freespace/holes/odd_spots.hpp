@@ -25,7 +25,8 @@ struct GroundView {
                              ///< `level`
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
   std::span<const Rectangle> ignored; ///< in pixels of the frame
-  int rows = 0; ///< rows of cells to search below the horizon; 0 = to the end of the picture
+  int skipped = 0;                    ///< rows of cells below the horizon that are not searched
+  int rows = 0; ///< the rows below the horizon where the search ends; 0 = at the end of the picture
 };
 
 /// A cell of the ground is odd when it differs in the same direction from the ground to its left and from the
