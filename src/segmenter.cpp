@@ -3,7 +3,6 @@
 // estimate. The order of the stages is in paper/pipeline.cpp and freespace/pipeline.cpp.
 #include "terrainseg/segmenter.hpp"
 
-#include "base/frame_check.hpp"
 #include "coarse/window.hpp"
 #include "freespace/pipeline.hpp"
 #include "learning/terrain_model.hpp"
@@ -55,6 +54,12 @@ struct Segmenter::State {
   std::optional<Workers> workers;
   int threads = -1; ///< number of threads that `workers` was created with
 };
+
+const char* name_of(Stage stage) {
+  constexpr const char* names[stage_count] = {"pyramid", "features", "prefilter", "clustering", "update",
+                                              "horizon", "scoring",  "boundary",  "mask"};
+  return names[static_cast<int>(stage)];
+}
 
 ColorSpace learning_space(const Settings& settings, const ColorSpace& frames) {
   if (settings.pipeline() == PipelineKind::free_space)

@@ -3,7 +3,7 @@
 
 #include <cstdlib>
 
-#include "base/frame_check.hpp"
+#include "base/pipeline.hpp"
 
 namespace terrainseg {
 namespace {

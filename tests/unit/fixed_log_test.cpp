@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "base/fixed_log.hpp"
+#include "base/fixed.hpp"
 
 #include <cmath>
 

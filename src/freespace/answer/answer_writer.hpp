@@ -6,7 +6,7 @@
 
 #include "base/estimate_writer.hpp"
 #include "base/frame_line.hpp"
-#include "base/stage_clock.hpp"
+#include "base/pipeline.hpp"
 #include "freespace/answer/evidence.hpp"
 #include "freespace/answer/free_space.hpp"
 

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "base/percentile.hpp"
+#include "base/fixed.hpp"
 #include "base/tuning.hpp"
 #include "base/workers.hpp"
 #include "coarse/grid.hpp"

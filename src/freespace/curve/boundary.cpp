@@ -5,8 +5,7 @@
 #include <array>
 #include <cstdlib>
 
-#include "base/fixed_log.hpp"
-#include "base/percentile.hpp"
+#include "base/fixed.hpp"
 #include "base/tuning.hpp"
 
 namespace terrainseg {

@@ -6,8 +6,7 @@
 #include <cstdlib>
 #include <numeric>
 
-#include "base/fixed_log.hpp"
-#include "base/percentile.hpp"
+#include "base/fixed.hpp"
 #include "base/tuning.hpp"
 #include "freespace/look/color_bins.hpp"
 

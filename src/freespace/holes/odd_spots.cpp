@@ -5,7 +5,7 @@
 #include <cstring>
 #include <limits>
 
-#include "base/fixed_log.hpp"
+#include "base/fixed.hpp"
 #include "base/tuning.hpp"
 #include "kernels/cells.hpp"
 #include "kernels/sides.hpp"

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "base/stage_clock.hpp"
+#include "base/pipeline.hpp"
 #include "coarse/grid.hpp"
 #include "coarse/horizon.hpp"
 #include "coarse/window.hpp"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 
-#include "base/fixed_log.hpp"
+#include "base/fixed.hpp"
 #include "base/tuning.hpp"
 #include "kernels/cells.hpp"
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numeric>
 
-#include "base/fixed_log.hpp"
+#include "base/fixed.hpp"
 #include "base/tuning.hpp"
 #include "freespace/look/color_bins.hpp"
 
