@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "coarse/grid_reader.hpp"
 #include "coarse/pyramid.hpp"
+#include "freespace/look/view.hpp"
 
 namespace {
 

@@ -1,20 +1,57 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Stage B: the training window and its pre-filter (paper, section 3.2).
+// Stages B and D: the training window and its pre-filter, the moments of its colours, and the horizon that
+// follows from them (paper, sections 3.2 and 3.4).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "base/fixed.hpp"
 #include "coarse/grid.hpp"
-#include "coarse/moments.hpp"
-#include "coarse/veto.hpp"
 #include "terrainseg/settings.hpp"
 #include "terrainseg/supervision.hpp"
+#include "terrainseg/terrain.hpp"
 
 namespace terrainseg {
+
+/// Mean and variance of colours from sums of z and z^2 over the samples (paper, equations (4), (5) and (9)).
+/// The paper's (3) and (9) also multiply by the histogram, which would count samples repeatedly.
+class MomentSums {
+ public:
+  void add(const Color& color) {
+    ++count_;
+    for (int c = 0; c < 3; ++c) {
+      sum_[c] += color[c];
+      squares_[c] += static_cast<std::uint64_t>(color[c]) * color[c];
+    }
+  }
+
+  std::uint32_t count() const { return count_; }
+
+  /// All values are 0 without samples.
+  Gaussian moments() const {
+    Gaussian result;
+    result.mass = std::uint64_t{count_} << 8;
+    for (int c = 0; c < 3 && count_ > 0; ++c) {
+      result.mean[c] = static_cast<std::uint16_t>(rounded_quotient(sum_[c] << 8, count_));
+      // Relative to the rounded-down mean, so that products fit 64 bits for every frame size.
+      const std::uint64_t base = sum_[c] / count_, rest = sum_[c] - base * count_;
+      const std::uint64_t around = squares_[c] + base * base * count_ - 2 * base * sum_[c];
+      const std::uint64_t offset = (rest << 16) / count_; // Q16, below one unit
+      const std::uint64_t power = rounded_quotient(around << 8, count_), lost = (offset * offset) >> 24;
+      result.variance[c] = static_cast<std::uint32_t>(power > lost ? power - lost : 0);
+    }
+    return result;
+  }
+
+ private:
+  std::uint32_t count_ = 0;
+  std::array<std::uint64_t, 3> sum_{}, squares_{};
+};
 
 /// The window in a frame, or nothing when the configured window does not fit. Automatic sides (0) are limited
 /// to the space that `window_bottom` and `window_x` leave. `window_rect_q16` always fits.
@@ -67,5 +104,20 @@ struct Prefiltered {
 /// figure 5). Compares squares, so that no root is needed.
 void prefilter(const Grid& grid, std::span<const Cell> cells, const Gaussian& moments,
                const PrefilterRule& rule, Prefiltered& kept);
+
+/// Stage D: the horizon (paper, equations (9) to (12)).
+struct Horizon {
+  int row = -1;                ///< row of the grid; -1 = none: the stage is skipped
+  std::uint8_t confidence = 0; ///< how much less ground the row has than the others; 255 = none
+};
+
+/// Equation (10): whether every component of `color` is within two standard deviations of the ground.
+/// Compares squares. The paper prints an interval around zero, and the variance instead of the deviation.
+bool looks_like_ground(const Color& color, const Gaussian& ground);
+
+/// Equation (11): the row above the window that has the fewest ground cells. `window_top` is the first row of
+/// the window in the grid, `window_end` is exclusive. Terrain is kept from this row down (equation (12)
+/// prints the opposite).
+Horizon find_horizon(const Grid& grid, const Gaussian& ground, int window_top, int window_end);
 
 } // namespace terrainseg

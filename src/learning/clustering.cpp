@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "coarse/moments.hpp"
+#include "coarse/window.hpp"
 
 namespace terrainseg {
 namespace {

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "base/pipeline.hpp"
-#include "coarse/horizon.hpp"
 #include "coarse/pyramid.hpp"
 #include "coarse/window.hpp"
 #include "learning/clustering.hpp"

@@ -9,7 +9,6 @@
 
 #include "base/lattice.hpp"
 #include "base/workers.hpp"
-#include "coarse/horizon.hpp"
 #include "coarse/pyramid.hpp"
 #include "coarse/window.hpp"
 #include "learning/clustering.hpp"

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "coarse/grid_reader.hpp"
+#include "freespace/look/view.hpp"
 #include "support/frames.hpp"
 
 namespace terrainseg {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Stage D against equations (10) and (11) in doubles.
-#include "coarse/horizon.hpp"
+#include "coarse/window.hpp"
 
 #include <cmath>
 #include <optional>

@@ -7,7 +7,6 @@
 
 #include <gtest/gtest.h>
 
-#include "coarse/veto.hpp"
 #include "terrainseg/estimate.hpp"
 
 namespace terrainseg {

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/look/texture.hpp"
+#include "freespace/look/view.hpp"
 
 #include <gtest/gtest.h>
 
-#include "coarse/grid_reader.hpp"
 #include "support/frames.hpp"
 
 namespace terrainseg {

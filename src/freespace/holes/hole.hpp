@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "coarse/veto.hpp"
+#include "coarse/grid.hpp"
 #include "freespace/curve/frame_curves.hpp"
 #include "freespace/holes/finer_cells.hpp"
 #include "terrainseg/estimate.hpp"

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/tuning.hpp"
+#include "freespace/look/view.hpp"
 #include "kernels/deviation.hpp"
 
 namespace terrainseg {
@@ -147,17 +148,10 @@ void StoneField::read_luma(const Pyramid& pyramid, const ColorTransform& transfo
   luma_.resize(static_cast<std::size_t>(height_));
   if (view_.rgb)
     luma_of_rgb_.resize(deviation_.size());
-  for (int i = first_; i < height_; ++i) {
-    const std::uint8_t* row = pyramid.plane(view_.level, 0).row(i);
-    if (view_.rgb) {
-      std::uint8_t* const own = &luma_of_rgb_[static_cast<std::size_t>(i) * static_cast<std::size_t>(width_)];
-      transform_luma_row(transform,
-                         {row, pyramid.plane(view_.level, 1).row(i), pyramid.plane(view_.level, 2).row(i)},
-                         own, width_);
-      row = own;
-    }
-    luma_[static_cast<std::size_t>(i)] = row;
-  }
+  const auto width = static_cast<std::size_t>(width_);
+  for (auto i = static_cast<std::size_t>(first_); i < luma_.size(); ++i)
+    luma_[i] = luma_row(pyramid, view_.level, static_cast<int>(i), transform, view_.rgb,
+                        view_.rgb ? &luma_of_rgb_[i * width] : nullptr);
 }
 
 int StoneField::block_reach(int block_row) const {

@@ -8,7 +8,6 @@
 
 #include "base/pipeline.hpp"
 #include "coarse/grid.hpp"
-#include "coarse/horizon.hpp"
 #include "coarse/window.hpp"
 #include "freespace/learn/window_guard.hpp"
 #include "freespace/score/likelihood.hpp"

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "base/tuning.hpp"
-#include "freespace/look/color_bins.hpp"
+#include "freespace/look/view.hpp"
 #include "kernels/cells.hpp"
 
 namespace terrainseg {
@@ -50,15 +50,8 @@ void UprightCoherence::add_rows(const Pyramid& pyramid, const Grid& grid, const 
   for (int i = 0; i < grid.height; ++i) {
     const int top = i * per_cell, rows = std::min(per_cell, height - top);
     std::array<const std::uint8_t*, 4> row{};
-    for (int k = 0; k < rows; ++k) {
-      const auto own = [&](int component) { return pyramid.plane(level_, component).row(top + k); };
-      row[static_cast<std::size_t>(k)] = own(0);
-      if (rgb) {
-        std::uint8_t* const luma = &luma_[static_cast<std::size_t>(k) * width_];
-        transform_luma_row(transform, {own(0), own(1), own(2)}, luma, width);
-        row[static_cast<std::size_t>(k)] = luma;
-      }
-    }
+    for (std::size_t k = 0; k < static_cast<std::size_t>(rows); ++k)
+      row[k] = luma_row(pyramid, level_, top + static_cast<int>(k), transform, rgb, &luma_[k * width_]);
     const std::size_t at = static_cast<std::size_t>(i) * width_;
     kernels::sum_rows(row, rows, width, &sums_[at], &steps_[at]);
   }
