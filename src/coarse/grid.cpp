@@ -9,7 +9,6 @@
 #include "terrainseg/settings.hpp"
 
 namespace terrainseg {
-
 namespace {
 
 /// Sets pixels of a row of the mask to `label`. Returns how many of them were traversable.

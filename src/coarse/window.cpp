@@ -8,7 +8,6 @@
 #include "base/lattice.hpp"
 
 namespace terrainseg {
-
 namespace {
 
 int power_of_two_at_most(int value) {

@@ -1,19 +1,31 @@
-// SPDX-License-Identifier: LGPL-2.1-or-later The default pipeline: the paper's stages and additional ones
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The default pipeline: the paper's stages and additional ones
 // that find one boundary, and obstacles in the open ground below it.
 #pragma once
 
 #include "base/pipeline.hpp"
+#include "base/quantities.hpp"
 #include "freespace/answer/answer_writer.hpp"
 #include "freespace/curve/ground_tracer.hpp"
 #include "freespace/curve/refinement.hpp"
 #include "freespace/holes/hole_finders.hpp"
 #include "freespace/learn/window_teacher.hpp"
 #include "freespace/look/view.hpp"
-#include "freespace/memory.hpp"
 #include "freespace/score/cell_scorer.hpp"
 #include "freespace/score/likelihood.hpp"
 
 namespace terrainseg {
+
+/// The complete state of the default pipeline between frames: `memory = {}` resets the pipeline. The learned
+/// terrain is the segmenter's Terrain.
+struct Memory {
+  LastPicture last;
+  WindowMemory window;
+  CellScores average; ///< running average of the scores
+  GridCurve boundary; ///< boundary of the last frame; empty = none
+  HorizonHold horizon;
+  HoleMemory holes;
+};
 
 /// The colour space in which this pipeline learns, for all formats of frames.
 inline constexpr ColorSpace normalised_space{false, {ColorRange::full, ColorMatrix::bt601}};

@@ -11,7 +11,7 @@
 #include "base/pipeline.hpp"
 #include "coarse/pyramid.hpp"
 #include "coarse/window.hpp"
-#include "learning/clustering.hpp"
+#include "learning/terrain_model.hpp"
 #include "paper/scoring.hpp"
 
 namespace terrainseg {

@@ -10,7 +10,7 @@
 #include "base/workers.hpp"
 #include "kernels/reduce.hpp"
 #include "kernels/score_parts.hpp"
-#include "learning/clustering.hpp"
+#include "learning/terrain_model.hpp"
 #include "terrainseg/estimate.hpp"
 
 namespace terrainseg {

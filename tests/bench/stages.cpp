@@ -11,7 +11,6 @@
 #include "base/workers.hpp"
 #include "coarse/pyramid.hpp"
 #include "coarse/window.hpp"
-#include "learning/clustering.hpp"
 #include "learning/terrain_model.hpp"
 #include "paper/reachable.hpp"
 #include "paper/scoring.hpp"

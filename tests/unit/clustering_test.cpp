@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // k-means against one step of Lloyd's algorithm in doubles, and the properties that equations (6) to (8)
 // imply.
-#include "learning/clustering.hpp"
+#include "learning/terrain_model.hpp"
 
 #include <algorithm>
 #include <cmath>

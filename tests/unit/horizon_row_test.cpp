@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/answer/free_space.hpp"
+#include "freespace/answer/answer_writer.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/learn/own_shadow.hpp"
+#include "freespace/learn/window_teacher.hpp"
 
 #include <array>
 #include <random>

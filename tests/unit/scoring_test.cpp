@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "base/workers.hpp"
-#include "learning/clustering.hpp"
+#include "learning/terrain_model.hpp"
 #include "support/frames.hpp"
 #include "terrainseg/estimate.hpp"
 

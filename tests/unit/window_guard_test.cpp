@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/learn/window_guard.hpp"
+#include "freespace/learn/window_teacher.hpp"
 
 #include <gtest/gtest.h>
 

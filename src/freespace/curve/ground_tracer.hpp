@@ -6,7 +6,7 @@
 #include "freespace/curve/boundary.hpp"
 #include "freespace/curve/ground.hpp"
 #include "freespace/curve/reestimation.hpp"
-#include "freespace/score/scores.hpp"
+#include "freespace/score/cell_scorer.hpp"
 
 namespace terrainseg {
 

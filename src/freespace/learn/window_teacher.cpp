@@ -2,14 +2,240 @@
 #include "freespace/learn/window_teacher.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstdlib>
 
 #include "base/tuning.hpp"
-#include "freespace/learn/own_shadow.hpp"
 #include "freespace/look/connected_ground.hpp"
 #include "freespace/look/view.hpp"
 #include "learning/terrain_model.hpp"
 
 namespace terrainseg {
+namespace {
+
+/// Thresholds of the mean score beside the window minus that inside, and of the mean score inside, 32 = 1
+/// nat. While an obstacle is in the window lower thresholds apply, because a car's smooth flanks look like
+/// the road in one frame and unlike it in the next. (A drive at dusk among queueing cars has 25 % unsafe
+/// pixels with the second pair and 31 % without it; the result is nearly constant around both values.)
+struct Limits {
+  int gap, inside;
+};
+constexpr Limits to_enter{20, 16}, to_stay{8, 24};
+/// The same for a third of the window's columns.
+constexpr int parts = 3;
+constexpr Limits of_a_third{48, 0};
+TERRAINSEG_TUNED(int, window_guard, score_limit, 48);
+TERRAINSEG_TUNED(int, window_guard, patience, 64); ///< frames
+
+} // namespace
+
+bool WindowGuard::refuses(const CellBins& cells, const LikelihoodTables& tables, int grid_width,
+                          const Rectangle& window) {
+  // A thing may fill a third of the window only: each third is compared too.
+  struct Scores {
+    std::int64_t sum = 0, cells = 0;
+    void add(std::int64_t score, std::int64_t count = 1) {
+      sum += score;
+      cells += count;
+    }
+  };
+  std::array<Scores, parts> thirds;
+  Scores beside;
+  for (int i = window.y; i < window.y + window.height; ++i)
+    for (int j = 0; j < grid_width; ++j) {
+      const std::size_t cell = static_cast<std::size_t>(i) * grid_width + j;
+      const bool in_window = j >= window.x && j < window.x + window.width;
+      (in_window ? thirds[static_cast<std::size_t>((j - window.x) * parts / window.width)] : beside)
+          .add(std::clamp(tables.color[cells.color[cell]] + tables.texture[cells.texture[cell]], -score_limit,
+                          score_limit));
+    }
+  const auto differs = [&beside](const Scores& inside, const Limits& limits) {
+    return inside.cells > 0 && beside.cells > 0 && inside.sum < limits.inside * inside.cells &&
+           beside.sum * inside.cells - inside.sum * beside.cells > limits.gap * inside.cells * beside.cells;
+  };
+  Scores whole;
+  for (const Scores& third : thirds)
+    whole.add(third.sum, third.cells);
+  const bool foreign = differs(whole, held_ > 0 ? to_stay : to_enter) ||
+                       std::any_of(thirds.begin(), thirds.end(),
+                                   [&](const Scores& third) { return differs(third, of_a_third); });
+  if (!foreign || held_ >= patience) {
+    // After the limit is reached the count decreases slowly, so that the decision does not alternate.
+    held_ = std::max(held_ - 4, 0);
+    return false;
+  }
+  ++held_;
+  return true;
+}
+
+namespace {
+
+/// Grey levels between a cell and its neighbours to the right and below from which it has contrast. Such a
+/// cell has changed when it differs from the earlier frame by a quarter of its contrast.
+TERRAINSEG_TUNED(int, still_window, least_contrast, 6);
+/// Inverse of the largest share of the window's cells with contrast that have changed while it is still.
+TERRAINSEG_TUNED(int, still_window, most_changed, 8);
+/// Changes of the picture above the window until the window is still, and the largest count.
+TERRAINSEG_TUNED(int, still_window, enough, 8);
+TERRAINSEG_TUNED(int, still_window, most, 16);
+
+/// Cells with contrast, and those of them that have changed.
+struct Changes {
+  int all = 0, changed = 0;
+  void add(const Grid& grid, const std::uint8_t* before, int row, int column) {
+    const std::uint8_t *const here = grid.planes[0].row(row) + column, *const below =
+                                                                           grid.planes[0].row(row + 1) +
+                                                                           column;
+    const int contrast = std::abs(here[0] - here[1]) + std::abs(here[0] - below[0]);
+    const bool counts = contrast >= least_contrast && grid.ignored[grid.at(row, column)] == 0;
+    all += counts;
+    changed += counts && 4 * std::abs(here[0] - before[grid.at(row, column)]) >= contrast;
+  }
+};
+
+} // namespace
+
+bool StillWindow::look(const Grid& grid, const Rectangle& window) {
+  const auto keep = [&] {
+    before_.resize(grid.size());
+    for (int i = 0; i < grid.height; ++i)
+      std::copy_n(grid.planes[0].row(i), grid.width, &before_[grid.at(i, 0)]);
+  };
+  if (before_.size() != grid.size()) {
+    changes_ = 0;
+    keep();
+    return false;
+  }
+  Changes above;
+  for (int i = 0; i < std::min(window.y, grid.height - 1); ++i)
+    for (int j = 0; j + 1 < grid.width; ++j)
+      above.add(grid, before_.data(), i, j);
+  if (above.all == 0 || 5 * above.changed < 3 * above.all)
+    return changes_ >= enough; // the picture has not changed enough to compare the window
+  Changes inside;
+  int columns = 0; // with contrast
+  const int bottom = std::min(window.y + window.height, grid.height - 1),
+            right = std::min(window.x + window.width, grid.width - 1);
+  for (int j = window.x; j < right; ++j) {
+    const int counted = inside.all;
+    for (int i = window.y; i < bottom; ++i)
+      inside.add(grid, before_.data(), i, j);
+    columns += inside.all > counted;
+  }
+  const bool still = 2 * columns >= window.width && most_changed * inside.changed <= inside.all;
+  changes_ = still ? std::min(changes_ + 1, most) : std::max(changes_ - 4, 0);
+  keep();
+  return changes_ >= enough;
+}
+
+namespace {
+
+/// Smallest number of cells that can be split into two kinds.
+TERRAINSEG_TUNED(std::size_t, own_shadow, fewest, 32);
+/// Percent of the cells. A crate or paint that is brighter than the ground and fills less than two fifths of
+/// the window is not lit ground. 25 gives the same results. With 50 the rocks of Mars, whose shadows cover
+/// more than half of the window, have 6.0 % error instead of 2.6 %.
+TERRAINSEG_TUNED(int, own_shadow, least_lit, 40);
+/// Percent of the cells. Lower values change little, but a stone's shadow on the Moon has 10 % (60.1 % of the
+/// stones are called ground instead of 59.6 %). The error is nearly constant from 12 to 25.
+TERRAINSEG_TUNED(int, own_shadow, least_dark, 12);
+/// Smallest ratio of the mean lumas of the lit and the dark kind, in percent, and smallest difference in grey
+/// levels. With 130, snow has 5.1 % error instead of 5.4 %, but the stage also affects a drive by day; with
+/// 180, Mars has 5.1 %.
+TERRAINSEG_TUNED(int, own_shadow, least_ratio, 150);
+TERRAINSEG_TUNED(int, own_shadow, least_step, 8);
+TERRAINSEG_TUNED(int, own_shadow, most_chroma,
+                 12); ///< U and V together, because shade is bluer; with 24 snow has 6.2 % error
+/// Percent of the cells in the middle 3/10 between both kinds. A gradient of light across the window, as from
+/// a lamp by night, has 15 %: it has no edge and is not a shadow. With 14 a stone's shadow in the window is
+/// included, and the Moon has 15.1 % error instead of 14.5 %; with 8 Mars has 5.1 % instead of 2.6 %.
+TERRAINSEG_TUNED(int, own_shadow, most_between, 12);
+
+/// Sums over the cells up to a luma.
+struct Sum {
+  std::int64_t count = 0, luma = 0, u = 0, v = 0, upper = 0; ///< upper: number of cells in the upper half of
+                                                             ///< the window
+  void add(const Color& color, bool is_upper) {
+    ++count;
+    luma += color[0];
+    u += color[1];
+    v += color[2];
+    upper += is_upper;
+  }
+  /// The mean of one of the sums, Q8.
+  std::int64_t mean(std::int64_t sum) const { return 256 * sum / count; }
+};
+
+/// The threshold of luma that splits a histogram into dark (up to it) and lit: the one with the largest
+/// variance between both (N. Otsu, IEEE Trans. SMC 9, 1979).
+int parting_luma(const std::array<std::int64_t, 256>& histogram, std::int64_t count, std::int64_t total) {
+  std::int64_t dark_count = 0, dark_total = 0, most = -1;
+  int parting = 0;
+  for (int luma = 0; luma < 255; ++luma) {
+    dark_count += histogram[static_cast<std::size_t>(luma)];
+    dark_total += luma * histogram[static_cast<std::size_t>(luma)];
+    const std::int64_t lit_count = count - dark_count;
+    if (dark_count == 0 || lit_count == 0)
+      continue;
+    const std::int64_t step = 256 * (total - dark_total) / lit_count - 256 * dark_total / dark_count; // Q8
+    const std::int64_t between = (step * step >> 8) * dark_count * lit_count;
+    if (between > most) {
+      most = between;
+      parting = luma;
+    }
+  }
+  return parting;
+}
+
+} // namespace
+
+bool leave_own_shadow(const Grid& grid, const Rectangle& window, std::span<const Cell> cells,
+                      std::vector<Cell>& lit) {
+  if (cells.size() < fewest)
+    return false;
+  lit.reserve(cells.size()); // reserved now, so that the first frame with a shadow does not allocate
+  const auto count = static_cast<std::int64_t>(cells.size());
+  std::array<std::int64_t, 256> histogram{};
+  std::int64_t total = 0;
+  for (const Cell& cell : cells) {
+    const int luma = grid.color(cell)[0];
+    ++histogram[static_cast<std::size_t>(luma)];
+    total += luma;
+  }
+  const int parting = parting_luma(histogram, count, total);
+  std::array<Sum, 2> kinds; // dark, lit
+  for (const Cell& cell : cells) {
+    const Color color = grid.color(cell);
+    kinds[color[0] > parting].add(color, cell.y < window.y + window.height / 2);
+  }
+  const auto& [dark, bright] = kinds;
+  if (100 * bright.count < least_lit * count || 100 * dark.count < least_dark * count)
+    return false;
+  const std::int64_t low = dark.mean(dark.luma), high = bright.mean(bright.luma);
+  if (100 * high < least_ratio * low + 100 * 256 * least_step)
+    return false;
+  if (std::abs(dark.mean(dark.u) - bright.mean(bright.u)) +
+          std::abs(dark.mean(dark.v) - bright.mean(bright.v)) >
+      256 * most_chroma)
+    return false;
+  // The dark share of the upper half must not exceed that of the whole window.
+  if (dark.upper * count > dark.count * (dark.upper + bright.upper))
+    return false;
+  const std::int64_t from = low + (high - low) * 35 / 100, to = high - (high - low) * 35 / 100;
+  std::int64_t between = 0;
+  for (int luma = 0; luma < 256; ++luma)
+    if (256 * luma > from && 256 * luma < to)
+      between += histogram[static_cast<std::size_t>(luma)];
+  if (100 * between > most_between * count)
+    return false;
+  lit.clear();
+  for (const Cell& cell : cells)
+    if (grid.color(cell)[0] > parting)
+      lit.push_back(cell);
+  return true;
+}
+
 namespace {
 
 /// Floor of the variance (Q8): uniform ground of one colour still has noise.

@@ -11,7 +11,7 @@
 #include "base/quantities.hpp"
 #include "coarse/grid.hpp"
 #include "freespace/look/color_bins.hpp"
-#include "learning/clustering.hpp"
+#include "learning/terrain_model.hpp"
 #include "terrainseg/frame.hpp"
 #include "terrainseg/settings.hpp"
 #include "terrainseg/terrain.hpp"
