@@ -21,6 +21,16 @@ HWY_INLINE std::uint8_t mixed(unsigned sample, unsigned coverage, unsigned ink) 
 // At most 255 * 256 + 128, which fits 16 bits.
 static_assert(255 * 256 + 128 <= 65535);
 
+// Blends the pixels i..count-1 of n bytes each; the byte `untouched` of each is not changed.
+template <std::size_t n>
+void plain_pixels(std::uint8_t* samples, const Coverage* coverage, int i, int count,
+                  const std::array<std::uint8_t, n>& ink, std::size_t untouched = n) {
+  for (; i < count; ++i)
+    for (std::size_t c = 0; c < n; ++c)
+      if (std::uint8_t& sample = samples[n * i + c]; c != untouched)
+        sample = mixed(sample, coverage[i], ink[c]);
+}
+
 bool any(const Coverage* coverage, int count) {
   Coverage all = 0;
   for (int i = 0; i < count; ++i)
@@ -37,18 +47,22 @@ HWY_INLINE void ask_ahead(const std::uint8_t* samples) {
   __builtin_prefetch(samples + bytes_ahead, 1);
 }
 
-// Calls compute(i) and then store(i) for vectors that cover 0..count-1. The last vector overlaps the one
-// before it; it is computed first, from samples that are still unchanged, and stored last. Returns false when
-// not even one vector fits.
-template <class Compute, class Store>
-HWY_INLINE bool in_place(int lanes, int count, const Compute& compute, const Store& store) {
-  if (count < lanes)
+// Replaces vectors of `count` pixels of `step` bytes: blended(v, i) gives the bytes for those in v, from
+// pixel i on. The last vector overlaps the one before it; it is computed first, from samples that are still
+// unchanged, and stored last. Returns false when not even one vector fits.
+template <int step, class D8, class Blended>
+HWY_INLINE bool in_place(D8 d8, std::uint8_t* samples, int count, const Blended& blended) {
+  const int lanes = static_cast<int>(hn::Lanes(d8)) / step, tail = count - lanes;
+  if (tail < 0)
     return false;
-  const int tail = count - lanes;
+  const auto compute = [&](int i) HWY_ATTR {
+    ask_ahead(samples + step * i);
+    return blended(hn::LoadU(d8, samples + step * i), i);
+  };
   const auto last = compute(tail);
   for (int i = 0; i < tail; i += lanes)
-    store(compute(i), i);
-  store(last, tail);
+    hn::StoreU(compute(i), d8, samples + step * i);
+  hn::StoreU(last, d8, samples + step * tail);
   return true;
 }
 
@@ -140,19 +154,13 @@ void plane(std::uint8_t* samples, const Coverage* coverage, int count, std::uint
   const hn::Rebind<std::uint8_t, decltype(d16)> d8;
   const hn::Rebind<std::int16_t, decltype(d16)> di16;
   const auto colour = hn::Set(d16, ink);
-  if (in_place(
-          static_cast<int>(hn::Lanes(d16)), count,
-          [&](int i) HWY_ATTR {
-            ask_ahead(samples + i);
-            const auto sample = hn::PromoteTo(d16, hn::LoadU(d8, samples + i));
-            const auto sum = mix(d16, sample, hn::LoadU(d16, coverage + i), colour);
-            return hn::DemoteTo(d8, hn::BitCast(di16, sum));
-          },
-          [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + i); }))
+  if (in_place<1>(d8, samples, count, [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR {
+        const auto sum = mix(d16, hn::PromoteTo(d16, v), hn::LoadU(d16, coverage + i), colour);
+        return hn::DemoteTo(d8, hn::BitCast(di16, sum));
+      }))
     return;
 #endif
-  for (int i = 0; i < count; ++i)
-    samples[i] = mixed(samples[i], coverage[i], ink);
+  plain_pixels<1>(samples, coverage, 0, count, {ink});
 }
 
 void pairs(std::uint8_t* samples, const Coverage* coverage, int count,
@@ -161,20 +169,13 @@ void pairs(std::uint8_t* samples, const Coverage* coverage, int count,
   const hn::CappedTag<std::uint16_t, 32> d16;
   const hn::Repartition<std::uint8_t, decltype(d16)> d8;
   const auto first = hn::Set(d16, ink[0]), second = hn::Set(d16, ink[1]);
-  if (in_place(
-          static_cast<int>(hn::Lanes(d16)), count,
-          [&](int i) HWY_ATTR {
-            ask_ahead(samples + 2 * i);
-            const auto both = hn::BitCast(d16, hn::LoadU(d8, samples + 2 * i));
-            const auto a = hn::LoadU(d16, coverage + i);
-            return hn::BitCast(d8, mix_both(d16, both, a, a, first, second));
-          },
-          [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + 2 * i); }))
+  if (in_place<2>(d8, samples, count, [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR {
+        const auto a = hn::LoadU(d16, coverage + i);
+        return hn::BitCast(d8, mix_both(d16, hn::BitCast(d16, v), a, a, first, second));
+      }))
     return;
 #endif
-  for (int i = 0; i < count; ++i)
-    for (int c = 0; c < 2; ++c)
-      samples[2 * i + c] = mixed(samples[2 * i + c], coverage[i], ink[static_cast<std::size_t>(c)]);
+  plain_pixels(samples, coverage, 0, count, ink);
 }
 
 HWY_INLINE void mix_word(std::uint8_t* at, unsigned coverage, int shift, unsigned ink) {
@@ -208,16 +209,11 @@ void words(std::uint8_t* samples, const Coverage* coverage, int count, int shift
   const hn::Repartition<std::uint16_t, decltype(d32)> d16;
   const hn::Repartition<std::uint8_t, decltype(d32)> d8;
   const auto colour = hn::Set(d32, ink);
-  if (in_place(
-          static_cast<int>(hn::Lanes(d16)), count,
-          [&](int i) HWY_ATTR {
-            ask_ahead(samples + 2 * i);
-            const auto both = hn::BitCast(d32, hn::LoadU(d8, samples + 2 * i));
-            const auto a = hn::BitCast(d32, hn::LoadU(d16, coverage + i));
-            return hn::BitCast(d8, mix_words(d32, both, hn::And(a, hn::Set(d32, 0xffff)),
-                                             hn::ShiftRight<16>(a), shift, colour, colour));
-          },
-          [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + 2 * i); }))
+  if (in_place<2>(d8, samples, count, [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR {
+        const auto a = hn::BitCast(d32, hn::LoadU(d16, coverage + i));
+        return hn::BitCast(d8, mix_words(d32, hn::BitCast(d32, v), hn::And(a, hn::Set(d32, 0xffff)),
+                                         hn::ShiftRight<16>(a), shift, colour, colour));
+      }))
     return;
 #endif
   for (int i = 0; i < count; ++i)
@@ -231,15 +227,10 @@ void word_pairs(std::uint8_t* samples, const Coverage* coverage, int count, int 
   const hn::Rebind<std::uint16_t, decltype(d32)> dc;
   const hn::Repartition<std::uint8_t, decltype(d32)> d8;
   const auto first = hn::Set(d32, ink[0]), second = hn::Set(d32, ink[1]);
-  if (in_place(
-          static_cast<int>(hn::Lanes(d32)), count,
-          [&](int i) HWY_ATTR {
-            ask_ahead(samples + 4 * i);
-            const auto both = hn::BitCast(d32, hn::LoadU(d8, samples + 4 * i));
-            const auto a = hn::PromoteTo(d32, hn::LoadU(dc, coverage + i));
-            return hn::BitCast(d8, mix_words(d32, both, a, a, shift, first, second));
-          },
-          [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + 4 * i); }))
+  if (in_place<4>(d8, samples, count, [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR {
+        const auto a = hn::PromoteTo(d32, hn::LoadU(dc, coverage + i));
+        return hn::BitCast(d8, mix_words(d32, hn::BitCast(d32, v), a, a, shift, first, second));
+      }))
     return;
 #endif
   for (int i = 0; i < count; ++i)
@@ -269,9 +260,7 @@ void triples(std::uint8_t* samples, const Coverage* coverage, int count,
                           samples + 3 * i);
   }
 #endif
-  for (; i < count; ++i)
-    for (int c = 0; c < 3; ++c)
-      samples[3 * i + c] = mixed(samples[3 * i + c], coverage[i], ink[static_cast<std::size_t>(c)]);
+  plain_pixels(samples, coverage, i, count, ink);
 }
 
 void quads(std::uint8_t* samples, const Coverage* coverage, int count, const std::array<std::uint8_t, 4>& ink,
@@ -287,23 +276,15 @@ void quads(std::uint8_t* samples, const Coverage* coverage, int count, const std
   // The untouched byte is blended with coverage 0.
   const auto low_mask = lanes_of(untouched == 0 ? 0 : 0xffff, untouched == 2 ? 0 : 0xffff);
   const auto high_mask = lanes_of(untouched == 1 ? 0 : 0xffff, untouched == 3 ? 0 : 0xffff);
-  if (in_place(
-          static_cast<int>(hn::Lanes(d32)), count,
-          [&](int i) HWY_ATTR {
-            ask_ahead(samples + 4 * i);
-            const auto both = hn::BitCast(d16, hn::LoadU(d8, samples + 4 * i));
-            const auto a32 = hn::PromoteTo(d32, hn::LoadU(dc, coverage + i));
-            const auto a = hn::BitCast(d16, hn::Or(a32, hn::ShiftLeft<16>(a32)));
-            return hn::BitCast(
-                d8, mix_both(d16, both, hn::And(a, low_mask), hn::And(a, high_mask), low_ink, high_ink));
-          },
-          [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR { hn::StoreU(v, d8, samples + 4 * i); }))
+  if (in_place<4>(d8, samples, count, [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR {
+        const auto a32 = hn::PromoteTo(d32, hn::LoadU(dc, coverage + i));
+        const auto a = hn::BitCast(d16, hn::Or(a32, hn::ShiftLeft<16>(a32)));
+        return hn::BitCast(d8, mix_both(d16, hn::BitCast(d16, v), hn::And(a, low_mask), hn::And(a, high_mask),
+                                        low_ink, high_ink));
+      }))
     return;
 #endif
-  for (int i = 0; i < count; ++i)
-    for (int c = 0; c < 4; ++c)
-      if (c != untouched)
-        samples[4 * i + c] = mixed(samples[4 * i + c], coverage[i], ink[static_cast<std::size_t>(c)]);
+  plain_pixels(samples, coverage, 0, count, ink, static_cast<std::size_t>(untouched));
 }
 
 void packed_422(std::uint8_t* samples, const Coverage* coverage, int count,

@@ -140,14 +140,7 @@ void sums_of(const std::array<const std::uint8_t*, 4>& row, int count, std::uint
 
 void sums_of_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int count, std::uint16_t* sums,
                   std::uint16_t* steps) {
-  if (rows == 4)
-    sums_of<4>(row, count, sums, steps);
-  else if (rows == 3)
-    sums_of<3>(row, count, sums, steps);
-  else if (rows == 2)
-    sums_of<2>(row, count, sums, steps);
-  else
-    sums_of<1>(row, count, sums, steps);
+  with_constant<1, 2, 3, 4>(rows, [&](auto n) { sums_of<n>(row, count, sums, steps); });
 }
 
 // Auto-vectorised.
@@ -180,12 +173,7 @@ void largest_steps_of(const std::uint16_t* __restrict columns, int count, std::u
 }
 
 void largest_steps_of_cells(const std::uint16_t* columns, int per_cell, int count, std::uint16_t* out) {
-  if (per_cell == 1)
-    largest_steps_of<1>(columns, count, out);
-  else if (per_cell == 2)
-    largest_steps_of<2>(columns, count, out);
-  else
-    largest_steps_of<4>(columns, count, out);
+  with_constant<1, 2, 4>(per_cell, [&](auto n) { largest_steps_of<n>(columns, count, out); });
 }
 
 // Auto-vectorised.
@@ -214,12 +202,7 @@ void add_boxes_of(const std::uint16_t* __restrict columns, int shift, int count,
 }
 
 void add_column_boxes(const std::uint16_t* columns, int per_cell, int shift, int count, std::uint16_t* out) {
-  if (per_cell == 1)
-    add_boxes_of<1>(columns, shift, count, out);
-  else if (per_cell == 2)
-    add_boxes_of<2>(columns, shift, count, out);
-  else
-    add_boxes_of<4>(columns, shift, count, out);
+  with_constant<1, 2, 4>(per_cell, [&](auto n) { add_boxes_of<n>(columns, shift, count, out); });
 }
 
 void color_steps_between(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,

@@ -59,10 +59,7 @@ void high_pass_of(const std::uint8_t* in, std::ptrdiff_t stride, int width, int 
 
 void high_pass_any(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int radius, int gain,
                    std::uint8_t* out, std::uint16_t* work) {
-  if (radius == 5)
-    high_pass_of<5>(in, stride, width, height, gain, out, work);
-  else
-    high_pass_of<6>(in, stride, width, height, gain, out, work);
+  with_constant<5, 6>(radius, [&](auto r) { high_pass_of<r>(in, stride, width, height, gain, out, work); });
 }
 
 void steepest_of_row(const std::uint8_t* __restrict above, const std::uint8_t* __restrict here,

@@ -398,16 +398,9 @@ void reduce_row(const std::uint8_t* odd, const std::uint8_t* even, int width, st
 
 void reduce(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
             std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
-  switch (interleave) {
-  case Interleave::one:
-    return reduce_row<1, 1>(odd, even, width, ahead, waiting, out);
-  case Interleave::two:
-    return reduce_row<2, 2>(odd, even, width, ahead, waiting, out);
-  case Interleave::three:
-    return reduce_row<3, 4>(odd, even, width, ahead, waiting, out);
-  case Interleave::four:
-    return reduce_row<4, 4>(odd, even, width, ahead, waiting, out);
-  }
+  with_constant<1, 2, 3, 4>(static_cast<int>(interleave), [&](auto n) {
+    reduce_row<n, written_step(Interleave{n()})>(odd, even, width, ahead, waiting, out);
+  });
 }
 
 // The same for pixels first..last-1 of one row. Returns false when they are fewer than a vector.
@@ -463,16 +456,9 @@ void reduce_single(const std::uint8_t* row, int width, std::ptrdiff_t ahead, std
 
 void reduce_one(Interleave interleave, const std::uint8_t* row, int width, std::ptrdiff_t ahead,
                 std::uint8_t* out) {
-  switch (interleave) {
-  case Interleave::one:
-    return reduce_single<1, 1>(row, width, ahead, out);
-  case Interleave::two:
-    return reduce_single<2, 2>(row, width, ahead, out);
-  case Interleave::three:
-    return reduce_single<3, 4>(row, width, ahead, out);
-  case Interleave::four:
-    return reduce_single<4, 4>(row, width, ahead, out);
-  }
+  with_constant<1, 2, 3, 4>(static_cast<int>(interleave), [&](auto n) {
+    reduce_single<n, written_step(Interleave{n()})>(row, width, ahead, out);
+  });
 }
 
 void reduce_vertically(const std::uint8_t* odd, const std::uint8_t* even, int bytes, const Waiting& w,
@@ -557,15 +543,6 @@ void narrow_row(const std::uint8_t* row, int shift, int count, [[maybe_unused]] 
     out[i] = static_cast<std::uint8_t>((row[2 * i] | row[2 * i + 1] << 8) >> shift);
 }
 
-void pick_bytes(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out) {
-  if (step == 2)
-    for (int i = 0; i < count; ++i)
-      out[i] = row[2 * i + offset];
-  else
-    for (int i = 0; i < count; ++i)
-      out[i] = row[4 * i + offset];
-}
-
 template <int step, int shift> void spread_bytes(const std::uint8_t* in, int width, std::uint8_t* out) {
   if constexpr (shift == 0) {
     for (int x = 0; x < width; ++x)
@@ -578,24 +555,14 @@ template <int step, int shift> void spread_bytes(const std::uint8_t* in, int wid
   }
 }
 
-template <int shift> void spread_steps(const std::uint8_t* in, int step, int width, std::uint8_t* out) {
-  switch (step) {
-  case 1:
-    return spread_bytes<1, shift>(in, width, out);
-  case 2:
-    return spread_bytes<2, shift>(in, width, out);
-  case 3:
-    return spread_bytes<3, shift>(in, width, out);
-  default:
-    return spread_bytes<4, shift>(in, width, out);
-  }
+void pick_bytes(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out) {
+  with_constant<2, 4>(step, [&](auto n) { spread_bytes<n, 0>(row + offset, count, out); });
 }
 
 void spread_row(const std::uint8_t* row, int offset, int step, int shift, int width, std::uint8_t* out) {
-  if (shift == 0)
-    spread_steps<0>(row + offset, step, width, out);
-  else
-    spread_steps<1>(row + offset, step, width, out);
+  with_constant<1, 2, 3, 4>(step, [&](auto n) {
+    with_constant<0, 1>(shift, [&](auto s) { spread_bytes<n, s>(row + offset, width, out); });
+  });
 }
 
 } // namespace HWY_NAMESPACE

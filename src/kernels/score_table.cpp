@@ -4,7 +4,267 @@
 #include <algorithm>
 #include <cstring>
 
+#include "kernels/targets.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/score_table.cpp"
+#include <hwy/foreach_target.h>
+// Must follow foreach_target.h.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
 namespace terrainseg::kernels {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+std::uint32_t plain_pixels(const PixelRow& row, const ComponentScores& scores, int first, int end,
+                           std::uint8_t* out) {
+  std::uint32_t count = 0;
+  for (int x = first; x < end; ++x) {
+    const std::ptrdiff_t c = std::ptrdiff_t{x >> row.chroma_shift} * row.chroma_step;
+    const bool terrain = score_of(scores, row.component[0][std::ptrdiff_t{x} * row.first_step],
+                                  row.component[1][c], row.component[2][c]) <= score_limit;
+    out[x] = terrain ? 255 : 0;
+    count += terrain ? 1 : 0;
+  }
+  return count;
+}
+
+#if HWY_TARGET == HWY_SCALAR
+
+bool faster(int) {
+  return false;
+}
+
+std::uint32_t classify(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out, int width) {
+  return plain_pixels(row, scores, 0, width, out);
+}
+
+#else
+
+bool faster(int bit_shift) {
+  return bit_shift >= 3;
+}
+
+using Tag = hn::CappedTag<std::uint8_t, 64>;
+using Bytes = hn::Vec<Tag>;
+
+// Layouts of a pixel's components for vector loads.
+enum class Lie { planar, planar_422, pairs_422, packed_422, three, four, other };
+
+Lie lie_of(const PixelRow& row) {
+  const std::ptrdiff_t apart = row.component[2] - row.component[1];
+  const auto within = [&](int bytes) {
+    const auto [low, high] = std::minmax({row.component[0], row.component[1], row.component[2]});
+    return high - low < bytes;
+  };
+  if (row.first_step == 1 && row.chroma_step == 1)
+    return row.chroma_shift == 0 ? Lie::planar : Lie::planar_422;
+  if (row.first_step == 1 && row.chroma_step == 2 && row.chroma_shift == 1 && (apart == 1 || apart == -1))
+    return Lie::pairs_422;
+  if (row.first_step == 2 && row.chroma_step == 4 && row.chroma_shift == 1 && within(4))
+    return Lie::packed_422;
+  if (row.first_step == 3 && row.chroma_step == 3 && row.chroma_shift == 0 && within(3))
+    return Lie::three;
+  if (row.first_step == 4 && row.chroma_step == 4 && row.chroma_shift == 0 && within(4))
+    return Lie::four;
+  return Lie::other;
+}
+
+// Repeats each sample of interleaved chroma for its two pixels: the even bytes or the odd ones.
+HWY_INLINE Bytes repeated_even(Tag d, Bytes pairs) {
+  const hn::Repartition<std::uint16_t, Tag> d16;
+  const auto low = hn::And(hn::BitCast(d16, pairs), hn::Set(d16, 255));
+  return hn::BitCast(d, hn::Or(low, hn::ShiftLeft<8>(low)));
+}
+HWY_INLINE Bytes repeated_odd(Tag d, Bytes pairs) {
+  const hn::Repartition<std::uint16_t, Tag> d16;
+  const auto both = hn::BitCast(d16, pairs);
+  return hn::BitCast(d, hn::Or(hn::ShiftRight<8>(both), hn::AndNot(hn::Set(d16, 255), both)));
+}
+
+// Reads the pixels of a row from x on, one vector per component. Reads exactly the bytes of these pixels.
+template <Lie lie>
+HWY_INLINE void load_pixels(const PixelRow& row, int x, Bytes& first, Bytes& second, Bytes& third) {
+  const Tag d;
+  const hn::Repartition<std::uint16_t, Tag> d16;
+  const hn::Half<Tag> half;
+  if constexpr (lie == Lie::planar || lie == Lie::planar_422 || lie == Lie::pairs_422)
+    first = hn::LoadU(d, row.component[0] + x);
+  if constexpr (lie == Lie::planar) {
+    second = hn::LoadU(d, row.component[1] + x);
+    third = hn::LoadU(d, row.component[2] + x);
+  } else if constexpr (lie == Lie::planar_422) {
+    const auto repeated = [&](const std::uint8_t* samples) HWY_ATTR {
+      const auto wide = hn::PromoteTo(d16, hn::LoadU(half, samples + x / 2));
+      return hn::BitCast(d, hn::Or(wide, hn::ShiftLeft<8>(wide)));
+    };
+    second = repeated(row.component[1]);
+    third = repeated(row.component[2]);
+  } else if constexpr (lie == Lie::pairs_422) {
+    const bool in_order = row.component[1] < row.component[2];
+    const auto pairs = hn::LoadU(d, std::min(row.component[1], row.component[2]) + x);
+    second = in_order ? repeated_even(d, pairs) : repeated_odd(d, pairs);
+    third = in_order ? repeated_odd(d, pairs) : repeated_even(d, pairs);
+  } else if constexpr (lie == Lie::packed_422) {
+    const std::uint8_t* base = std::min({row.component[0], row.component[1], row.component[2]}) + 2 * x;
+    const auto a = hn::LoadU(d, base), b = hn::LoadU(d, base + hn::Lanes(d));
+    const bool luma_first = row.component[0] < row.component[1] && row.component[0] < row.component[2];
+    const auto even = hn::ConcatEven(d, b, a), odd = hn::ConcatOdd(d, b, a);
+    first = luma_first ? even : odd;
+    const auto pairs = luma_first ? odd : even;
+    const bool in_order = row.component[1] < row.component[2];
+    second = in_order ? repeated_even(d, pairs) : repeated_odd(d, pairs);
+    third = in_order ? repeated_odd(d, pairs) : repeated_even(d, pairs);
+  } else {
+    const std::uint8_t* base = std::min({row.component[0], row.component[1], row.component[2]});
+    if constexpr (lie == Lie::three) {
+      Bytes v0, v1, v2;
+      hn::LoadInterleaved3(d, base + 3 * x, v0, v1, v2);
+      const auto pick = [&](int c) HWY_ATTR {
+        const std::ptrdiff_t at = row.component[c] - base;
+        return at == 0 ? v0 : at == 1 ? v1 : v2;
+      };
+      first = pick(0);
+      second = pick(1);
+      third = pick(2);
+    } else {
+      const std::size_t n = hn::Lanes(d);
+      const auto v0 = hn::LoadU(d, base + 4 * x), v1 = hn::LoadU(d, base + 4 * x + n),
+                 v2 = hn::LoadU(d, base + 4 * x + 2 * n), v3 = hn::LoadU(d, base + 4 * x + 3 * n);
+      const auto even01 = hn::ConcatEven(d, v1, v0), even23 = hn::ConcatEven(d, v3, v2);
+      const auto odd01 = hn::ConcatOdd(d, v1, v0), odd23 = hn::ConcatOdd(d, v3, v2);
+      const auto pick = [&](int c) HWY_ATTR {
+        switch (row.component[c] - base) {
+        case 0:
+          return hn::ConcatEven(d, even23, even01);
+        case 1:
+          return hn::ConcatEven(d, odd23, odd01);
+        case 2:
+          return hn::ConcatOdd(d, even23, even01);
+        default:
+          return hn::ConcatOdd(d, odd23, odd01);
+        }
+      };
+      first = pick(0);
+      second = pick(1);
+      third = pick(2);
+    }
+  }
+}
+
+// 16 entries need one shuffle, 32 need two: an index with its top bit set gives 0.
+template <bool wide> HWY_INLINE Bytes look_up(Tag d, const std::uint8_t* entries, Bytes low, Bytes high) {
+  const auto first = hn::LoadDup128(d, entries);
+  if constexpr (!wide)
+    return hn::TableLookupBytes(first, low);
+  else
+    return hn::Or(hn::TableLookupBytesOr0(first, low),
+                  hn::TableLookupBytesOr0(hn::LoadDup128(d, entries + 16), high));
+}
+
+template <bool wide, Lie lie>
+HWY_INLINE Bytes terrain_at(const PixelRow& row, const ComponentScores& scores, int x) {
+  const Tag d;
+  const hn::Repartition<std::uint16_t, Tag> d16;
+  Bytes v0, v1, v2;
+  load_pixels<lie>(row, x, v0, v1, v2);
+  const auto bins = [&](Bytes v) HWY_ATTR {
+    const auto shifted = hn::BitCast(d, hn::ShiftRightSame(hn::BitCast(d16, v), scores.bit_shift));
+    return hn::And(shifted, hn::Set(d, static_cast<std::uint8_t>(255 >> scores.bit_shift)));
+  };
+  Bytes low0 = bins(v0), low1 = bins(v1), low2 = bins(v2);
+  Bytes high0 = low0, high1 = low1, high2 = low2;
+  if constexpr (wide) {
+    const auto top = hn::Set(d, 0x80), upper = hn::Set(d, 16), within = hn::Set(d, 15);
+    const auto half_of = [&](Bytes v) HWY_ATTR {
+      const auto is_upper = hn::Eq(hn::And(v, upper), upper);
+      return hn::Or(hn::And(v, within), hn::IfThenElseZero(is_upper, top));
+    };
+    low0 = half_of(low0);
+    low1 = half_of(low1);
+    low2 = half_of(low2);
+    high0 = hn::Xor(low0, top);
+    high1 = hn::Xor(low1, top);
+    high2 = hn::Xor(low2, top);
+  }
+  Bytes least = hn::Set(d, 255);
+  for (int n = 0; n < scores.models; ++n) {
+    const auto& entries = scores.entries[n];
+    const auto sum = hn::SaturatedAdd(hn::SaturatedAdd(look_up<wide>(d, entries[0], low0, high0),
+                                                       look_up<wide>(d, entries[1], low1, high1)),
+                                      look_up<wide>(d, entries[2], low2, high2));
+    least = hn::Min(least, sum);
+  }
+  const auto limit = hn::Set(d, static_cast<std::uint8_t>(score_limit));
+  return hn::VecFromMask(d, hn::Eq(hn::SaturatedSub(least, limit), hn::Zero(d)));
+}
+
+std::uint32_t count_full(const std::uint8_t* values, int count) {
+  std::uint32_t sum = 0;
+  for (int i = 0; i < count; ++i)
+    sum += values[i] & 1u;
+  return sum;
+}
+
+template <bool wide, Lie lie>
+std::uint32_t classify_lie(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out, int width) {
+  const Tag d;
+  const int n = static_cast<int>(hn::Lanes(d));
+  // Subsampled chroma is read in whole pairs, so the vectors end at an even pixel. In four-byte pixels the
+  // first byte may be an unused one before the first component: then the last read ends at a byte that
+  // exists.
+  const int pixels = row.chroma_shift ? width & ~1 : lie == Lie::four ? width - 1 : width;
+  if (pixels < n)
+    return plain_pixels(row, scores, 0, width, out);
+  for (int x = 0;;) {
+    hn::StoreU(terrain_at<wide, lie>(row, scores, x), d, out + x);
+    if (x + n >= pixels)
+      break;
+    x = std::min(x + n, pixels - n);
+  }
+  plain_pixels(row, scores, pixels, width, out);
+  return count_full(out, width);
+}
+
+template <bool wide>
+std::uint32_t classify_width(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out,
+                             int width) {
+  const Lie lie = lie_of(row);
+  if (lie == Lie::other)
+    return plain_pixels(row, scores, 0, width, out);
+  std::uint32_t count = 0;
+  with_constant<Lie::planar, Lie::planar_422, Lie::pairs_422, Lie::packed_422, Lie::three, Lie::four>(
+      lie, [&](auto l) { count = classify_lie<wide, l>(row, scores, out, width); });
+  return count;
+}
+
+std::uint32_t classify(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out, int width) {
+  return scores.bit_shift == 3 ? classify_width<true>(row, scores, out, width)
+                               : classify_width<false>(row, scores, out, width);
+}
+
+#endif
+
+} // namespace HWY_NAMESPACE
+} // namespace terrainseg::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace terrainseg::kernels {
+
+HWY_EXPORT(faster);
+HWY_EXPORT(classify);
+
+bool parts_are_faster(int bit_shift) {
+  return HWY_DYNAMIC_DISPATCH(faster)(bit_shift);
+}
+
+std::uint32_t classify_row_by_parts(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out,
+                                    int width) {
+  return HWY_DYNAMIC_DISPATCH(classify)(row, scores, out, width);
+}
+
 namespace {
 
 /// A template argument of 0 means that the step is read from the row; other steps are compile-time constants.
@@ -95,3 +355,4 @@ std::uint32_t classify_row(const PixelRow& row, const std::uint8_t* table, int b
 }
 
 } // namespace terrainseg::kernels
+#endif

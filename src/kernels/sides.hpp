@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The loops of the odd spots: compare rows of cells with the ground to their left and right.
+// The loops of the odd spots and of the stone field: compare rows of cells with the ground to their left and
+// right, and around them.
 //
 // No function reads or writes past its counts. All vector variants and the plain one give the same bits. Most
 // loops are auto-vectorised for each target.
@@ -75,5 +76,27 @@ void oddness(const DeviationRow& in, const std::int16_t* nearest, std::int16_t r
 /// values and enough 0..127.
 void add_excess(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign, int count,
                 std::int16_t* sums);
+
+// The stone field: rows of cells and the ground around them, from which cells that differ are excluded.
+
+/// Per column, over the cells that are ground (1, otherwise 0): adds their number, their sum, and the sum of
+/// their squared distances from 128. Up to 16 rows fit.
+struct ColumnMoments {
+  std::uint16_t *cells, *sums;
+  std::uint32_t* squares;
+};
+void add_moments(const std::uint8_t* luma, const std::uint8_t* ground, int count, const ColumnMoments& out);
+
+/// The same over the ground whose value differs from `middle` by at most `reach`: number, sum, and sum of the
+/// distances. Up to 16 rows fit.
+struct ColumnDeviations {
+  std::uint16_t *cells, *sums, *distances;
+};
+void add_near(const std::uint8_t* luma, const std::uint8_t* ground, const std::uint8_t* middle,
+              const std::uint8_t* reach, int count, const ColumnDeviations& out);
+
+/// out[i] = min(127, (|luma - middle| * scale) >> 8), 0 where there is no ground; scale is at most 1024.
+void deviations_from(const std::uint8_t* luma, const std::uint8_t* ground, const std::uint8_t* middle,
+                     const std::uint16_t* scale, int count, std::uint8_t* out);
 
 } // namespace terrainseg::kernels

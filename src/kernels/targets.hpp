@@ -2,6 +2,8 @@
 // Selects Highway's targets for the kernels. Include it before Highway.
 #pragma once
 
+#include <type_traits>
+
 // With GCC 12 the target for SVE vectors of exactly 32 bytes gives wrong three-byte pixels (found by
 // tests/ci/aarch64.sh). The target for SVE of any length is right and runs on the same machines.
 // For builds that test other things: the baseline target and AVX2 compile in half the time.
@@ -17,3 +19,13 @@
 /// Whether gathers (look-ups in memory by a vector of indices) are fast on the target that is being compiled.
 /// For #if, after including Highway.
 #define TERRAINSEG_GATHERS (HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL)
+
+namespace terrainseg::kernels {
+
+/// Calls `use` with the one of `constants` that equals `value`, as a std::integral_constant: a loop is
+/// compiled for each of them. Calls nothing when there is none.
+template <auto... constants, class Value, class Use> inline void with_constant(Value value, const Use& use) {
+  ((value == constants && (use(std::integral_constant<Value, constants>()), true)) || ...);
+}
+
+} // namespace terrainseg::kernels

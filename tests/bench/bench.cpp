@@ -20,7 +20,7 @@
 #include "kernels/cells.hpp"
 #include "kernels/mask.hpp"
 #include "kernels/reduce.hpp"
-#include "kernels/score_parts.hpp"
+#include "kernels/score_table.hpp"
 #include "lab/reference/reference_engine.hpp"
 #include "lanes.hpp"
 #include "painter.hpp"

@@ -8,12 +8,11 @@
 #include "kernel_harness.hpp"
 #include "kernels/blend.hpp"
 #include "kernels/cells.hpp"
-#include "kernels/deviation.hpp"
 #include "kernels/ground_warp.hpp"
 #include "kernels/mask.hpp"
 #include "kernels/point_fit.hpp"
 #include "kernels/reduce.hpp"
-#include "kernels/score_parts.hpp"
+#include "kernels/score_table.hpp"
 #include "kernels/sides.hpp"
 
 namespace {

@@ -5,7 +5,7 @@
 
 #include "base/tuning.hpp"
 #include "freespace/look/view.hpp"
-#include "kernels/deviation.hpp"
+#include "kernels/sides.hpp"
 
 namespace terrainseg {
 namespace {
