@@ -31,7 +31,7 @@ void EstimateWriter::start(const Frame& frame, const MaskTarget& target, const S
     own_mask_.resize(static_cast<std::size_t>(mask_width) * mask_height);
     mask_plane_ = {own_mask_.data(), mask_width};
   }
-  boundary_.assign(static_cast<std::size_t>(mask_width), static_cast<std::uint16_t>(frame.height));
+  boundary_.assign(mask_width, static_cast<std::uint16_t>(frame.height));
   estimate_ = {};
   estimate_.frame = number;
   estimate_.frame_width = frame.width;
@@ -65,7 +65,7 @@ void EstimateWriter::tell_free_space(std::uint64_t traversable_pixels, const Set
 }
 
 void EstimateWriter::add_model(const TerrainModel& model, const ColorSpace& space) {
-  estimate_.models[static_cast<std::size_t>(estimate_.model_count++)] = {
+  estimate_.models[estimate_.model_count++] = {
       model.mean, model.variance, std::max<std::uint64_t>(model.mass >> 8, 1), rgb_of(model.mean, space)};
 }
 

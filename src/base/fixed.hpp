@@ -58,7 +58,7 @@ inline std::uint16_t percentile(std::span<std::uint16_t> values, int percent) {
     return 0;
   const auto rank = static_cast<std::ptrdiff_t>(values.size() * static_cast<std::size_t>(percent) / 100);
   std::nth_element(values.begin(), values.begin() + rank, values.end());
-  return values[static_cast<std::size_t>(rank)];
+  return values[rank];
 }
 
 } // namespace terrainseg

@@ -235,7 +235,7 @@ std::string setting_text(const Setting& setting, std::int64_t value) {
     return value ? "true" : "false";
   if (setting.kind == SettingKind::choice && value >= 0 &&
       value < static_cast<std::int64_t>(setting.choices.size()))
-    return setting.choices[static_cast<std::size_t>(value)].nick;
+    return setting.choices[value].nick;
   const std::int64_t magnitude = value < 0 ? -value : value;
   std::string text(value < 0 ? "-" : "");
   text += std::to_string(magnitude / setting.scale);

@@ -44,7 +44,7 @@ int processors() {
 Workers::Workers(int threads) {
   const int count = threads == 0 ? processors() : threads;
   stay_awake_ = count <= processors();
-  threads_.reserve(static_cast<std::size_t>(std::max(0, count - 1)));
+  threads_.reserve(std::max(0, count - 1));
   // When the system refuses to create a thread (a limit, no memory for a stack), the existing threads do the
   // work. The result does not depend on their number.
   try {

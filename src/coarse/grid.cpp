@@ -181,8 +181,7 @@ void VetoArea::lower(int mask_level, std::span<std::uint16_t> rows) const {
   each([&](Reach columns, Reach below) {
     const int right = std::min(subsampled(columns.end, mask_level), static_cast<int>(rows.size()));
     for (int x = columns.first >> mask_level; x < right; ++x)
-      rows[static_cast<std::size_t>(x)] =
-          std::max(rows[static_cast<std::size_t>(x)], static_cast<std::uint16_t>(below.end));
+      rows[x] = std::max(rows[x], static_cast<std::uint16_t>(below.end));
   });
 }
 

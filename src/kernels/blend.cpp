@@ -235,7 +235,7 @@ void word_pairs(std::uint8_t* samples, const Coverage* coverage, int count, int 
 #endif
   for (int i = 0; i < count; ++i)
     for (int c = 0; c < 2; ++c)
-      mix_word(samples + 4 * i + 2 * c, coverage[i], shift, ink[static_cast<std::size_t>(c)]);
+      mix_word(samples + 4 * i + 2 * c, coverage[i], shift, ink[c]);
 }
 
 void triples(std::uint8_t* samples, const Coverage* coverage, int count,

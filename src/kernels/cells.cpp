@@ -285,7 +285,7 @@ void strongest_of_strip(const Strip& strip, const std::array<std::array<std::int
     V32 y = load_cells(&strip[0][0][0] + i), u = load_cells(&strip[0][1][0] + i),
         v = load_cells(&strip[0][2][0] + i);
     for (int row = 1; row < rows; ++row) {
-      const auto& here = strip[static_cast<std::size_t>(row)];
+      const auto& here = strip[row];
       const V32 y0 = y, u0 = u, v0 = v;
       y = load_cells(&here[0][0] + i);
       u = load_cells(&here[1][0] + i);

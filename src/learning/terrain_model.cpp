@@ -137,7 +137,7 @@ TrainingModels cluster(const Grid& grid, std::span<const Cell> cells, const Clus
   std::array<Gaussian, max_models>& found = training.models;
   for (const MomentSums& sums : clusters)
     if (sums.count() > 0)
-      found[static_cast<std::size_t>(training.count++)] = sums.moments();
+      found[training.count++] = sums.moments();
   // Insertion sort is stable and, unlike std::stable_sort, never allocates.
   for (int i = 1; i < training.count; ++i)
     for (int j = i; j > 0 && found[j].mass > found[j - 1].mass; --j)
@@ -255,7 +255,7 @@ int heaviest(std::span<const TerrainModel> learned) {
 void resize_mixture(std::vector<TerrainModel>& learned, int slots) {
   while (learned.size() > static_cast<std::size_t>(slots))
     learned.erase(learned.begin() + slot_to_replace(learned));
-  learned.resize(static_cast<std::size_t>(slots));
+  learned.resize(slots);
 }
 
 namespace {

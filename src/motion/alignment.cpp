@@ -25,8 +25,7 @@ constexpr std::array<std::int32_t, 65> make_weights() {
   for (int k = 0; k < 64; ++k) {
     const std::int64_t z = 2 * k + 1, one = 1024; // z / 2 in units of 1/32; squared in Q10
     const std::int64_t base = one + z * z;
-    weights[static_cast<std::size_t>(k)] =
-        static_cast<std::int32_t>((256 * one * one + base * base / 2) / (base * base));
+    weights[k] = static_cast<std::int32_t>((256 * one * one + base * base / 2) / (base * base));
   }
   return weights;
 }
@@ -122,17 +121,17 @@ void PointSelection::select(const PassedView& picture, const GroundCamera& view,
   points.clear();
   const int width = picture.width, line = view.vanishing_row >> 8;
   const int first = std::max(line + (picture.height - line) / 10, 1);
-  keys_.resize(static_cast<std::size_t>(width));
-  ground_.resize(static_cast<std::size_t>(width));
+  keys_.resize(width);
+  ground_.resize(width);
   const auto blocks = [&](int pixels) {
     return static_cast<std::size_t>(std::max((pixels + rule.block - 1) / rule.block, 0));
   };
   points.reserve(blocks(picture.height - 1 - first) * blocks(width - 2));
   // Of equal keys the first one in a block must win: the columns count down in the low bits, below the key's
   // 12 bits.
-  order_.resize(static_cast<std::size_t>(width));
+  order_.resize(width);
   for (int u = 1, k = 0; u < width; ++u, k = k + 1 == rule.block ? 0 : k + 1)
-    order_[static_cast<std::size_t>(u)] = static_cast<std::uint16_t>(15 - k);
+    order_[u] = static_cast<std::uint16_t>(15 - k);
   int spread_row = -1;
   bool any = false; // whether row `spread_row` has ground
   for (int top = first; top < picture.height - 1; top += rule.block) {
@@ -159,7 +158,7 @@ void PointSelection::select(const PassedView& picture, const GroundCamera& view,
       const int end = std::min(left + rule.block, width - 1);
       std::uint16_t key = 0;
       for (int u = left; u < end; ++u)
-        key = std::max(key, keys_[static_cast<std::size_t>(u)]);
+        key = std::max(key, keys_[u]);
       if (key >> 8 > rule.least_slope)
         points.add(point_at(picture, view, left + 15 - (key & 15), top + 15 - (key >> 4 & 15)));
     }
@@ -205,10 +204,10 @@ std::int32_t Alignment::spread(std::size_t count) {
   std::array<int, 257> bins{}; // the last bin counts points outside
   sizes_of(differences_.data(), count, weights_.data());
   for (std::size_t i = 0; i < count; ++i)
-    ++bins[static_cast<std::size_t>(weights_[i])];
+    ++bins[weights_[i]];
   const int inside = static_cast<int>(count) - bins[256];
   int median = 0;
-  for (int seen = bins[0]; 2 * seen < inside; seen += bins[static_cast<std::size_t>(median)])
+  for (int seen = bins[0]; 2 * seen < inside; seen += bins[median])
     ++median;
   return std::max((2 * median + 1) * 16 * 379 / 256, least_spread);
 }

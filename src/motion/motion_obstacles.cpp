@@ -148,12 +148,12 @@ void MotionObstacles::look(const GrayView& luma, const GrayView& ground) {
   kernels::high_pass(reduced_.data() + small_first * columns, columns, columns, rows - small_first, 5, 2,
                      small_now_.data() + small_first * columns, work_.data());
   for (int j = 0; j < columns; ++j)
-    ground_columns_[static_cast<std::size_t>(j)] = (2 * j + 1) * ground.width / (2 * columns);
+    ground_columns_[j] = (2 * j + 1) * ground.width / (2 * columns);
   for (int i = 0; i < rows; ++i) {
     const std::uint8_t* from = ground.plane.row((2 * i + 1) * ground.height / (2 * rows));
     std::uint8_t* to = ground_.data() + i * columns;
     for (int j = 0; j < columns; ++j)
-      to[j] = from[ground_columns_[static_cast<std::size_t>(j)]] >> 7;
+      to[j] = from[ground_columns_[j]] >> 7;
   }
   selection_.select(passed(now_), view_, ground_, 4, large_rule, points_);
   selection_.select(small_passed(small_now_), view_.quarter(), ground_, 1, small_rule, small_points_);
@@ -180,7 +180,7 @@ bool MotionObstacles::acquire(PlaneMotion& step) {
   bool found = false;
   for (int k = 0; k < 4; ++k) {
     PlaneMotion guess;
-    guess.g[7] = first_guesses[static_cast<std::size_t>(order[static_cast<std::size_t>(k)].second)];
+    guess.g[7] = first_guesses[order[k].second];
     if (!alignment_.refine(small_points_, earlier, small, 10, guess))
       continue;
     const int mean = alignment_.residual(small_points_, earlier, small, guess).mean;
@@ -263,11 +263,10 @@ void MotionObstacles::choose_keys(std::array<Zone, 2>& zones) {
   zones[1].end = zones[0].first;
   const std::array<int, 2> middle{(near_rows + 256) / 2, (far_rows + near_rows) / 2};
   for (int z = 0; z < 2; ++z) {
-    Zone& zone = zones[static_cast<std::size_t>(z)];
+    Zone& zone = zones[z];
     zone.key = -1;
     for (int k = static_cast<int>(keys_.size()) - 1; k >= 0; --k) { // the newest key frame is the last
-      const int shift =
-          middle_shift(keys_[static_cast<std::size_t>(k)].motion, middle[static_cast<std::size_t>(z)]);
+      const int shift = middle_shift(keys_[k].motion, middle[z]);
       if (shift >= 2 * 256)
         zone.key = k;
       if (shift >= target_shift())
@@ -277,7 +276,7 @@ void MotionObstacles::choose_keys(std::array<Zone, 2>& zones) {
   const int refined = zones[0].key;
   for (Zone& zone : zones)
     if (zone.key >= 0 && (&zone == &zones[0] || zone.key != refined)) {
-      KeyFrame& key = keys_[static_cast<std::size_t>(zone.key)];
+      KeyFrame& key = keys_[zone.key];
       if (!alignment_.refine(points_, passed(key.pixels), view_, 3, key.motion))
         zone.key = -1;
     }
@@ -288,7 +287,7 @@ void MotionObstacles::judge(std::array<Zone, 2>& zones) {
   std::fill(judged_.begin(), judged_.end(), std::uint8_t{0});
   for (const Zone& zone : zones)
     if (zone.key >= 0) {
-      const KeyFrame& key = keys_[static_cast<std::size_t>(zone.key)];
+      const KeyFrame& key = keys_[zone.key];
       parallax_.compare(passed(now_), passed(key.pixels), key.motion, view_, ground_.data(), zone.first,
                         zone.end, cells_, judged_);
     }
@@ -312,10 +311,10 @@ void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
   if (settled && frame_ % 4 != 0)
     return;
   for (int z = 0; z < 2; ++z) {
-    const Zone& zone = zones[static_cast<std::size_t>(z)];
+    const Zone& zone = zones[z];
     if (zone.key < 0 || (line_frames_ >= settling && static_cast<int>(frame_ / (settled ? 4 : 1) % 2) != z))
       continue;
-    const KeyFrame& key = keys_[static_cast<std::size_t>(zone.key)];
+    const KeyFrame& key = keys_[zone.key];
     const std::int64_t forward = translation_of(key.motion).z;
     const bool pitching = settled &&
                           (std::abs(key.motion.g[5]) > one_q24 / 100 || std::abs(step_.g[5]) > one_q24 / 400),

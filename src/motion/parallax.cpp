@@ -115,8 +115,8 @@ void Parallax::warp(const PassedView& key, const PlaneMotion& motion, const Grou
   const int top = 4 * first - above_, rows = 4 * (end - first) + ahead_margin + behind_margin;
   stride_ = std::ptrdiff_t{16} * segments;
   const std::ptrdiff_t numbers = std::ptrdiff_t{2} * (segments + 1);
-  nodes_.resize(static_cast<std::size_t>((rows + anchor_rows) * numbers));
-  warped_.resize(static_cast<std::size_t>((rows + 4) * stride_));
+  nodes_.resize((rows + anchor_rows) * numbers);
+  warped_.resize((rows + 4) * stride_);
   std::fill_n(warped_.begin() + rows * stride_, 4 * stride_, std::uint8_t{128});
   const PixelMap map(motion, view);
   for (int y = 0; y <= rows; y += anchor_rows) {
@@ -185,7 +185,7 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
                      *under = row + 1 < rows_ ? here + columns_ : here;
   near_.assign(static_cast<std::size_t>(columns_) + 2, 0);
   for (int j = 0; j < columns_; ++j)
-    near_[static_cast<std::size_t>(j) + 1] = above[j] | here[j] | under[j];
+    near_[j + 1] = above[j] | here[j] | under[j];
   for (int next = 0; next < columns_; next += block / 4) {
     const int j = std::min(next, columns_ - block / 4);
     const std::uint8_t* ground_around = near_.data() + j; // starts with the cell to the left
@@ -204,8 +204,7 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
     kernels::compare_cells(picture.row(4 * row) + 4 * j, picture.width, warped_.data() + at, stride_,
                            offsets.data(), sums + j, plane, whole.data());
     for (int c = 0; c < 4; ++c) {
-      const bool judged = whole[static_cast<std::size_t>(c)] &&
-                          (ground_around[c] | ground_around[c + 1] | ground_around[c + 2]) != 0;
+      const bool judged = whole[c] && (ground_around[c] | ground_around[c + 1] | ground_around[c + 2]) != 0;
       seen[j + c] = judged;
       shift[j + c] = static_cast<std::uint16_t>(judged ? length : 0);
       if (!judged)
@@ -244,7 +243,7 @@ void Parallax::weigh_row(const std::uint8_t* ground, int row, int rows, CellPara
   const std::uint16_t* shifts = shifts_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
   const std::ptrdiff_t plane = columns_ + 2;
   const int above = row > 0 ? row - 1 : rows, under = row + 1; // row `rows` is the empty one
-  costs_.resize(static_cast<std::size_t>(7 * columns_ + 2));
+  costs_.resize(7 * columns_ + 2);
   const auto part = [&](int k) { return costs_.data() + static_cast<std::ptrdiff_t>(k) * columns_; };
   const kernels::WindowCosts costs{part(0), part(1), part(2), part(3), part(4)};
   const auto sums_of = [&](int i) { return sums_.data() + i * hypotheses * plane; };

@@ -44,9 +44,9 @@ void StandingMap::reset(int columns, int rows) {
   sums_.assign(static_cast<std::size_t>(columns) * rows, {});
   moved_.assign(sums_.size(), {});
   stood_.assign(sums_.size(), 0);
-  nodes_.reserve(static_cast<std::size_t>(2 * (columns / 4 + 2)));
+  nodes_.reserve(2 * (columns / 4 + 2));
   stood_before_.assign(sums_.size(), 0);
-  columns_stand_.assign(static_cast<std::size_t>(columns), 0);
+  columns_stand_.assign(columns, 0);
   first_filled_ = first_filled_before_ = rows;
   first_stood_ = end_stood_ = 0;
 }
@@ -55,7 +55,7 @@ void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int ke
   static_assert(sizeof(Sum) == 4 * sizeof(std::int16_t));
   const PixelMap map(step, view);
   const int first = std::clamp((view.vanishing_row >> 8) / 4, 0, rows_), nodes = columns_ / 4 + 2;
-  nodes_.resize(static_cast<std::size_t>(2 * nodes));
+  nodes_.resize(2 * nodes);
   const int filled = std::min(first_filled_before_, first);
   std::fill_n(moved_.begin() + filled * columns_, (first - filled) * columns_, Sum{});
   const int first_before = std::exchange(first_stood_, rows_), end_before = std::exchange(end_stood_, 0);
@@ -68,11 +68,11 @@ void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int ke
     const int down = below(view, 4 * i) + 384;
     for (int k = 0; k < nodes; ++k) {
       const PixelMap::Position p = map.at(across(view, 16 * k) + 3, down);
-      nodes_[static_cast<std::size_t>(2 * k)] = p.u - 384;
-      nodes_[static_cast<std::size_t>(2 * k + 1)] = p.v - 384;
+      nodes_[2 * k] = p.u - 384;
+      nodes_[2 * k + 1] = p.v - 384;
     }
     kernels::moved_sums({&sums_.data()->quality, columns_, rows_}, nodes_.data(), columns_, keep,
-                        &moved_[static_cast<std::size_t>(i * columns_)].quality);
+                        &moved_[i * columns_].quality);
     if (any_stood && move_stood(i, first_before, end_before)) {
       first_stood_ = std::min(first_stood_, i);
       end_stood_ = i + 1;
@@ -100,7 +100,7 @@ bool StandingMap::move_stood(int row, int first, int end) {
               v = node[1] + (node[3] - node[1]) * (j % 4) / 4;
     const int column = (u + 512) >> 10, from = (v + 512) >> 10; // Q8, in units of 4 pixels
     if (column >= 0 && from >= 0 && column < columns_ && from < rows_)
-      out[j] = stood_before_[static_cast<std::size_t>(from * columns_ + column)];
+      out[j] = stood_before_[from * columns_ + column];
   }
   return true;
 }
@@ -136,9 +136,7 @@ void StandingMap::add(std::span<const CellParallax> cells, std::span<const std::
 }
 
 void StandingMap::fill_foot(const GroundCamera& view, int column, std::vector<std::int16_t>& standing) const {
-  const auto cell = [&](int row) -> std::int16_t& {
-    return standing[static_cast<std::size_t>(row * columns_ + column)];
-  };
+  const auto cell = [&](int row) -> std::int16_t& { return standing[row * columns_ + column]; };
   for (int i = first_stood_; i < rows_;) {
     if (cell(i) <= least_standing) {
       ++i;
@@ -148,7 +146,7 @@ void StandingMap::fill_foot(const GroundCamera& view, int column, std::vector<st
     int foot = i;
     std::int16_t most = 0;
     for (; i < rows_ && cell(i) > least_standing; ++i) {
-      const Sum& sum = sums_[static_cast<std::size_t>(i * columns_ + column)];
+      const Sum& sum = sums_[i * columns_ + column];
       const int ratio = sum.weight > 0 ? std::min(sum.ratio * one / sum.weight, most_ratio) : 0;
       const int down = below(view, 4 * i) + 384;
       foot = std::max(foot, ((down + down * ratio / one) + view.vanishing_row) >> 10);
@@ -165,7 +163,7 @@ bool StandingMap::has_company(int row, int column) const {
   int count = 0;
   for (int i = std::max(row - 1, 0); i <= std::min(row + 1, rows_ - 1); ++i)
     for (int j = std::max(column - 1, 0); j <= std::min(column + 1, columns_ - 1); ++j)
-      count += stood_[static_cast<std::size_t>(i * columns_ + j)];
+      count += stood_[i * columns_ + j];
   return count > 2;
 }
 
@@ -194,13 +192,13 @@ void StandingMap::read(const GroundCamera& view, std::vector<std::int16_t>& stan
       constexpr std::int16_t none = least_standing, some = least_standing + 1;
       if (has_company(i, j)) {
         value = std::max(value, some);
-        columns_stand_[static_cast<std::size_t>(j)] = 1;
+        columns_stand_[j] = 1;
       } else {
         value = std::min(value, none);
       }
     }
   for (int j = 0; j < columns_; ++j)
-    if (columns_stand_[static_cast<std::size_t>(j)])
+    if (columns_stand_[j])
       fill_foot(view, j, standing);
 }
 

@@ -9,12 +9,25 @@
 #include <vector>
 
 #include "base/pipeline.hpp"
+#include "coarse/grid.hpp"
 #include "coarse/pyramid.hpp"
 #include "coarse/window.hpp"
 #include "learning/terrain_model.hpp"
 #include "paper/scoring.hpp"
 
 namespace terrainseg {
+
+/// The free space that is connected to the training window, which is the boundary that a planner uses: per
+/// column of the grid, the highest free cell that is reached from the window: sideways along the window's
+/// rows, then straight up, through free cells only. -1 = none. `free_cells` has one byte per cell, 0 = not
+/// free.
+void find_reachable(std::span<const std::uint8_t> free_cells, int width, const Rectangle& window_cells,
+                    std::vector<std::int16_t>& top);
+
+/// Converts `top` to rows of the frame per mask column. Within the cell above the top one, uses the row that
+/// best separates traversable pixels from others. `frame_height` = no free space.
+void refine_reachable(const Grid& grid, std::span<const std::int16_t> top, const GrayView& mask,
+                      int mask_level, int frame_height, std::span<std::uint16_t> boundary);
 
 class PaperPipeline final : public Pipeline {
  public:

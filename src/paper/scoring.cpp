@@ -36,15 +36,15 @@ class StagedRow {
     const int bytes = layout.sample_bytes();
     std::array<const std::uint8_t*, 3> planes{};
     for (int p = 0; p < layout.planes; ++p) {
-      const ComponentLayout& part = layout.components[static_cast<std::size_t>(p)];
-      const std::uint8_t* row = frame.planes[static_cast<std::size_t>(p)].row(y >> part.y_shift) +
-                                static_cast<std::ptrdiff_t>(x >> part.x_shift) * part.step;
-      planes[static_cast<std::size_t>(p)] = row;
+      const ComponentLayout& part = layout.components[p];
+      const std::uint8_t* row =
+          frame.planes[p].row(y >> part.y_shift) + static_cast<std::ptrdiff_t>(x >> part.x_shift) * part.step;
+      planes[p] = row;
       if (bytes == 1)
         continue;
-      std::uint8_t* room = room_[static_cast<std::size_t>(p)].data();
+      std::uint8_t* room = room_[p].data();
       kernels::narrow(row, layout.upper_shift(), row_bytes(layout, p, count) / bytes, 0, room);
-      planes[static_cast<std::size_t>(p)] = room;
+      planes[p] = room;
     }
     if (layout.component_count == 1)
       return {{planes[0], chroma_.data(), chroma_.data()}, 1, 1, 0};
@@ -126,7 +126,7 @@ std::uint64_t ScoreTable::label_rows(int width, int height, int first_row, const
         std::memset(mask.row(y), mask_not_traversable, static_cast<std::size_t>(width));
       else
         count += label(y);
-    counts[static_cast<std::size_t>(band)] = count;
+    counts[band] = count;
   });
   return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
 }

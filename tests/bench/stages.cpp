@@ -12,7 +12,7 @@
 #include "coarse/pyramid.hpp"
 #include "coarse/window.hpp"
 #include "learning/terrain_model.hpp"
-#include "paper/reachable.hpp"
+#include "paper/pipeline.hpp"
 #include "paper/scoring.hpp"
 #include "support/frames.hpp"
 #include "terrainseg/segmenter.hpp"

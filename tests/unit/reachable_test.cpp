@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "paper/reachable.hpp"
+#include "paper/pipeline.hpp"
 
 #include <algorithm>
 #include <string>

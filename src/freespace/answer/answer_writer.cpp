@@ -108,16 +108,16 @@ void reachable_rows(const FrameCurve& safe, int mask_level, const Rectangle& win
   const int left = std::clamp(subsampled(window.x, mask_level), 0, width - 1),
             right = std::clamp((window.x + window.width - 1) >> mask_level, left, width - 1);
   const auto take = [&](int x) {
-    if (safe[static_cast<std::size_t>(x)] >= bottom)
+    if (safe[x] >= bottom)
       return false;
-    reachable[static_cast<std::size_t>(x)] = safe[static_cast<std::size_t>(x)];
+    reachable[x] = safe[x];
     return true;
   };
   for (int x = left; x <= right; ++x)
     take(x);
-  for (int x = left - 1; x >= 0 && reachable[static_cast<std::size_t>(x + 1)] < frame_height && take(x);)
+  for (int x = left - 1; x >= 0 && reachable[x + 1] < frame_height && take(x);)
     --x;
-  for (int x = right + 1; x < width && reachable[static_cast<std::size_t>(x - 1)] < frame_height && take(x);)
+  for (int x = right + 1; x < width && reachable[x - 1] < frame_height && take(x);)
     ++x;
 }
 

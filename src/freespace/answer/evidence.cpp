@@ -48,7 +48,7 @@ std::uint8_t mask_confidence(const Grid& grid, const CellScores& score, const Gr
       }
     }
   for (int j = 1; j < grid.width; ++j)
-    jumps += std::abs(boundary[static_cast<std::size_t>(j)] - boundary[static_cast<std::size_t>(j - 1)]);
+    jumps += std::abs(boundary[j] - boundary[j - 1]);
   const auto cells_other = static_cast<std::int64_t>(grid.size()) - cells_ground;
   if (cells_ground == 0 || cells_other == 0)
     return 0;
@@ -144,7 +144,7 @@ void turn_to(const std::uint8_t* __restrict labels, const std::int16_t* __restri
 void look_up(const std::int16_t* __restrict sums, const std::uint8_t* __restrict ignored, int count,
              std::uint8_t* __restrict out) {
   for (int x = 0; x < count; ++x)
-    out[x] = ignored[x] ? std::uint8_t{0} : confidence_table[static_cast<std::size_t>(sums[x])];
+    out[x] = ignored[x] ? std::uint8_t{0} : confidence_table[sums[x]];
 }
 
 bool any_of(const std::int16_t* values, int count) {
@@ -157,8 +157,7 @@ bool any_of(const std::int16_t* values, int count) {
 } // namespace
 
 std::uint8_t confidence_of(int evidence) {
-  return confidence_table[static_cast<std::size_t>(
-      std::clamp(evidence, 0, static_cast<int>(confidence_table.size()) - 1))];
+  return confidence_table[std::clamp(evidence, 0, static_cast<int>(confidence_table.size()) - 1)];
 }
 
 void Evidence::start(const Grid& grid, const CellScores& score, const GridCurve& boundary,
@@ -169,7 +168,7 @@ void Evidence::start(const Grid& grid, const CellScores& score, const GridCurve&
   sums_.resize(grid.size());
   // reserved for all detectors, so that no later frame allocates
   strongest_.reserve((static_cast<std::size_t>(width_) + 1) << most_levels_finer);
-  ends_.reserve(static_cast<std::size_t>(width_));
+  ends_.reserve(width_);
   const auto w = static_cast<std::size_t>(width_);
   for (int i = 0; i < height_; ++i) {
     const std::int16_t* const scores = &score[grid.at(i, 0)];
@@ -191,10 +190,10 @@ void Evidence::subtract_cells(const FinerCells<Value>& cells, Strength strength)
     return std::min(((index << cells.level) + cells.middle + half) >> level_, count - 1);
   };
   // The finer cells of a cell are contiguous in each row and column; ends_ holds the ends of their columns.
-  ends_.assign(static_cast<std::size_t>(width_), 0);
+  ends_.assign(width_, 0);
   for (int x = 0; x < cells.width; ++x)
-    ends_[static_cast<std::size_t>(cell_of(x, width_))] = x + 1;
-  strongest_.resize(static_cast<std::size_t>(cells.width));
+    ends_[cell_of(x, width_)] = x + 1;
+  strongest_.resize(cells.width);
   for (int y = 0, end; y < cells.height; y = end) {
     const int row = cell_of(y, height_);
     std::fill(strongest_.begin(), strongest_.end(), std::int16_t{0});
@@ -206,8 +205,8 @@ void Evidence::subtract_cells(const FinerCells<Value>& cells, Strength strength)
     std::int16_t* const out = &sums_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width_)];
     for (int j = 0, x = 0; j < width_; ++j) {
       int most = 0;
-      for (; x < ends_[static_cast<std::size_t>(j)]; ++x)
-        most = std::max<int>(most, strongest_[static_cast<std::size_t>(x)]);
+      for (; x < ends_[j]; ++x)
+        most = std::max<int>(most, strongest_[x]);
       out[j] = static_cast<std::int16_t>(out[j] - strength(most));
     }
   }
@@ -227,11 +226,11 @@ void Evidence::tell(const Grid& grid, const GrayView& mask, int mask_level, std:
   const auto pixel = [&](int index, int count) {
     return std::min(subsampled(index << level_, mask_level), count - 1);
   };
-  pixels_.resize(static_cast<std::size_t>(width_));
+  pixels_.resize(width_);
   for (int j = 0; j < width_; ++j)
-    pixels_[static_cast<std::size_t>(j)] = pixel(j, mask.width);
-  labels_.resize(static_cast<std::size_t>(width_));
-  turned_.resize(static_cast<std::size_t>(width_));
+    pixels_[j] = pixel(j, mask.width);
+  labels_.resize(width_);
+  turned_.resize(width_);
   for (int i = 0; i < height_; ++i) {
     look_at(mask.plane.row(pixel(i, mask.height)), pixels_.data(), width_, labels_.data());
     turn_to(labels_.data(), &sums_[grid.at(i, 0)], static_cast<std::int16_t>(whole), width_, turned_.data());

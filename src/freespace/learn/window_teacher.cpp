@@ -46,7 +46,7 @@ bool WindowGuard::refuses(const CellBins& cells, const LikelihoodTables& tables,
     for (int j = 0; j < grid_width; ++j) {
       const std::size_t cell = static_cast<std::size_t>(i) * grid_width + j;
       const bool in_window = j >= window.x && j < window.x + window.width;
-      (in_window ? thirds[static_cast<std::size_t>((j - window.x) * parts / window.width)] : beside)
+      (in_window ? thirds[(j - window.x) * parts / window.width] : beside)
           .add(std::clamp(tables.color[cells.color[cell]] + tables.texture[cells.texture[cell]], -score_limit,
                           score_limit));
     }
@@ -173,8 +173,8 @@ int parting_luma(const std::array<std::int64_t, 256>& histogram, std::int64_t co
   std::int64_t dark_count = 0, dark_total = 0, most = -1;
   int parting = 0;
   for (int luma = 0; luma < 255; ++luma) {
-    dark_count += histogram[static_cast<std::size_t>(luma)];
-    dark_total += luma * histogram[static_cast<std::size_t>(luma)];
+    dark_count += histogram[luma];
+    dark_total += luma * histogram[luma];
     const std::int64_t lit_count = count - dark_count;
     if (dark_count == 0 || lit_count == 0)
       continue;
@@ -200,7 +200,7 @@ bool leave_own_shadow(const Grid& grid, const Rectangle& window, std::span<const
   std::int64_t total = 0;
   for (const Cell& cell : cells) {
     const int luma = grid.color(cell)[0];
-    ++histogram[static_cast<std::size_t>(luma)];
+    ++histogram[luma];
     total += luma;
   }
   const int parting = parting_luma(histogram, count, total);
@@ -226,7 +226,7 @@ bool leave_own_shadow(const Grid& grid, const Rectangle& window, std::span<const
   std::int64_t between = 0;
   for (int luma = 0; luma < 256; ++luma)
     if (256 * luma > from && 256 * luma < to)
-      between += histogram[static_cast<std::size_t>(luma)];
+      between += histogram[luma];
   if (100 * between > most_between * count)
     return false;
   lit.clear();

@@ -82,9 +82,9 @@ void TextureReader::read(const Pyramid& pyramid, const Grid& grid, const ColorTr
     if (width < 2)
       continue;
     const int count = grid.width * per_cell, whole = std::min(count, (width - (step == 1 ? 1 : 0)) / step);
-    columns_.resize(static_cast<std::size_t>(before + count));
+    columns_.resize(before + count);
     std::uint16_t* columns = columns_.data() + before;
-    luma_.resize(static_cast<std::size_t>(width));
+    luma_.resize(width);
     for (int i = 0; i < grid.height; ++i) {
       std::fill(columns_.begin(), columns_.end(), std::uint16_t{0});
       for (int k = 0; k < per_cell; ++k) {

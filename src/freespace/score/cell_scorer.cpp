@@ -198,8 +198,7 @@ namespace {
 std::array<int, 3> reference_color(const View& view, std::span<const Cell> trusted, const Terrain& terrain) {
   if (!trusted.empty())
     return mean_color(view.grid, trusted);
-  const TerrainModel model =
-      in_this_light(terrain.models[static_cast<std::size_t>(heaviest(terrain.models))], view.exposure);
+  const TerrainModel model = in_this_light(terrain.models[heaviest(terrain.models)], view.exposure);
   return {model.mean[0] >> 4, model.mean[1] >> 4, model.mean[2] >> 4};
 }
 

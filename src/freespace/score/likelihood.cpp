@@ -140,7 +140,7 @@ void mark_lessons(const Grid& grid, std::span<const Cell> window, std::span<cons
   lessons.assign(grid.size(), Lesson::against);
   if (negatives == Negatives::split && last.size() == static_cast<std::size_t>(grid.width))
     for (int j = 0; j < grid.width; ++j)
-      for (int i = last[static_cast<std::size_t>(j)]; i < grid.height; ++i)
+      for (int i = last[j]; i < grid.height; ++i)
         lessons[grid.at(i, j)] = Lesson::against_little;
   for (std::size_t i = 0; i < joined.size(); ++i)
     if (joined[i])
