@@ -25,7 +25,7 @@ namespace terrainseg::kernels {
 /// Calls `use` with the one of `constants` that equals `value`, as a std::integral_constant: a loop is
 /// compiled for each of them. Calls nothing when there is none.
 template <auto... constants, class Value, class Use> inline void with_constant(Value value, const Use& use) {
-  ((value == constants && (use(std::integral_constant<Value, constants>()), true)) || ...);
+  ((value == constants ? use(std::integral_constant<Value, constants>()) : void()), ...);
 }
 
 } // namespace terrainseg::kernels
