@@ -116,32 +116,18 @@ bool cover(const std::uint8_t* mask, int count, Coverage full, Coverage half, Co
   return some;
 }
 
-void pool(const Coverage* top, const Coverage* bottom, int pixels, Coverage* out) {
+void pool(const Coverage* __restrict top, const Coverage* __restrict bottom, int pixels,
+          Coverage* __restrict out) {
   const int pairs = pixels / 2;
-  int i = 0;
-#if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint16_t, 32> d16;
-  const hn::Repartition<std::uint32_t, decltype(d16)> d32;
-  const hn::Repartition<std::int32_t, decltype(d16)> di32;
-  const hn::Rebind<std::uint16_t, decltype(d32)> dh;
-  const int lanes = static_cast<int>(hn::Lanes(d32));
-  const auto pair_sums = [&](const Coverage* row) HWY_ATTR {
-    const auto both = hn::BitCast(d32, hn::LoadU(d16, row));
-    return hn::Add(hn::And(both, hn::Set(d32, 0xffff)), hn::ShiftRight<16>(both));
-  };
-  for (; i + lanes <= pairs; i += lanes) {
-    const auto row = pair_sums(top + 2 * i);
-    const auto mean =
-        bottom ? hn::ShiftRight<2>(hn::Add(hn::Add(row, pair_sums(bottom + 2 * i)), hn::Set(d32, 2)))
-               : hn::ShiftRight<1>(hn::Add(row, hn::Set(d32, 1)));
-    hn::StoreU(hn::DemoteTo(dh, hn::BitCast(di32, mean)), dh, out + i);
-  }
-#endif
-  for (; i < pairs; ++i) {
-    const int row = top[2 * i] + top[2 * i + 1];
-    out[i] =
-        static_cast<Coverage>(bottom ? (row + bottom[2 * i] + bottom[2 * i + 1] + 2) >> 2 : (row + 1) >> 1);
-  }
+  if (bottom)
+    for (int i = 0; i < pairs; ++i) {
+      const auto left = static_cast<Coverage>(top[2 * i] + bottom[2 * i]),
+                 right = static_cast<Coverage>(top[2 * i + 1] + bottom[2 * i + 1]);
+      out[i] = static_cast<Coverage>(static_cast<Coverage>(left + right + 2) >> 2);
+    }
+  else
+    for (int i = 0; i < pairs; ++i)
+      out[i] = static_cast<Coverage>((top[2 * i] + top[2 * i + 1] + 1) >> 1);
   if (pixels % 2) {
     const int last = pixels - 1;
     out[pairs] = bottom ? static_cast<Coverage>((top[last] + bottom[last] + 1) >> 1) : top[last];

@@ -30,7 +30,6 @@ HWY_INLINE int color_distance(int dy, int du, int dv) {
 #if HWY_TARGET != HWY_SCALAR
 // Cells in 32-bit lanes, at most 16 per vector, because a row has few cells.
 using D32 = hn::CappedTag<std::int32_t, 16>;
-using D16 = hn::CappedTag<std::uint16_t, 16>;
 using V32 = hn::Vec<D32>;
 
 HWY_INLINE V32 load_cells(const std::uint8_t* cells) {
@@ -86,56 +85,25 @@ void weigh_cells(const ComponentRow& in, const std::array<std::int32_t, 3>& weig
         (weights[0] * in[0][i] + weights[1] * in[1][i] + weights[2] * in[2][i] + offset) >> 16, 0, 255));
 }
 
-void add_pair_differences(const std::uint8_t* luma, int count, std::uint16_t* sums) {
-  int i = 0;
-#if HWY_TARGET != HWY_SCALAR
-  const D16 d16;
-  const hn::RebindToSigned<D16> di16;
-  const hn::Repartition<std::uint8_t, D16> d8;
-  const int n = static_cast<int>(hn::Lanes(d16));
-  for (; i + n <= count; i += n) {
-    const auto pairs = hn::BitCast(d16, hn::LoadU(d8, luma + 2 * i));
-    const auto left = hn::BitCast(di16, hn::And(pairs, hn::Set(d16, 255)));
-    const auto right = hn::BitCast(di16, hn::ShiftRight<8>(pairs));
-    const auto difference = hn::BitCast(d16, hn::Abs(hn::Sub(right, left)));
-    hn::StoreU(hn::Add(hn::LoadU(d16, sums + i), difference), d16, sums + i);
-  }
-#endif
-  for (; i < count; ++i)
+// Auto-vectorised, as the next loops.
+void add_pair_differences(const std::uint8_t* __restrict luma, int count, std::uint16_t* __restrict sums) {
+  for (int i = 0; i < count; ++i)
     sums[i] = static_cast<std::uint16_t>(sums[i] + std::abs(luma[2 * i + 1] - luma[2 * i]));
 }
 
 template <int rows>
 void sums_of(const std::array<const std::uint8_t*, 4>& row, int count, std::uint16_t* __restrict sums,
              std::uint16_t* __restrict steps) {
-  int x = 0;
-#if HWY_TARGET != HWY_SCALAR
-  const D16 d16;
-  const hn::Rebind<std::uint8_t, D16> d8;
-  const int n = static_cast<int>(hn::Lanes(d16));
-  for (; x + n < count; x += n) {
-    auto sum = hn::Zero(d16), step = hn::Zero(d16);
-    for (std::size_t r = 0; r < rows; ++r) {
-      const auto here = hn::PromoteTo(d16, hn::LoadU(d8, row[r] + x)),
-                 next = hn::PromoteTo(d16, hn::LoadU(d8, row[r] + x + 1));
-      sum = hn::Add(sum, here);
-      step = hn::Add(step, hn::Sub(hn::Max(here, next), hn::Min(here, next)));
-    }
-    hn::StoreU(sum, d16, sums + x);
-    hn::StoreU(step, d16, steps + x);
-  }
-#endif
-  for (; x < count; ++x) {
-    unsigned sum = 0, step = 0;
-    for (std::size_t r = 0; r < rows; ++r) {
-      sum += row[r][x];
-      if (x + 1 < count)
-        step += static_cast<unsigned>(std::abs(row[r][x + 1] - row[r][x]));
-    }
-    sums[x] = static_cast<std::uint16_t>(sum);
-    if (x + 1 < count)
-      steps[x] = static_cast<std::uint16_t>(step);
-  }
+  const auto [a, b, c, d] = row;
+  for (int x = 0; x < count; ++x)
+    sums[x] = static_cast<std::uint16_t>(a[x] + (rows > 1 ? b[x] : 0) + (rows > 2 ? c[x] : 0) +
+                                         (rows > 3 ? d[x] : 0));
+  const auto step = [](const std::uint8_t* at) {
+    return static_cast<std::uint16_t>(at[0] < at[1] ? at[1] - at[0] : at[0] - at[1]);
+  };
+  for (int x = 0; x + 1 < count; ++x)
+    steps[x] = static_cast<std::uint16_t>(step(a + x) + (rows > 1 ? step(b + x) : 0) +
+                                          (rows > 2 ? step(c + x) : 0) + (rows > 3 ? step(d + x) : 0));
 }
 
 void sums_of_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int count, std::uint16_t* sums,
@@ -146,25 +114,7 @@ void sums_of_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int c
 // Auto-vectorised.
 template <int per_cell>
 void largest_steps_of(const std::uint16_t* __restrict columns, int count, std::uint16_t* __restrict out) {
-  int i = 0;
-#if HWY_TARGET != HWY_SCALAR
-  if constexpr (per_cell == 4) {
-    // Each pair of 16-bit lanes, then each pair of 32-bit lanes.
-    const D16 d16;
-    const hn::Repartition<std::uint32_t, D16> d32;
-    const hn::Repartition<std::uint64_t, D16> d64;
-    const hn::Rebind<std::uint16_t, decltype(d64)> quarter;
-    const int n = static_cast<int>(hn::Lanes(d64));
-    for (; i + n <= count; i += n) {
-      const auto here = hn::LoadU(d16, columns + 4 * i), next = hn::LoadU(d16, columns + 4 * i + 1);
-      const auto step = hn::Sub(hn::Max(here, next), hn::Min(here, next));
-      const auto pairs = hn::Max(step, hn::BitCast(d16, hn::ShiftRight<16>(hn::BitCast(d32, step))));
-      const auto fours = hn::Max(pairs, hn::BitCast(d16, hn::ShiftRight<32>(hn::BitCast(d64, pairs))));
-      hn::StoreU(hn::TruncateTo(quarter, hn::BitCast(d64, fours)), quarter, out + i);
-    }
-  }
-#endif
-  for (; i < count; ++i) {
+  for (int i = 0; i < count; ++i) {
     int most = 0;
     for (int k = 0; k < per_cell; ++k)
       most = std::max(most, std::abs(columns[i * per_cell + k + 1] - columns[i * per_cell + k]));

@@ -135,30 +135,11 @@ void write_mask(const std::uint16_t* boundary, const std::uint16_t* safe, int wi
   fill(mask, stride, width, bottom, end, 255);
 }
 
-void add_stretch_row(const std::uint16_t* first, const std::uint16_t* end, int row, int width,
-                     std::uint8_t* out) {
-  int x = 0;
-#if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint16_t, 32> d;
-  const hn::Rebind<std::uint8_t, decltype(d)> narrow;
-  const int n = static_cast<int>(hn::Lanes(d));
-  if (width >= n) {
-    const auto here = hn::Set(d, static_cast<std::uint16_t>(row)), zero = hn::Zero(d);
-    for (;;) {
-      const auto begun = hn::Eq(hn::SaturatedSub(hn::LoadU(d, first + x), here), zero);
-      const auto ended = hn::Eq(hn::SaturatedSub(hn::LoadU(d, end + x), here), zero);
-      const auto inside = hn::AndNot(hn::VecFromMask(d, ended), hn::VecFromMask(d, begun));
-      const auto value = hn::TruncateTo(narrow, inside);
-      hn::StoreU(hn::Or(hn::LoadU(narrow, out + x), value), narrow, out + x);
-      if (x + n >= width)
-        return;
-      x = std::min(x + n, width - n);
-    }
-  }
-#endif
-  for (; x < width; ++x)
-    if (row >= first[x] && row < end[x])
-      out[x] = 255;
+void add_stretch_row(const std::uint16_t* __restrict first, const std::uint16_t* __restrict end, int at,
+                     int width, std::uint8_t* __restrict out) {
+  const auto row = static_cast<std::uint16_t>(at);
+  for (int x = 0; x < width; ++x)
+    out[x] |= static_cast<std::uint8_t>(-static_cast<int>((first[x] <= row) & (end[x] > row)));
 }
 
 void add_stretches(const std::uint16_t* first, const std::uint16_t* end, int width, int first_row,

@@ -461,29 +461,12 @@ void reduce_one(Interleave interleave, const std::uint8_t* row, int width, std::
   });
 }
 
+// Auto-vectorised.
 void reduce_vertically(const std::uint8_t* odd, const std::uint8_t* even, int bytes, const Waiting& w,
                        std::uint8_t* __restrict out) {
-  const std::size_t count = static_cast<std::size_t>(bytes);
-  std::size_t i = 0;
-#if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint8_t, 64> d8;
-  const hn::Repartition<std::uint16_t, decltype(d8)> d16;
-  const hn::Half<decltype(d8)> dh;
-  const hn::Repartition<std::int16_t, decltype(d8)> di16;
-  const std::size_t n = hn::Lanes(d16);
-  for (; i + n <= count; i += n) {
-    auto partial = hn::LoadU(d16, w.partial + i), held = hn::LoadU(d16, w.held + i);
-    const auto sum = advance(d16, hn::PromoteTo(d16, hn::LoadU(dh, odd + i)),
-                             hn::PromoteTo(d16, hn::LoadU(dh, even + i)), partial, held);
-    const auto rounded = hn::ShiftRight<4>(hn::Add(sum, hn::Set(d16, 8)));
-    hn::StoreU(hn::DemoteTo(dh, hn::BitCast(di16, rounded)), dh, out + i);
-    hn::StoreU(partial, d16, w.partial + i);
-    hn::StoreU(held, d16, w.held + i);
-  }
-#endif
   std::uint16_t* __restrict partial = w.partial;
   std::uint16_t* __restrict held = w.held;
-  for (; i < count; ++i) {
+  for (std::size_t i = 0, count = static_cast<std::size_t>(bytes); i < count; ++i) {
     const std::uint16_t four_odd = 4 * odd[i], sum = partial[i] + four_odd + even[i] + 8;
     partial[i] = held[i] + four_odd + 6 * even[i];
     held[i] = even[i];
