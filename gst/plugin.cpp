@@ -1,12 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gst/gst.h>
 
-#include "elements/terraincombine.hpp"
-#include "elements/terrainextract.hpp"
-#include "elements/terrainoverlay.hpp"
-#include "elements/terrainscenesrc.hpp"
-#include "elements/terrainseg.hpp"
-#include "elements/terrainstamp.hpp"
+#include "support/elements.hpp"
 #include "support/meta.hpp"
 #include "terrainseg_config.h"
 

@@ -11,7 +11,6 @@
 //
 // Each of them would need code around the base class: other chain functions, masked flow returns, rewritten
 // events.
-#include "elements/terraincombine.hpp"
 
 #include <gst/video/video.h>
 
@@ -30,6 +29,7 @@
 #include "elements/terraincombine/matcher.hpp"
 #include "elements/terraincombine/unit_attacher.hpp"
 #include "exchange/vmti_klv.hpp"
+#include "support/elements.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
 #include "support/mapped_buffer.hpp"

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "elements/terrainextract.hpp"
 
 #include <gst/video/video.h>
 
@@ -16,6 +15,7 @@
 #include "exchange/mavlink_stream.hpp"
 #include "exchange/uas_datalink.hpp"
 #include "exchange/vmti_klv.hpp"
+#include "support/elements.hpp"
 #include "support/estimate_meta.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "elements/terrainoverlay.hpp"
 
 #include <gst/base/gstbasetransform.h>
 
+#include "support/elements.hpp"
 #include "support/estimate_meta.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"

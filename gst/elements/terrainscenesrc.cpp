@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "elements/terrainscenesrc.hpp"
 
 #include <gst/base/gstpushsrc.h>
 #include <gst/terrainseg/terrainsegmeta.h>
@@ -8,6 +7,7 @@
 #include <memory>
 
 #include "scene/scene.hpp"
+#include "support/elements.hpp"
 #include "support/estimate_meta.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "elements/terrainseg.hpp"
 
 #include <gst/terrainseg/terrainsegmeta.h>
 
@@ -22,6 +21,7 @@
 #include "exchange/model_file.hpp"
 #include "support/buffer_pool.hpp"
 #include "support/colour_watch.hpp"
+#include "support/elements.hpp"
 #include "support/estimate_meta.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"

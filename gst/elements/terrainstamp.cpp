@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "elements/terrainstamp.hpp"
 
 #include <gst/base/gstbasetransform.h>
 
@@ -9,6 +8,7 @@
 
 #include "exchange/precision_stamp.hpp"
 #include "support/buffer_pool.hpp"
+#include "support/elements.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
 #include "support/object.hpp"

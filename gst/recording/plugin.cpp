@@ -2,7 +2,7 @@
 // A separate plugin, so that the main one does not depend on zstd.
 #include <gst/gst.h>
 
-#include "recording/terrainmcapsink.hpp"
+#include "support/elements.hpp"
 #include "support/meta.hpp"
 #include "terrainseg_config.h"
 

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "recording/terrainmcapsink.hpp"
 
 #include <gst/base/gstbasesink.h>
 #include <gst/video/video.h>
@@ -13,6 +12,7 @@
 #include "recording/recording_file.hpp"
 #include "recording/terrain_recording.hpp"
 #include "support/calibration_files.hpp"
+#include "support/elements.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
 #include "support/name_property.hpp"

@@ -2,7 +2,7 @@
 // A separate plugin, so that the main one does not depend on Cyclone DDS.
 #include <gst/gst.h>
 
-#include "ros2/terrainros2sink.hpp"
+#include "support/elements.hpp"
 #include "support/meta.hpp"
 #include "terrainseg_config.h"
 

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "ros2/terrainros2sink.hpp"
 
 #include <gst/base/gstbasesink.h>
 #include <gst/video/video.h>
@@ -18,6 +17,7 @@
 #include "ros2/outlet.hpp"
 #include "ros2/participant.hpp"
 #include "support/calibration_files.hpp"
+#include "support/elements.hpp"
 #include "support/guarded.hpp"
 #include "support/instance_state.hpp"
 #include "support/name_property.hpp"

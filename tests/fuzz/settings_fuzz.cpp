@@ -7,8 +7,8 @@
 #include <string>
 
 #include "element_input.hpp"
-#include "elements/terrainseg.hpp"
 #include "elements/terrainseg/settings_file.hpp"
+#include "support/elements.hpp"
 #include "support/estimate_meta.hpp"
 
 namespace {

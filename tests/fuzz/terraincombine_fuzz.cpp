@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "element_input.hpp"
-#include "elements/terraincombine.hpp"
 #include "exchange/vmti_klv.hpp"
 #include "klv_sums.hpp"
 #include "metadata_input.hpp"
+#include "support/elements.hpp"
 #include "support/estimate_meta.hpp"
 #include "support/precision_time.hpp"
 

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "elements/terrainextract.hpp"
 #include "exchange/vmti_klv.hpp"
 #include "mavlink_frames.hpp"
 #include "metadata_input.hpp"
+#include "support/elements.hpp"
 
 namespace {
 

@@ -18,7 +18,7 @@
 
 #include "exchange/bytes.hpp"
 #include "metadata_input.hpp"
-#include "recording/terrainmcapsink.hpp"
+#include "support/elements.hpp"
 
 namespace {
 

@@ -5,8 +5,8 @@
 #include <cstring>
 #include <vector>
 
-#include "elements/terrainoverlay.hpp"
 #include "metadata_input.hpp"
+#include "support/elements.hpp"
 
 namespace {
 

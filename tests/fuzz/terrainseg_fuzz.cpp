@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "element_input.hpp"
-#include "elements/terrainseg.hpp"
+#include "support/elements.hpp"
 #include "support/estimate_meta.hpp"
 #include "support/metric_meta.hpp"
 
