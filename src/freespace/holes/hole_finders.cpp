@@ -30,6 +30,11 @@ SpotLevels spot_levels(const View& view) {
   return {whole, far, std::min(view.task.settings.mask_level, far)};
 }
 
+bool searches_far(const View& view) {
+  const SpotLevels levels = spot_levels(view);
+  return view.task.settings.far_spots && levels.far != levels.whole;
+}
+
 } // namespace
 
 std::optional<int> MotionFinder::column_level(const View& view) const {
@@ -56,11 +61,9 @@ void MotionFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, H
 }
 
 std::optional<int> SpotFinder::column_level(const View& view) const {
-  const SpotLevels levels = spot_levels(view);
   const Settings& settings = view.task.settings;
-  const bool on =
-      reach_ == Reach::far_away ? settings.far_spots && levels.far != levels.whole : settings.near_spots;
-  return settings.odd_spots && on ? std::optional(levels.columns) : std::nullopt;
+  const bool on = reach_ == Reach::far_away ? searches_far(view) : settings.near_spots;
+  return settings.odd_spots && on ? std::optional(spot_levels(view).columns) : std::nullopt;
 }
 
 void SpotFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory&) {
@@ -70,13 +73,11 @@ void SpotFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, Hol
     return;
   const View& view = open.view;
   const SpotLevels levels = spot_levels(view);
-  const bool far = reach_ == Reach::far_away,
-             both = view.task.settings.far_spots && levels.far != levels.whole;
   GroundView ground{levels.whole, levels.columns, open.horizon, view.task.settings.ignore_regions};
-  if (far) {
+  if (reach_ == Reach::far_away) {
     ground.level = levels.far;
     ground.rows = far_rows;
-  } else if (both) {
+  } else if (searches_far(view)) {
     ground.skipped = far_rows * 3 / 8;
   }
   if (spots_.find(view.pyramid, view.transform, *curves, ground, found_.holes))

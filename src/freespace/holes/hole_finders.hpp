@@ -64,11 +64,11 @@ class MotionFinder final : public HoleFinder {
   FinerCells<std::int16_t> evidence_;
 };
 
-/// Small objects that differ from the ground on both sides: in the whole picture, or far away in cells of
-/// half the size.
+/// Small objects that differ from the ground on both sides: far away in cells of half the size, or near by,
+/// in the whole picture when far spots are off.
 class SpotFinder final : public HoleFinder {
  public:
-  enum class Reach : std::uint8_t { whole_picture, far_away };
+  enum class Reach : std::uint8_t { near_by, far_away };
   explicit SpotFinder(Reach reach) : reach_(reach) {}
   std::optional<int> column_level(const View& view) const override;
   void find(const OpenGround& open, const FreeSpaceCurves* curves, HoleMemory& memory) override;
@@ -109,7 +109,7 @@ class HoleFinders {
 
  private:
   MotionFinder motion_;
-  SpotFinder near_spots_{SpotFinder::Reach::whole_picture}, far_spots_{SpotFinder::Reach::far_away};
+  SpotFinder near_spots_{SpotFinder::Reach::near_by}, far_spots_{SpotFinder::Reach::far_away};
   StoneFinder stones_;
   VetoFinder veto_;
   List list_{&motion_, &near_spots_, &far_spots_, &stones_, &veto_}; // a veto overrides all other labels
