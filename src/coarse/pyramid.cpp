@@ -53,14 +53,6 @@ void touch(const std::uint8_t* row, std::ptrdiff_t bytes) {
     static_cast<void>(*static_cast<const volatile std::uint8_t*>(row + i));
 }
 
-int reflect_101(int i, int size) {
-  if (size == 1)
-    return 0;
-  while (i < 0 || i >= size)
-    i = i < 0 ? -i : 2 * size - 2 - i;
-  return i;
-}
-
 // Aligned memory for rows: one allocation, divided into pieces.
 class RowMemory {
  public:
@@ -469,7 +461,7 @@ void Pyramid::State::advance(const Route& route, Course& course, int level, int 
   Step& step = course.step[level];
   const int last = step.source_height - 1;
   const auto read = [&](int y) -> const std::uint8_t* {
-    const int row = reflect_101(y, step.source_height);
+    const int row = kernels::reflect_101(y, step.source_height);
     return level - 1 == route.source_level ? course.source_lines.row(row) : course.step[level - 1].row(row);
   };
   while (step.made.end < step.end) {

@@ -19,14 +19,6 @@ namespace terrainseg::kernels {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr int reflect_101(int i, int size) {
-  if (size == 1)
-    return 0;
-  while (i < 0 || i >= size)
-    i = i < 0 ? -i : 2 * size - 2 - i;
-  return i;
-}
-
 // Finishes one sum and updates the waiting ones. The vector code below does the same for many sums. All
 // values are 16 bits wide, because Clang 14 would use wider vectors for wider ones.
 HWY_INLINE std::uint8_t advance(std::uint16_t odd, std::uint16_t even, std::uint16_t& partial,

@@ -21,6 +21,16 @@ constexpr int written_step(Interleave i) {
   return i == Interleave::three ? 4 : static_cast<int>(i);
 }
 
+/// The row or pixel that is read at `i`, which may lie beyond the `size` rows or pixels: reflected at the
+/// first and the last one (reflect-101).
+constexpr int reflect_101(int i, int size) {
+  if (size == 1)
+    return 0;
+  while (i < 0 || i >= size)
+    i = i < 0 ? -i : 2 * size - 2 - i;
+  return i;
+}
+
 /// The unfinished sums of one level, one element per written byte.
 struct Waiting {
   std::uint16_t* partial = nullptr; ///< h[2y-2] + 4 h[2y-1] + 6 h[2y] of the next row y

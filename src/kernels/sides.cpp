@@ -301,11 +301,10 @@ void add_excess(const std::uint8_t* values, const std::uint8_t* ground, int enou
 // The loops of the stone field are plain: vectors of newer processors would save less than 5 % of a frame
 // (lab/speed/plain.py).
 
-namespace {
-
-void moments_of_row(const std::uint8_t* __restrict luma, const std::uint8_t* __restrict ground, int count,
-                    std::uint16_t* __restrict cells, std::uint16_t* __restrict sums,
-                    std::uint32_t* __restrict squares) {
+void add_moments(const std::uint8_t* __restrict luma, const std::uint8_t* __restrict ground, int count,
+                 const ColumnMoments& out) {
+  std::uint16_t* __restrict cells = out.cells, * __restrict sums = out.sums;
+  std::uint32_t* __restrict squares = out.squares;
   for (int i = 0; i < count; ++i) {
     cells[i] = static_cast<std::uint16_t>(cells[i] + ground[i]);
     sums[i] = static_cast<std::uint16_t>(sums[i] + (luma[i] & -ground[i]));
@@ -316,10 +315,10 @@ void moments_of_row(const std::uint8_t* __restrict luma, const std::uint8_t* __r
   }
 }
 
-void near_of_row(const std::uint8_t* __restrict luma, const std::uint8_t* __restrict ground,
-                 const std::uint8_t* __restrict middle, const std::uint8_t* __restrict reach, int count,
-                 std::uint16_t* __restrict cells, std::uint16_t* __restrict sums,
-                 std::uint16_t* __restrict distances) {
+void add_near(const std::uint8_t* __restrict luma, const std::uint8_t* __restrict ground,
+              const std::uint8_t* __restrict middle, const std::uint8_t* __restrict reach, int count,
+              const ColumnDeviations& out) {
+  std::uint16_t* __restrict cells = out.cells, * __restrict sums = out.sums, * __restrict distances = out.distances;
   for (int i = 0; i < count; ++i) {
     const std::uint8_t x = luma[i], m = middle[i], high = x > m ? x : m, low = x > m ? m : x;
     const auto away = static_cast<std::uint8_t>(high - low);
@@ -329,17 +328,6 @@ void near_of_row(const std::uint8_t* __restrict luma, const std::uint8_t* __rest
     sums[i] = static_cast<std::uint16_t>(sums[i] + (x & all));
     distances[i] = static_cast<std::uint16_t>(distances[i] + (away & all));
   }
-}
-
-} // namespace
-
-void add_moments(const std::uint8_t* luma, const std::uint8_t* ground, int count, const ColumnMoments& out) {
-  moments_of_row(luma, ground, count, out.cells, out.sums, out.squares);
-}
-
-void add_near(const std::uint8_t* luma, const std::uint8_t* ground, const std::uint8_t* middle,
-              const std::uint8_t* reach, int count, const ColumnDeviations& out) {
-  near_of_row(luma, ground, middle, reach, count, out.cells, out.sums, out.distances);
 }
 
 void deviations_from(const std::uint8_t* __restrict luma, const std::uint8_t* __restrict ground,

@@ -194,10 +194,11 @@ void Alignment::reserve(std::size_t points) {
   weights_.resize(whole_vectors(points));
 }
 
-int Alignment::measure(const GroundPoints& points, const PassedView& earlier, const PixelMap& map) {
-  reserve(points.size());
-  return kernels::point_differences({earlier.pixels, earlier.width, earlier.height}, map.of_points(),
-                                    points.all(), differences_.data());
+int Alignment::measure(const kernels::PointLists& points, const PassedView& earlier, const GroundCamera& view,
+                       const PlaneMotion& motion) {
+  reserve(static_cast<std::size_t>(points.count));
+  return kernels::point_differences({earlier.pixels, earlier.width, earlier.height},
+                                    PixelMap(motion, view).of_points(), points, differences_.data());
 }
 
 std::int32_t Alignment::spread(std::size_t count) {
@@ -215,7 +216,7 @@ std::int32_t Alignment::spread(std::size_t count) {
 template <int unknowns>
 Alignment::Step Alignment::step(const GroundPoints& points, const PassedView& earlier,
                                 const GroundCamera& view, PlaneMotion& motion, std::int64_t& information) {
-  if (measure(points, earlier, {motion, view}) < fewest_points)
+  if (measure(points.all(), earlier, view, motion) < fewest_points)
     return Step::failed;
   const std::int32_t sigma = spread(points.size());
   const auto count = static_cast<int>(points.size());
@@ -277,13 +278,10 @@ Alignment::LineFit Alignment::fit_line(const GroundPoints& points, const PassedV
 
 Residual Alignment::residual(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
                              const PlaneMotion& motion) {
-  reserve(points.size());
-  const kernels::PointLists lists =
-      points.size() >= 16 * fewest_points ? points.few() : points.all(); // a quarter of the points is
-                                                                         // sufficient
+  // A quarter of the points is sufficient.
+  const kernels::PointLists lists = points.size() >= 16 * fewest_points ? points.few() : points.all();
   Residual result;
-  result.points = kernels::point_differences({earlier.pixels, earlier.width, earlier.height},
-                                             PixelMap(motion, view).of_points(), lists, differences_.data());
+  result.points = measure(lists, earlier, view, motion);
   const auto [sum, contrast] = sums_of(lists, differences_.data());
   if (result.points > 0) {
     result.mean = sum / result.points;

@@ -112,7 +112,8 @@ class Alignment {
 
  private:
   /// Computes differences in Q8 of a grey level. Returns the number of points inside the earlier frame.
-  int measure(const GroundPoints& points, const PassedView& earlier, const PixelMap& map);
+  int measure(const kernels::PointLists& points, const PassedView& earlier, const GroundCamera& view,
+              const PlaneMotion& motion);
   /// Robust spread of the first `count` differences, Q8. Overwrites the weights.
   std::int32_t spread(std::size_t count);
   enum class Step : std::uint8_t { failed, small, large };

@@ -8,7 +8,7 @@
 #include "base/workers.hpp"
 #include "coarse/grid.hpp"
 #include "freespace/answer/evidence.hpp"
-#include "freespace/curve/ground.hpp"
+#include "freespace/curve/reestimation.hpp"
 #include "freespace/holes/hole_finders.hpp"
 #include "freespace/learn/window_teacher.hpp"
 #include "freespace/look/view.hpp"

@@ -4,7 +4,6 @@
 
 #include "base/frame_line.hpp"
 #include "freespace/curve/boundary.hpp"
-#include "freespace/curve/ground.hpp"
 #include "freespace/curve/reestimation.hpp"
 #include "freespace/score/cell_scorer.hpp"
 

@@ -65,4 +65,11 @@ class GroundBehindSearch {
   std::vector<std::uint8_t> penalty_; ///< per cell, 32 = 1 nat; `unseen` where no ground is beside it
 };
 
+/// The ground of one frame, in rows of the grid: the boundary, the first row of ground that is not doubtful,
+/// and the visible ground behind obstacles.
+struct Ground {
+  GridCurve boundary, safe;
+  GroundBehind behind;
+};
+
 } // namespace terrainseg

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "base/tuning.hpp"
-#include "freespace/curve/ground.hpp"
+#include "freespace/curve/reestimation.hpp"
 #include "freespace/look/view.hpp"
 #include "terrainseg/settings.hpp"
 

@@ -73,19 +73,6 @@ std::int16_t distance(std::int16_t a, std::int16_t b) {
   return static_cast<std::int16_t>(std::max(a, b) - std::min(a, b));
 }
 
-// Keeps the cells of `in` that are at least as light as the darkest luma and near the given chroma.
-void keep_like(const std::array<const std::int16_t*, 3>& smooth, const std::array<std::int16_t, 3>& like,
-               int most_chroma, const std::uint8_t* __restrict in, std::size_t count,
-               std::uint8_t* __restrict out) {
-  const auto [y, u, v] = smooth;
-  const auto [darkest, like_u, like_v] = like;
-  const auto most = static_cast<std::int16_t>(most_chroma);
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto chroma = static_cast<std::int16_t>(distance(u[i], like_u) + distance(v[i], like_v));
-    out[i] = static_cast<std::uint8_t>(in[i] & (y[i] >= darkest) & (chroma <= most));
-  }
-}
-
 } // namespace
 
 // 6 % of the luma, 2.4 grey levels of chroma, a third of an octave of roughness.
@@ -169,13 +156,24 @@ std::array<int, 4> ConnectedGround::means_of(const Grid& grid, const std::vector
   return means;
 }
 
+// Keeps the joined cells that are at least as light as the darkest luma and near the seeds' chroma.
+const std::vector<std::uint8_t>& ConnectedGround::keep_like_seeds(int darkest_luma, int most_chroma,
+                                                                  std::vector<std::uint8_t>& kept) const {
+  kept.resize(joined_.size());
+  const std::int16_t *const y = smooth_[0].data(), *const u = smooth_[1].data(), *const v = smooth_[2].data();
+  const auto darkest = static_cast<std::int16_t>(darkest_luma), most = static_cast<std::int16_t>(most_chroma),
+             seeds_u = static_cast<std::int16_t>(means_[1]), seeds_v = static_cast<std::int16_t>(means_[2]);
+  const std::uint8_t* const in = joined_.data();
+  std::uint8_t* __restrict out = kept.data();
+  for (std::size_t i = 0, count = kept.size(); i < count; ++i) {
+    const auto chroma = static_cast<std::int16_t>(distance(u[i], seeds_u) + distance(v[i], seeds_v));
+    out[i] = static_cast<std::uint8_t>(in[i] & (y[i] >= darkest) & (chroma <= most));
+  }
+  return kept;
+}
+
 const std::vector<std::uint8_t>& ConnectedGround::taught() {
-  taught_.resize(joined_.size());
-  keep_like({smooth_[0].data(), smooth_[1].data(), smooth_[2].data()},
-            {std::numeric_limits<std::int16_t>::min(), static_cast<std::int16_t>(means_[1]),
-             static_cast<std::int16_t>(means_[2])},
-            taught_chroma, joined_.data(), joined_.size(), taught_.data());
-  return taught_;
+  return keep_like_seeds(std::numeric_limits<std::int16_t>::min(), taught_chroma, taught_);
 }
 
 const std::vector<std::uint8_t>& ConnectedGround::vouched(const Grid& grid, const std::vector<Cell>& seeds,
@@ -188,12 +186,8 @@ const std::vector<std::uint8_t>& ConnectedGround::vouched(const Grid& grid, cons
     sum += texture[grid.at(seed.y, seed.x)];
   if (sum < least_texture * static_cast<std::int64_t>(seeds.size()))
     return vouched_;
-  const auto [y, u, v, rough] = means_;
-  const int darkest = y - (y + dark_luma) / vouched_darker;
-  keep_like({smooth_[0].data(), smooth_[1].data(), smooth_[2].data()},
-            {static_cast<std::int16_t>(darkest), static_cast<std::int16_t>(u), static_cast<std::int16_t>(v)},
-            vouched_chroma, joined_.data(), grid.size(), vouched_.data());
-  return vouched_;
+  const int luma = means_[0];
+  return keep_like_seeds(luma - (luma + dark_luma) / vouched_darker, vouched_chroma, vouched_);
 }
 
 // Extends a row from the three cells below each cell.

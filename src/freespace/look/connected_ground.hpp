@@ -70,6 +70,8 @@ class ConnectedGround {
   std::array<int, 4> means_of(const Grid& grid, const std::vector<Cell>& seeds) const;
   void compare(const Grid& grid, std::size_t from, std::size_t to, const Limits& limits,
                std::vector<std::uint8_t>& alike) const;
+  const std::vector<std::uint8_t>& keep_like_seeds(int darkest_luma, int most_chroma,
+                                                   std::vector<std::uint8_t>& kept) const;
   void climb(std::size_t row, std::size_t width);
   void spread(std::size_t row, std::size_t width);
 
