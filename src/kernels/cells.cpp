@@ -108,7 +108,7 @@ void sums_of(const std::array<const std::uint8_t*, 4>& row, int count, std::uint
 
 void sums_of_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int count, std::uint16_t* sums,
                   std::uint16_t* steps) {
-  with_constant<1, 2, 3, 4>(rows, [&](auto n) { sums_of<n>(row, count, sums, steps); });
+  with_constant<1, 2, 3, 4>(rows, [&](auto n) HWY_ATTR { sums_of<n>(row, count, sums, steps); });
 }
 
 // Auto-vectorised.
@@ -123,7 +123,7 @@ void largest_steps_of(const std::uint16_t* __restrict columns, int count, std::u
 }
 
 void largest_steps_of_cells(const std::uint16_t* columns, int per_cell, int count, std::uint16_t* out) {
-  with_constant<1, 2, 4>(per_cell, [&](auto n) { largest_steps_of<n>(columns, count, out); });
+  with_constant<1, 2, 4>(per_cell, [&](auto n) HWY_ATTR { largest_steps_of<n>(columns, count, out); });
 }
 
 // Auto-vectorised.
@@ -152,7 +152,7 @@ void add_boxes_of(const std::uint16_t* __restrict columns, int shift, int count,
 }
 
 void add_column_boxes(const std::uint16_t* columns, int per_cell, int shift, int count, std::uint16_t* out) {
-  with_constant<1, 2, 4>(per_cell, [&](auto n) { add_boxes_of<n>(columns, shift, count, out); });
+  with_constant<1, 2, 4>(per_cell, [&](auto n) HWY_ATTR { add_boxes_of<n>(columns, shift, count, out); });
 }
 
 void color_steps_between(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,

@@ -59,7 +59,8 @@ void high_pass_of(const std::uint8_t* in, std::ptrdiff_t stride, int width, int 
 
 void high_pass_any(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int radius, int gain,
                    std::uint8_t* out, std::uint16_t* work) {
-  with_constant<5, 6>(radius, [&](auto r) { high_pass_of<r>(in, stride, width, height, gain, out, work); });
+  with_constant<5, 6>(radius,
+                      [&](auto r) HWY_ATTR { high_pass_of<r>(in, stride, width, height, gain, out, work); });
 }
 
 void steepest_of_row(const std::uint8_t* __restrict above, const std::uint8_t* __restrict here,

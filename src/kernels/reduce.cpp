@@ -390,7 +390,7 @@ void reduce_row(const std::uint8_t* odd, const std::uint8_t* even, int width, st
 
 void reduce(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
             std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
-  with_constant<1, 2, 3, 4>(static_cast<int>(interleave), [&](auto n) {
+  with_constant<1, 2, 3, 4>(static_cast<int>(interleave), [&](auto n) HWY_ATTR {
     reduce_row<n, written_step(Interleave{n()})>(odd, even, width, ahead, waiting, out);
   });
 }
@@ -448,7 +448,7 @@ void reduce_single(const std::uint8_t* row, int width, std::ptrdiff_t ahead, std
 
 void reduce_one(Interleave interleave, const std::uint8_t* row, int width, std::ptrdiff_t ahead,
                 std::uint8_t* out) {
-  with_constant<1, 2, 3, 4>(static_cast<int>(interleave), [&](auto n) {
+  with_constant<1, 2, 3, 4>(static_cast<int>(interleave), [&](auto n) HWY_ATTR {
     reduce_single<n, written_step(Interleave{n()})>(row, width, ahead, out);
   });
 }
@@ -531,12 +531,12 @@ template <int step, int shift> void spread_bytes(const std::uint8_t* in, int wid
 }
 
 void pick_bytes(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out) {
-  with_constant<2, 4>(step, [&](auto n) { spread_bytes<n, 0>(row + offset, count, out); });
+  with_constant<2, 4>(step, [&](auto n) HWY_ATTR { spread_bytes<n, 0>(row + offset, count, out); });
 }
 
 void spread_row(const std::uint8_t* row, int offset, int step, int shift, int width, std::uint8_t* out) {
-  with_constant<1, 2, 3, 4>(step, [&](auto n) {
-    with_constant<0, 1>(shift, [&](auto s) { spread_bytes<n, s>(row + offset, width, out); });
+  with_constant<1, 2, 3, 4>(step, [&](auto n) HWY_ATTR {
+    with_constant<0, 1>(shift, [&](auto s) HWY_ATTR { spread_bytes<n, s>(row + offset, width, out); });
   });
 }
 

@@ -235,7 +235,7 @@ std::uint32_t classify_width(const PixelRow& row, const ComponentScores& scores,
     return plain_pixels(row, scores, 0, width, out);
   std::uint32_t count = 0;
   with_constant<Lie::planar, Lie::planar_422, Lie::pairs_422, Lie::packed_422, Lie::three, Lie::four>(
-      lie, [&](auto l) { count = classify_lie<wide, l>(row, scores, out, width); });
+      lie, [&](auto l) HWY_ATTR { count = classify_lie<wide, l>(row, scores, out, width); });
   return count;
 }
 

@@ -23,8 +23,10 @@
 namespace terrainseg::kernels {
 
 /// Calls `use` with the one of `constants` that equals `value`, as a std::integral_constant: a loop is
-/// compiled for each of them. Calls nothing when there is none.
-template <auto... constants, class Value, class Use> inline void with_constant(Value value, const Use& use) {
+/// compiled for each of them. Calls nothing when there is none. `use` has the attribute HWY_ATTR; this
+/// function is always inlined, because it would be compiled for the baseline target.
+template <auto... constants, class Value, class Use>
+[[gnu::always_inline]] inline void with_constant(Value value, const Use& use) {
   ((value == constants ? use(std::integral_constant<Value, constants>()) : void()), ...);
 }
 
