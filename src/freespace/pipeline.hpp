@@ -6,7 +6,7 @@
 #include "base/pipeline.hpp"
 #include "base/quantities.hpp"
 #include "freespace/answer/answer_writer.hpp"
-#include "freespace/curve/ground_tracer.hpp"
+#include "freespace/curve/boundary.hpp"
 #include "freespace/curve/refinement.hpp"
 #include "freespace/holes/hole_finders.hpp"
 #include "freespace/learn/window_teacher.hpp"

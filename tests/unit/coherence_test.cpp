@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "freespace/score/coherence.hpp"
+#include "freespace/score/cell_scorer.hpp"
 
 #include <algorithm>
 #include <cmath>
