@@ -5,11 +5,13 @@
 Each room sees the rooms that MAY gives it: the floors of the core in one direction (base, coarse, learning, then paper or
 freespace, then the segmenter), the folders of freespace along the values (look, score, learn or curve, holes, answer), the two pipelines never each other; kernels nobody; what leaves the core
 (exchange, painter, gst, tools) its public face. Nothing in the core knows GStreamer, OpenCV or Eigen, speaks floating point
-or includes in a circle, and no chain of includes is longer than LONGEST_CHAIN files.
+or includes in a circle, no chain of includes is longer than LONGEST_CHAIN files, and a frame may pass MOST_PASSED source files.
 
-usage: check_house.py [--self-check | --chain]
+usage: check_house.py [--self-check | --chain | --passed]
 
 --chain: prints the longest chain of includes.
+
+--passed: prints the source files that a frame may pass: the segmenter's, and each one beside a header that one of them needs.
 
 --self-check: every include that is not allowed, and each of the other rules, makes the check fail.
 """
@@ -77,6 +79,7 @@ CORE = {'facade', 'public', 'kernels', 'tuning', 'base', 'coarse', 'learning', '
         'freespace', 'segmenter'}
 INTEGER_ROOMS = CORE | {'painter'}
 LONGEST_CHAIN = 11  # files, from a source down to a header that includes none of ours
+MOST_PASSED = 40
 NO_FOREIGN = INTEGER_ROOMS | {'metric', 'exchange', 'recording', 'scene', 'precompiled'}
 
 
@@ -159,6 +162,22 @@ def too_long(chain):
     return [f'{len(chain)} files include one another: {" -> ".join(chain)}'] if len(chain) > LONGEST_CHAIN else []
 
 
+def passed(graph, first='src/segmenter'):
+    """The nodes that can be reached from the first one."""
+    reached, waiting = set(), [first]
+    while waiting:
+        node = waiting.pop()
+        if node not in reached:
+            reached.add(node)
+            waiting += graph.get(node, ())
+    return sorted(reached)
+
+
+def too_many(files):
+    return [f'a frame passes {len(files)} source files, at most {MOST_PASSED} are allowed (--passed lists them)'] \
+        if len(files) > MOST_PASSED else []
+
+
 def self_check():
     """What the rules let through although they should not, and the other way round."""
     home = {name: pathlib.Path(folder) / 'a_file.hpp' for folder, name in ROOMS.items()}
@@ -190,6 +209,10 @@ def self_check():
         wrong.append('the longest chain of includes is not found')
     if not too_long([str(n) for n in range(LONGEST_CHAIN + 1)]) or too_long([str(n) for n in range(LONGEST_CHAIN)]):
         wrong.append('chains of any length pass')
+    if passed({'a': {'b', 'c'}, 'b': {'a'}, 'd': {'e'}}, 'a') != list('abc'):
+        wrong.append('what a frame passes is not found')
+    if not too_many(range(MOST_PASSED + 1)) or too_many(range(MOST_PASSED)):
+        wrong.append('a frame may pass any number of files')
     return wrong
 
 
@@ -211,7 +234,11 @@ def main():
     if '--chain' in sys.argv:
         print(len(chain), 'files:', ' -> '.join(chain))
         return
-    wrong += too_long(chain)
+    sources_passed = [f'{node}.cpp' for node in passed(graph) if (TOP / f'{node}.cpp').is_file()]
+    if '--passed' in sys.argv:
+        print('\n'.join(sources_passed))
+        return
+    wrong += too_long(chain) + too_many(sources_passed)
     for line in wrong:
         print('house:', line)
     sys.exit(1 if wrong else 0)
