@@ -51,20 +51,17 @@ constexpr Choice temporal_modes[] = {{"auto", "When a frame resembles the previo
                                      {"on", "Always"}};
 constexpr Choice motion_modes[] = {{"auto", "When the camera moves and the ground moves as a plane"},
                                    {"off", "Motion is not used"}};
-constexpr std::span<const Choice> choices_of(Motion) {
-  return motion_modes;
-}
-constexpr std::span<const Choice> choices_of(HorizonMode) {
-  return horizon_modes;
-}
-constexpr std::span<const Choice> choices_of(Negatives) {
-  return negatives;
-}
-constexpr std::span<const Choice> choices_of(Temporal) {
-  return temporal_modes;
-}
-template <class Number> constexpr std::span<const Choice> choices_of(Number) {
-  return {};
+template <class Field> constexpr std::span<const Choice> choices_of() {
+  if constexpr (std::is_same_v<Field, Motion>)
+    return motion_modes;
+  else if constexpr (std::is_same_v<Field, HorizonMode>)
+    return horizon_modes;
+  else if constexpr (std::is_same_v<Field, Negatives>)
+    return negatives;
+  else if constexpr (std::is_same_v<Field, Temporal>)
+    return temporal_modes;
+  else
+    return {};
 }
 
 /// The strings of a row, and the properties that follow from its field's type.
@@ -72,7 +69,7 @@ template <class Field>
 constexpr Setting row(const Range& range, Field standard, Field in_paper, UsedBy used_by, bool controllable,
                       const char* name, const char* nick, const char* blurb,
                       std::int64_t (*get)(const Settings&), void (*set)(Settings&, std::int64_t)) {
-  const std::span<const Choice> choices = choices_of(standard);
+  const std::span<const Choice> choices = choices_of<Field>();
   return {name,
           nick,
           blurb,

@@ -20,16 +20,15 @@ TERRAINSEG_TUNED(std::int64_t, alignment, small_step, 1678);      ///< Q24: 1e-4
 TERRAINSEG_TUNED(std::int64_t, alignment, largest_step, 1 << 23); ///< Q24: 0.5
 
 /// Table of 256 / (1 + (z / 2)^2)^2 for z = (k + 1/2) / 8 spreads; 0 from z = 8 on.
-constexpr std::array<std::int32_t, 65> make_weights() {
-  std::array<std::int32_t, 65> weights{};
+constexpr auto weights = [] {
+  std::array<std::int32_t, 65> table{};
   for (int k = 0; k < 64; ++k) {
     const std::int64_t z = 2 * k + 1, one = 1024; // z / 2 in units of 1/32; squared in Q10
     const std::int64_t base = one + z * z;
-    weights[k] = static_cast<std::int32_t>((256 * one * one + base * base / 2) / (base * base));
+    table[k] = static_cast<std::int32_t>((256 * one * one + base * base / 2) / (base * base));
   }
-  return weights;
-}
-constexpr auto weights = make_weights();
+  return table;
+}();
 
 /// Sums of the clipped differences and of the clipped contrasts (distances from grey 128), over the points
 /// inside the earlier frame. Auto-vectorised.

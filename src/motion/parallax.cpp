@@ -35,18 +35,17 @@ TERRAINSEG_TUNED(int, parallax, most_left,
 constexpr kernels::HypothesisOrder order{first_control, end_control, even_grey, first_standing, end_standing};
 
 /// sqrt((k + 1/2) << 24) for k = 64..255.
-constexpr std::array<std::uint32_t, 256> make_roots() {
-  std::array<std::uint32_t, 256> roots{};
+constexpr auto roots = [] {
+  std::array<std::uint32_t, 256> table{};
   for (std::uint64_t k = 0; k < 256; ++k) {
     std::uint64_t root = 0;
     for (int bit = 15; bit >= 0; --bit)
       if (const std::uint64_t next = root | (std::uint64_t{1} << bit); next * next <= (2 * k + 1) << 23)
         root = next;
-    roots[k] = static_cast<std::uint32_t>(root);
+    table[k] = static_cast<std::uint32_t>(root);
   }
-  return roots;
-}
-constexpr auto roots = make_roots();
+  return table;
+}();
 
 /// A direction in the picture: unit vector in Q14, and length.
 struct Direction {

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "base/estimate_writer.hpp"
-#include "base/frame_line.hpp"
 #include "base/pipeline.hpp"
 #include "base/quantities.hpp"
 #include "freespace/answer/evidence.hpp"

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/frame_line.hpp"
 #include "base/quantities.hpp"
 #include "freespace/curve/reestimation.hpp"
 #include "freespace/look/connected_ground.hpp"

@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "base/frame_line.hpp"
+#include "base/quantities.hpp"
 #include "freespace/curve/refinement.hpp"
 #include "freespace/holes/hole.hpp"
 #include "freespace/holes/odd_spots.hpp"

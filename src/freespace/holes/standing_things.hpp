@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "base/frame_line.hpp"
+#include "base/quantities.hpp"
 #include "coarse/pyramid.hpp"
 #include "freespace/curve/frame_curves.hpp"
 #include "freespace/holes/hole.hpp"
