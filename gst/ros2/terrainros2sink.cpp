@@ -281,13 +281,13 @@ void take_near(GstTerrainRos2Sink* self, std::optional<bool> clear) {
 /// sets `error`.
 template <class Take>
 bool read(GstTerrainRos2Sink* self, std::unique_ptr<ros2::Reader>& reader, const std::string& name,
-          const recording::MessageType& type, std::string& error, Take take) {
+          const char* type, std::string& error, Take take) {
   if (const std::string flaw = ros2::flaw_of_name(name); !flaw.empty()) {
     error = "\"" + name + "\" is not a topic name: " + flaw;
     return false;
   }
-  reader = std::make_unique<ros2::Reader>(*self->state->participant, name, type, recording::longest_input,
-                                          [self, take](recording::ByteView bytes) {
+  reader = std::make_unique<ros2::Reader>(*self->state->participant, name, recording::message_type(type),
+                                          recording::longest_input, [self, take](recording::ByteView bytes) {
                                             guarded(self, false, [&] {
                                               take(bytes);
                                               return true;
@@ -299,15 +299,15 @@ bool read(GstTerrainRos2Sink* self, std::unique_ptr<ros2::Reader>& reader, const
 
 bool read_poses(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& error) {
   struct Kind {
-    recording::MessageType (*type)();
+    const char* type;
     std::optional<recording::Attitude> (*decode)(recording::ByteView);
   };
-  constexpr Kind kinds[] = {{recording::odometry_type, recording::decode_odometry},
-                            {recording::pose_stamped_type, recording::decode_pose_stamped},
-                            {recording::imu_type, recording::decode_imu}};
+  constexpr Kind kinds[] = {{"nav_msgs/Odometry", recording::decode_odometry},
+                            {"geometry_msgs/PoseStamped", recording::decode_pose_stamped},
+                            {"sensor_msgs/Imu", recording::decode_imu}};
   const Kind& kind = kinds[static_cast<std::size_t>(set.pose)];
   return set.pose_topic.empty() ||
-         read(self, self->state->poses, ros2::full_name(set.name_space, set.pose_topic), kind.type(), error,
+         read(self, self->state->poses, ros2::full_name(set.name_space, set.pose_topic), kind.type, error,
               [self, decode = kind.decode](recording::ByteView bytes) { take_pose(self, decode(bytes)); });
 }
 
@@ -316,9 +316,9 @@ bool read_near(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& e
     return true;
   const std::string name = ros2::full_name(set.name_space, set.near_topic);
   if (set.near == NearType::boolean)
-    return read(self, self->state->near, name, recording::bool_type(), error,
+    return read(self, self->state->near, name, "std_msgs/Bool", error,
                 [self](recording::ByteView bytes) { take_near(self, recording::decode_bool(bytes)); });
-  return read(self, self->state->near, name, recording::range_type(), error,
+  return read(self, self->state->near, name, "sensor_msgs/Range", error,
               [self, distance = set.near_distance](recording::ByteView bytes) {
                 const auto range = recording::decode_range(bytes);
                 take_near(self, range ? std::optional(*range > distance) : std::nullopt);

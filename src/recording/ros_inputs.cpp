@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "recording/cdr_reader.hpp"
-#include "recording/message_parts.hpp"
 #include "recording/rotation.hpp"
 
 namespace terrainseg::recording {
@@ -38,59 +37,15 @@ std::optional<Attitude> checked(const CdrReader& in, std::optional<std::uint64_t
   return Attitude{*time, q};
 }
 
-bool fits(ByteView message) {
-  return message.size() <= longest_input;
+/// Reads a message; one that is too long like an empty one, which every decoder refuses.
+CdrReader reader_of(ByteView message) {
+  return CdrReader(message.size() <= longest_input ? message : ByteView());
 }
 
 } // namespace
 
-MessageType odometry_type() {
-  return {
-      "nav_msgs/msg/Odometry",
-      schema("std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
-             "geometry_msgs/TwistWithCovariance twist\n",
-             {header_type,
-              time_type,
-              {"geometry_msgs/PoseWithCovariance", "geometry_msgs/Pose pose\nfloat64[36] covariance\n"},
-              pose_type,
-              point_type,
-              quaternion_type,
-              {"geometry_msgs/TwistWithCovariance", "geometry_msgs/Twist twist\nfloat64[36] covariance\n"},
-              {"geometry_msgs/Twist", "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n"},
-              vector_type})};
-}
-
-MessageType pose_stamped_type() {
-  return {"geometry_msgs/msg/PoseStamped",
-          schema("std_msgs/Header header\ngeometry_msgs/Pose pose\n",
-                 {header_type, time_type, pose_type, point_type, quaternion_type})};
-}
-
-MessageType imu_type() {
-  return {"sensor_msgs/msg/Imu",
-          schema("std_msgs/Header header\ngeometry_msgs/Quaternion orientation\n"
-                 "float64[9] orientation_covariance\ngeometry_msgs/Vector3 angular_velocity\n"
-                 "float64[9] angular_velocity_covariance\ngeometry_msgs/Vector3 linear_acceleration\n"
-                 "float64[9] linear_acceleration_covariance\n",
-                 {header_type, time_type, quaternion_type, vector_type})};
-}
-
-MessageType bool_type() {
-  return {"std_msgs/msg/Bool", schema("bool data\n", {})};
-}
-
-MessageType range_type() {
-  return {"sensor_msgs/msg/Range",
-          schema("std_msgs/Header header\nuint8 ULTRASOUND=0\nuint8 INFRARED=1\nuint8 radiation_type\n"
-                 "float32 field_of_view\nfloat32 min_range\nfloat32 max_range\nfloat32 range\n"
-                 "float32 variance\n",
-                 {header_type, time_type})};
-}
-
 std::optional<Attitude> decode_odometry(ByteView message) {
-  if (!fits(message))
-    return std::nullopt;
-  CdrReader in(message);
+  CdrReader in = reader_of(message);
   const auto time = read_header(in);
   in.string();      // child_frame_id
   in.skip_reals(3); // position
@@ -100,9 +55,7 @@ std::optional<Attitude> decode_odometry(ByteView message) {
 }
 
 std::optional<Attitude> decode_pose_stamped(ByteView message) {
-  if (!fits(message))
-    return std::nullopt;
-  CdrReader in(message);
+  CdrReader in = reader_of(message);
   const auto time = read_header(in);
   in.skip_reals(3); // position
   const Quaternion rotation = read_quaternion(in);
@@ -110,9 +63,7 @@ std::optional<Attitude> decode_pose_stamped(ByteView message) {
 }
 
 std::optional<Attitude> decode_imu(ByteView message) {
-  if (!fits(message))
-    return std::nullopt;
-  CdrReader in(message);
+  CdrReader in = reader_of(message);
   const auto time = read_header(in);
   const Quaternion rotation = read_quaternion(in);
   constexpr double no_orientation = -1; // first element of the covariance, as sensor_msgs/msg/Imu defines it
@@ -123,15 +74,13 @@ std::optional<Attitude> decode_imu(ByteView message) {
 }
 
 std::optional<bool> decode_bool(ByteView message) {
-  CdrReader in(message);
+  CdrReader in = reader_of(message);
   const bool value = in.boolean();
   return in.whole() ? std::optional(value) : std::nullopt;
 }
 
 std::optional<float> decode_range(ByteView message) {
-  if (!fits(message))
-    return std::nullopt;
-  CdrReader in(message);
+  CdrReader in = reader_of(message);
   const auto time = read_header(in);
   in.u8();                    // radiation_type
   for (int i = 0; i < 3; ++i) // field_of_view, min_range, max_range

@@ -11,12 +11,6 @@
 
 namespace terrainseg::recording {
 
-MessageType odometry_type();     ///< nav_msgs/msg/Odometry
-MessageType pose_stamped_type(); ///< geometry_msgs/msg/PoseStamped
-MessageType imu_type();          ///< sensor_msgs/msg/Imu
-MessageType bool_type();         ///< std_msgs/msg/Bool
-MessageType range_type();        ///< sensor_msgs/msg/Range, as of Jazzy
-
 /// The orientation of the vehicle at a time.
 struct Attitude {
   std::uint64_t time = 0;                     ///< nanoseconds since 1970, 0 = no time stamp
@@ -28,7 +22,7 @@ struct Attitude {
 std::optional<Attitude> decode_odometry(ByteView message);
 std::optional<Attitude> decode_pose_stamped(ByteView message);
 std::optional<Attitude> decode_imu(ByteView message);
-std::optional<bool> decode_bool(ByteView message);
+std::optional<bool> decode_bool(ByteView message); ///< std_msgs/msg/Bool
 /// Range in metres as in sensor_msgs/msg/Range (REP 117): -infinity = too close to measure, +infinity = no
 /// object. The field `variance`, new in Jazzy, is optional.
 std::optional<float> decode_range(ByteView message);

@@ -1,11 +1,102 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "recording/ros_messages.hpp"
 
+#include <algorithm>
+#include <sstream>
+
 #include "recording/cdr.hpp"
-#include "recording/message_parts.hpp"
 
 namespace terrainseg::recording {
 namespace {
+
+/// A type, package/Name, and its members.
+struct Definition {
+  std::string_view name;
+  const char* members;
+};
+
+constexpr Definition definitions[] = {
+    // Parts of messages.
+    {"builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"},
+    {"std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"},
+    {"geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n"},
+    {"geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"},
+    {"geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n"},
+    {"geometry_msgs/Pose", "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"},
+    {"geometry_msgs/PoseWithCovariance", "geometry_msgs/Pose pose\nfloat64[36] covariance\n"},
+    {"geometry_msgs/Twist", "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n"},
+    {"geometry_msgs/TwistWithCovariance", "geometry_msgs/Twist twist\nfloat64[36] covariance\n"},
+    {"geometry_msgs/Transform", "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"},
+    {"geometry_msgs/TransformStamped",
+     "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n"},
+    {"sensor_msgs/PointField", "uint8 INT8=1\nuint8 UINT8=2\nuint8 INT16=3\nuint8 UINT16=4\nuint8 INT32=5\n"
+                               "uint8 UINT32=6\nuint8 FLOAT32=7\nuint8 FLOAT64=8\n"
+                               "string name\nuint32 offset\nuint8 datatype\nuint32 count\n"},
+    {"sensor_msgs/RegionOfInterest",
+     "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n"},
+    {"nav_msgs/MapMetaData", "builtin_interfaces/Time map_load_time\nfloat32 resolution\n"
+                             "uint32 width\nuint32 height\ngeometry_msgs/Pose origin\n"},
+    {"diagnostic_msgs/DiagnosticStatus",
+     "byte OK=0\nbyte WARN=1\nbyte ERROR=2\nbyte STALE=3\nbyte level\nstring name\n"
+     "string message\nstring hardware_id\ndiagnostic_msgs/KeyValue[] values\n"},
+    {"diagnostic_msgs/KeyValue", "string key\nstring value\n"},
+    // Messages that are sent.
+    {"sensor_msgs/LaserScan",
+     "std_msgs/Header header\nfloat32 angle_min\nfloat32 angle_max\nfloat32 angle_increment\n"
+     "float32 time_increment\nfloat32 scan_time\nfloat32 range_min\nfloat32 range_max\n"
+     "float32[] ranges\nfloat32[] intensities\n"},
+    {"sensor_msgs/PointCloud2",
+     "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\n"
+     "bool is_bigendian\nuint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense\n"},
+    {"nav_msgs/OccupancyGrid", "std_msgs/Header header\nnav_msgs/MapMetaData info\nint8[] data\n"},
+    {"sensor_msgs/CameraInfo",
+     "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\n"
+     "float64[9] k\nfloat64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\n"
+     "sensor_msgs/RegionOfInterest roi\n"},
+    {"sensor_msgs/Image",
+     "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\n"
+     "uint32 step\nuint8[] data\n"},
+    {"sensor_msgs/CompressedImage", "std_msgs/Header header\nstring format\nuint8[] data\n"},
+    {"foxglove_msgs/CompressedVideo",
+     "builtin_interfaces/Time timestamp\nstring frame_id\nuint8[] data\nstring format\n"},
+    {"tf2_msgs/TFMessage", "geometry_msgs/TransformStamped[] transforms\n"},
+    {"diagnostic_msgs/DiagnosticArray",
+     "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n"},
+    // Messages that are received.
+    {"nav_msgs/Odometry",
+     "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
+     "geometry_msgs/TwistWithCovariance twist\n"},
+    {"geometry_msgs/PoseStamped", "std_msgs/Header header\ngeometry_msgs/Pose pose\n"},
+    {"sensor_msgs/Imu", "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\n"
+                        "float64[9] orientation_covariance\ngeometry_msgs/Vector3 angular_velocity\n"
+                        "float64[9] angular_velocity_covariance\ngeometry_msgs/Vector3 linear_acceleration\n"
+                        "float64[9] linear_acceleration_covariance\n"},
+    {"std_msgs/Bool", "bool data\n"},
+    {"sensor_msgs/Range", // as of Jazzy
+     "std_msgs/Header header\nuint8 ULTRASOUND=0\nuint8 INFRARED=1\nuint8 radiation_type\n"
+     "float32 field_of_view\nfloat32 min_range\nfloat32 max_range\nfloat32 range\n"
+     "float32 variance\n"},
+};
+
+/// Returns nullptr for types that are not in the table, such as uint32.
+const char* members_of(std::string_view name) {
+  const auto* known = std::ranges::find(definitions, name, &Definition::name);
+  return known == std::end(definitions) ? nullptr : known->members;
+}
+
+/// Appends each type that `members` use and `text` does not have yet: a line of 80 equals signs, its name,
+/// and its members, then the types that it uses.
+void append_parts(std::string& text, const std::string& members) {
+  std::istringstream lines(members);
+  for (std::string line; std::getline(lines, line);) {
+    const std::string name = line.substr(0, line.find_first_of("[ ")), title = "MSG: " + name + "\n";
+    const char* parts = members_of(name);
+    if (!parts || text.find(title) != std::string::npos)
+      continue;
+    text.append(80, '=').append("\n").append(title).append(parts);
+    append_parts(text, parts);
+  }
+}
 
 void put_time(CdrWriter& out, std::uint64_t time) {
   out.i32(static_cast<std::int32_t>(time / second));
@@ -33,89 +124,12 @@ std::pair<const char*, std::size_t> lens_of(const metric::Camera& camera) {
 
 } // namespace
 
-MessageType laser_scan_type() {
-  return {"sensor_msgs/msg/LaserScan",
-          schema("std_msgs/Header header\nfloat32 angle_min\nfloat32 angle_max\nfloat32 angle_increment\n"
-                 "float32 time_increment\nfloat32 scan_time\nfloat32 range_min\nfloat32 range_max\n"
-                 "float32[] ranges\nfloat32[] intensities\n",
-                 {header_type, time_type})};
-}
-
-MessageType point_cloud_type() {
-  return {"sensor_msgs/msg/PointCloud2",
-          schema("std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\n"
-                 "bool is_bigendian\nuint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense\n",
-                 {header_type,
-                  time_type,
-                  {"sensor_msgs/PointField",
-                   "uint8 INT8=1\nuint8 UINT8=2\nuint8 INT16=3\nuint8 UINT16=4\nuint8 INT32=5\n"
-                   "uint8 UINT32=6\nuint8 FLOAT32=7\nuint8 FLOAT64=8\n"
-                   "string name\nuint32 offset\nuint8 datatype\nuint32 count\n"}})};
-}
-
-MessageType occupancy_grid_type() {
-  return {"nav_msgs/msg/OccupancyGrid",
-          schema("std_msgs/Header header\nnav_msgs/MapMetaData info\nint8[] data\n",
-                 {header_type,
-                  time_type,
-                  {"nav_msgs/MapMetaData", "builtin_interfaces/Time map_load_time\nfloat32 resolution\n"
-                                           "uint32 width\nuint32 height\ngeometry_msgs/Pose origin\n"},
-                  pose_type,
-                  point_type,
-                  quaternion_type})};
-}
-
-MessageType camera_info_type() {
-  return {"sensor_msgs/msg/CameraInfo",
-          schema("std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\n"
-                 "float64[9] k\nfloat64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\n"
-                 "sensor_msgs/RegionOfInterest roi\n",
-                 {header_type,
-                  time_type,
-                  {"sensor_msgs/RegionOfInterest",
-                   "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n"}})};
-}
-
-MessageType image_type() {
-  return {"sensor_msgs/msg/Image",
-          schema("std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\n"
-                 "uint32 step\nuint8[] data\n",
-                 {header_type, time_type})};
-}
-
-MessageType compressed_video_type() {
-  return {"foxglove_msgs/msg/CompressedVideo",
-          schema("builtin_interfaces/Time timestamp\nstring frame_id\nuint8[] data\nstring format\n",
-                 {time_type})};
-}
-
-MessageType compressed_image_type() {
-  return {"sensor_msgs/msg/CompressedImage",
-          schema("std_msgs/Header header\nstring format\nuint8[] data\n", {header_type, time_type})};
-}
-
-MessageType diagnostic_array_type() {
-  return {"diagnostic_msgs/msg/DiagnosticArray",
-          schema("std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n",
-                 {header_type,
-                  time_type,
-                  {"diagnostic_msgs/DiagnosticStatus",
-                   "byte OK=0\nbyte WARN=1\nbyte ERROR=2\nbyte STALE=3\nbyte level\nstring name\n"
-                   "string message\nstring hardware_id\ndiagnostic_msgs/KeyValue[] values\n"},
-                  {"diagnostic_msgs/KeyValue", "string key\nstring value\n"}})};
-}
-
-MessageType tf_message_type() {
-  return {"tf2_msgs/msg/TFMessage",
-          schema("geometry_msgs/TransformStamped[] transforms\n",
-                 {{"geometry_msgs/TransformStamped",
-                   "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n"},
-                  header_type,
-                  time_type,
-                  {"geometry_msgs/Transform",
-                   "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"},
-                  vector_type,
-                  quaternion_type})};
+MessageType message_type(std::string_view name) {
+  const char* members = members_of(name);
+  const std::size_t slash = name.find('/');
+  MessageType type{std::string(name.substr(0, slash)).append("/msg").append(name.substr(slash)), members};
+  append_parts(type.text, members);
+  return type;
 }
 
 void encode(Bytes& bytes, const Header& header, const LaserScan& scan) {
@@ -229,19 +243,19 @@ void encode(Bytes& bytes, const Header& header, const DiagnosticStatus& status) 
   }
 }
 
-void encode_picture(Bytes& bytes, const Header& header, ByteView file) {
+void encode(Bytes& bytes, const Header& header, const JpegFile& picture) {
   CdrWriter out(bytes);
   put_header(out, header);
   out.string("jpeg");
-  out.count(file.size());
-  out.raw(file);
+  out.count(picture.bytes.size());
+  out.raw(picture.bytes);
 }
 
-void encode_video(Bytes& bytes, const Header& header, ByteView unit) {
+void encode(Bytes& bytes, const Header& header, const H264Picture& picture) {
   CdrWriter out(bytes);
   put_header(out, header);
-  out.count(unit.size());
-  out.raw(unit);
+  out.count(picture.bytes.size());
+  out.raw(picture.bytes);
   out.string("h264");
 }
 

@@ -17,6 +17,8 @@
 
 namespace terrainseg::recording {
 
+inline constexpr std::uint64_t second = 1'000'000'000; ///< nanoseconds
+
 /// Time stamp, in nanoseconds since 1970 or since the start of the stream, and name of the coordinate frame.
 struct Header {
   std::uint64_t time = 0;
@@ -60,20 +62,23 @@ struct DiagnosticStatus {
   std::vector<std::pair<std::string, std::string>> values;
 };
 
-/// A message type: its name, and its definition with all types that it uses, as in ros2msg schemas.
-struct MessageType {
-  const char* name;
-  std::string text;
+/// sensor_msgs/msg/CompressedImage.
+struct JpegFile {
+  ByteView bytes;
 };
-MessageType laser_scan_type();
-MessageType point_cloud_type();
-MessageType occupancy_grid_type();
-MessageType camera_info_type();
-MessageType image_type();
-MessageType compressed_video_type();
-MessageType compressed_image_type();
-MessageType tf_message_type();
-MessageType diagnostic_array_type();
+
+/// foxglove_msgs/msg/CompressedVideo: one access unit, Annex B.
+struct H264Picture {
+  ByteView bytes;
+};
+
+/// A message type: its name, package/msg/Name, and its definition with all types that it uses, as in ros2msg
+/// schemas.
+struct MessageType {
+  std::string name, text;
+};
+/// Returns one of the types that are sent or received, by its short name, package/Name.
+MessageType message_type(std::string_view name);
 
 /// Each function encodes one message into `out`; it replaces the content.
 void encode(Bytes& out, const Header& header, const LaserScan& scan);
@@ -85,9 +90,7 @@ void encode(Bytes& out, const Header& header, const metric::Camera& camera);
 void encode(Bytes& out, const Header& header, const GrayView& picture);
 void encode(Bytes& out, const Header& header, const Transform& transform);
 void encode(Bytes& out, const Header& header, const DiagnosticStatus& status);
-/// sensor_msgs/msg/CompressedImage: one JPEG file.
-void encode_picture(Bytes& out, const Header& header, ByteView file);
-/// foxglove_msgs/msg/CompressedVideo: one H.264 access unit, Annex B.
-void encode_video(Bytes& out, const Header& header, ByteView unit);
+void encode(Bytes& out, const Header& header, const JpegFile& picture);
+void encode(Bytes& out, const Header& header, const H264Picture& picture);
 
 } // namespace terrainseg::recording

@@ -3,7 +3,6 @@
 
 #include <utility>
 
-#include "recording/message_parts.hpp"
 #include "recording/rotation.hpp"
 
 namespace terrainseg::recording {
@@ -61,28 +60,22 @@ bool is_new(const DiagnosticStatus& a, const DiagnosticStatus& b) {
 } // namespace
 
 MessageType type_of(Topic topic) {
-  switch (topic) {
-  case Topic::scan:
-    return laser_scan_type();
-  case Topic::points:
-    return point_cloud_type();
-  case Topic::grid:
-    return occupancy_grid_type();
-  case Topic::mask:
-    return image_type();
-  case Topic::camera_info:
-    return camera_info_type();
-  case Topic::video:
-    return compressed_video_type();
-  case Topic::picture:
-    return compressed_image_type();
-  case Topic::tf:
-  case Topic::tf_static:
-    return tf_message_type();
-  case Topic::diagnostics:
-    break;
-  }
-  return diagnostic_array_type();
+  constexpr const char* types[topic_count] = {
+      "sensor_msgs/LaserScan",       "sensor_msgs/PointCloud2",
+      "nav_msgs/OccupancyGrid",      "sensor_msgs/Image",
+      "sensor_msgs/CameraInfo",      "foxglove_msgs/CompressedVideo",
+      "sensor_msgs/CompressedImage", "tf2_msgs/TFMessage",
+      "tf2_msgs/TFMessage",          "diagnostic_msgs/DiagnosticArray"};
+  return message_type(types[static_cast<std::size_t>(topic)]);
+}
+
+/// Sends what `content` returns, if the topic is needed.
+template <class Content>
+bool TerrainMessages::send(MessageOutlet& out, Topic topic, const Header& header, Content content) {
+  if (!out.wants(topic))
+    return true;
+  encode(message_, header, content());
+  return out.put(topic, header.time, message_);
 }
 
 bool TerrainMessages::add_metric(MessageOutlet& out, const Header& body, const MetricEstimate& m) {
@@ -90,61 +83,43 @@ bool TerrainMessages::add_metric(MessageOutlet& out, const Header& body, const M
   const double since =
       last_scan_ && body.time > *last_scan_ ? static_cast<double>(body.time - *last_scan_) / 1e9 : 0;
   last_scan_ = body.time;
-  if (out.wants(Topic::scan)) {
-    encode(message_, body,
-           LaserScan{beams_.fan().angle_min, beams_.fan().increment, since, beams_.fan().range_min,
-                     m.range_max, beams_.ranges()});
-    if (!out.put(Topic::scan, body.time, message_))
-      return false;
-  }
-  if (out.wants(Topic::points)) {
+  const ScanFan& fan = beams_.fan();
+  const auto scan = [&] {
+    return LaserScan{fan.angle_min, fan.increment, since, fan.range_min, m.range_max, beams_.ranges()};
+  };
+  const auto points = [&] {
     boundary_points(points_, m);
-    encode(message_, body, points_);
-    if (!out.put(Topic::points, body.time, message_))
-      return false;
-  }
-  if (!out.wants(Topic::grid))
-    return true;
-  grid_.draw(m, beams_, options_.grid_resolution);
-  encode(message_, body, grid_.grid());
-  return out.put(Topic::grid, body.time, message_);
-}
-
-bool TerrainMessages::add_camera(MessageOutlet& out, const Header& camera, int width, int height) {
-  if (!options_.camera || !out.wants(Topic::camera_info))
-    return true;
-  encode(message_, camera, metric::scaled(*options_.camera, width, height));
-  return out.put(Topic::camera_info, camera.time, message_);
+    return std::span<const BoundaryPoint>(points_);
+  };
+  const auto grid = [&] {
+    grid_.draw(m, beams_, options_.grid_resolution);
+    return grid_.grid();
+  };
+  return send(out, Topic::scan, body, scan) && send(out, Topic::points, body, points) &&
+         send(out, Topic::grid, body, grid);
 }
 
 /// The attitude of the frame if it has metres, otherwise the mount's.
 bool TerrainMessages::add_transform(MessageOutlet& out, const Header& body, const MetricEstimate* m) {
-  const Topic topic = m && (m->flags & metric_flag_pose) != 0 ? Topic::tf : Topic::tf_static;
-  if (!options_.mount || !out.wants(topic))
+  if (!options_.mount)
     return true;
+  const Topic topic = m && (m->flags & metric_flag_pose) != 0 ? Topic::tf : Topic::tf_static;
   const metric::Mount& mount = *options_.mount;
-  Transform transform;
-  transform.child = options_.camera_frame;
-  transform.translation = {mount.x, mount.y, m ? m->height : mount.height};
-  transform.rotation =
-      m ? camera_rotation(m->yaw, m->pitch, m->roll) : camera_rotation(mount.yaw, mount.pitch, mount.roll);
-  encode(message_, body, transform);
-  return out.put(topic, body.time, message_);
+  return send(out, topic, body, [&] {
+    return Transform{options_.camera_frame,
+                     {mount.x, mount.y, m ? m->height : mount.height},
+                     m ? camera_rotation(m->yaw, m->pitch, m->roll)
+                       : camera_rotation(mount.yaw, mount.pitch, mount.roll)};
+  });
 }
 
 bool TerrainMessages::add_pictures(MessageOutlet& out, const Header& camera, const MessageFrame& frame) {
-  if (!frame.picture.empty() && out.wants(Topic::picture)) {
-    encode_picture(message_, camera, frame.picture);
-    if (!out.put(Topic::picture, camera.time, message_))
-      return false;
-  }
+  if (!frame.picture.empty() && !send(out, Topic::picture, camera, [&] { return JpegFile{frame.picture}; }))
+    return false;
   // The parameter sets are also stored while the video topic has no reader.
   const ByteView whole =
       frame.video.empty() ? frame.video : parameter_sets_.complete(frame.video, inspect_h264(frame.video));
-  if (whole.empty() || !out.wants(Topic::video))
-    return true;
-  encode_video(message_, camera, whole);
-  return out.put(Topic::video, camera.time, message_);
+  return whole.empty() || send(out, Topic::video, camera, [&] { return H264Picture{whole}; });
 }
 
 /// After each change of the status that is_new() reports, and once a second.
@@ -155,10 +130,7 @@ bool TerrainMessages::add_diagnostics(MessageOutlet& out, const Header& header, 
     return true;
   status_ = std::move(status);
   last_status_ = header.time;
-  if (!out.wants(Topic::diagnostics))
-    return true;
-  encode(message_, header, status_);
-  return out.put(Topic::diagnostics, header.time, message_);
+  return send(out, Topic::diagnostics, header, [&] { return status_; });
 }
 
 bool TerrainMessages::add(const MessageFrame& frame, MessageOutlet& out) {
@@ -170,12 +142,11 @@ bool TerrainMessages::add(const MessageFrame& frame, MessageOutlet& out) {
   if (!frame.estimate)
     return true;
   const Estimate& e = *frame.estimate;
-  if (!add_camera(out, camera, e.frame_width, e.frame_height) || !add_diagnostics(out, body, frame))
+  const auto info = [&] { return metric::scaled(*options_.camera, e.frame_width, e.frame_height); };
+  if (options_.camera && !send(out, Topic::camera_info, camera, info))
     return false;
-  if (e.mask.empty() || !out.wants(Topic::mask))
-    return true;
-  encode(message_, camera, e.mask);
-  return out.put(Topic::mask, camera.time, message_);
+  return add_diagnostics(out, body, frame) &&
+         (e.mask.empty() || send(out, Topic::mask, camera, [&] { return e.mask; }));
 }
 
 } // namespace terrainseg::recording

@@ -66,8 +66,8 @@ class TerrainMessages {
   [[nodiscard]] bool add(const MessageFrame& frame, MessageOutlet& out);
 
  private:
+  template <class Content> bool send(MessageOutlet& out, Topic topic, const Header& header, Content content);
   bool add_metric(MessageOutlet& out, const Header& body, const MetricEstimate& metric);
-  bool add_camera(MessageOutlet& out, const Header& camera, int width, int height);
   bool add_transform(MessageOutlet& out, const Header& body, const MetricEstimate* metric);
   bool add_pictures(MessageOutlet& out, const Header& camera, const MessageFrame& frame);
   bool add_diagnostics(MessageOutlet& out, const Header& header, const MessageFrame& frame);

@@ -317,7 +317,8 @@ TEST_F(Ros2Sink, AnnouncesTypeHashesAndNoNode) {
   Pipeline pipeline(scene + sink);
   EXPECT_EQ(pipeline.run(), "");
   const auto found = announced();
-  EXPECT_EQ(found.at("rt/terrain/scan"), "typehash=" + ros2::type_hash(recording::laser_scan_type()) + ";");
+  EXPECT_EQ(found.at("rt/terrain/scan"),
+            "typehash=" + ros2::type_hash(recording::message_type("sensor_msgs/LaserScan")) + ";");
   EXPECT_EQ(found.size(), 8u);
   EXPECT_EQ(found.count("ros_discovery_info"), 0u);
 }
@@ -442,7 +443,7 @@ Bytes pose(double roll, double pitch, double seconds_ago) {
 /// The pose of the metres of the frames that reach the sink, and their transform.
 TEST_F(Ros2Sink, PosesBecomeEventsAndTurnTheMetres) {
   Subscriber transforms("/tf", Topic::tf);
-  Publisher odometry("/pose", recording::pose_stamped_type());
+  Publisher odometry("/pose", recording::message_type("geometry_msgs/PoseStamped"));
   Pipeline pipeline(live + sink + "pose-topic=pose pose-type=pose-stamped");
   Events events(pipeline);
   pipeline.play();
@@ -462,7 +463,7 @@ TEST_F(Ros2Sink, PosesBecomeEventsAndTurnTheMetres) {
 }
 
 TEST_F(Ros2Sink, APoseIsOfTheTimeOfItsStamp) {
-  Publisher poses("/pose", recording::pose_stamped_type());
+  Publisher poses("/pose", recording::message_type("geometry_msgs/PoseStamped"));
   Pipeline pipeline(live + sink + "pose-topic=pose pose-type=pose-stamped");
   Events events(pipeline);
   pipeline.play();
@@ -488,7 +489,7 @@ TEST_F(Ros2Sink, APoseIsOfTheTimeOfItsStamp) {
 }
 
 TEST_F(Ros2Sink, TheNearRangeSensorBecomesNearClear) {
-  Publisher bumper("/clear", recording::bool_type());
+  Publisher bumper("/clear", recording::message_type("std_msgs/Bool"));
   Pipeline pipeline(live.substr(0, live.find("terrainseg ")) + "terrainseg name=filter ! " + sink +
                     "near-clear-topic=clear");
   Events events(pipeline);
@@ -509,7 +510,7 @@ TEST_F(Ros2Sink, TheNearRangeSensorBecomesNearClear) {
 }
 
 TEST_F(Ros2Sink, ARangeIsClearBeyondTheDistance) {
-  Publisher sonar("/sonar", recording::range_type());
+  Publisher sonar("/sonar", recording::message_type("sensor_msgs/Range"));
   Pipeline pipeline(live + sink + "near-clear-topic=sonar near-clear-type=range near-clear-distance=0.4");
   Events events(pipeline);
   pipeline.play();
@@ -531,7 +532,7 @@ TEST_F(Ros2Sink, ARangeIsClearBeyondTheDistance) {
 }
 
 TEST_F(Ros2Sink, RefusesWhatIsNoPose) {
-  Publisher poses("/pose", recording::pose_stamped_type());
+  Publisher poses("/pose", recording::message_type("geometry_msgs/PoseStamped"));
   Pipeline pipeline(live + sink + "pose-topic=pose pose-type=pose-stamped");
   Events events(pipeline);
   pipeline.play();
