@@ -56,8 +56,9 @@ int main(int argc, char** argv) {
   const std::size_t megabytes = argc > 3 ? static_cast<std::size_t>(std::atoi(argv[3])) : 300;
   const int rounds = argc > 4 ? std::atoi(argv[4]) : 300;
   const std::size_t luma = static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
-                    bytes = luma * 3 / 2, count = std::max<std::size_t>((megabytes << 20) / bytes, 8);
-  std::vector<std::uint8_t> memory(bytes * count), copy(4 * bytes + 64);
+                    bytes = luma * 3 / 2, room = (bytes + 63) / 64 * 64,
+                    count = std::max<std::size_t>((megabytes << 20) / bytes, 8);
+  std::vector<std::uint8_t> memory(bytes * count), copy(4 * room + 64);
   for (std::size_t i = 0; i < memory.size(); ++i)
     memory[i] = static_cast<std::uint8_t>(i * 2654435761U >> 11);
   std::uint8_t* const buffers = copy.data() + 64 - reinterpret_cast<std::uintptr_t>(copy.data()) % 64;
@@ -84,11 +85,11 @@ int main(int argc, char** argv) {
   };
   std::vector<Lane> lanes{
       {"read", [&] { sink = sink | read_all(rotated(), bytes); }, {}, {}},
-      {"memcpy", [&] { std::memcpy(buffers + bytes * (next % 4), rotated(), bytes); }, {}, {}},
+      {"memcpy", [&] { std::memcpy(buffers + room * (next % 4), rotated(), bytes); }, {}, {}},
       {"pyramid", [&] { build(rotated()); }, {}, {}},
       {"pyramid, frame in the cache", [&] { build(memory.data()); }, {}, [&] { build(memory.data()); }},
-      {"fill a mask past the caches", [&] { stream(buffers + bytes * (next++ % 4), luma); }, {}, {}},
-      {"fill a mask", [&] { std::memset(buffers + bytes * (next++ % 4), 255, luma); }, {}, {}},
+      {"fill a mask past the caches", [&] { stream(buffers + room * (next++ % 4), luma); }, {}, {}},
+      {"fill a mask", [&] { std::memset(buffers + room * (next++ % 4), 255, luma); }, {}, {}},
   };
   for (int round = 0; round < rounds; ++round)
     for (Lane& lane : lanes) {
