@@ -32,7 +32,7 @@ using RowPriors = Quantities<std::int16_t, struct PriorOfARow>;
 /// between its units.
 struct FrameLine {
   /// Where the line comes from, in order of increasing reliability.
-  enum class Source : std::uint8_t { none, hint, motion, pose, setting };
+  enum class Source : std::uint8_t { none, lines, hint, motion, pose, setting };
   Source source = Source::none;
   std::int32_t row_q8 = 0; ///< Q8 rows from the top of the frame; may lie outside the frame
 

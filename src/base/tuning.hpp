@@ -10,6 +10,7 @@
 
 #ifdef TERRAINSEG_TUNABLE
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -26,12 +27,11 @@ struct Knob {
   void* number = nullptr;
   void (*assign)(void* number, std::int64_t value) = nullptr;
 };
-const std::vector<Knob>& knobs();
-/// Returns false for an unknown name.
-bool set(std::string_view name, std::int64_t value);
-/// Restores all default values.
-void reset();
-void add(const Knob& knob);
+/// All constants. Created on first use, because source files register theirs before main() in any order.
+inline std::vector<Knob>& knobs() {
+  static std::vector<Knob> all;
+  return all;
+}
 
 /// A table computed from tunable constants. Recomputed when one of them is set.
 class Table {
@@ -41,11 +41,15 @@ class Table {
  protected:
   Table() = default;
   ~Table() = default;
-  void join();
 };
+/// All tables.
+inline std::vector<Table*>& tables() {
+  static std::vector<Table*> all;
+  return all;
+}
 template <typename Make> class TableOf final : public Table {
  public:
-  explicit TableOf(Make make) : make_(make), values_(make()) { join(); }
+  explicit TableOf(Make make) : make_(make), values_(make()) { tables().push_back(this); }
   TableOf(const TableOf&) = delete;
   TableOf& operator=(const TableOf&) = delete;
   void fill() override { values_ = make_(); }
@@ -56,11 +60,32 @@ template <typename Make> class TableOf final : public Table {
   decltype(std::declval<Make>()()) values_;
 };
 
+/// Returns false for an unknown name.
+inline bool set(std::string_view name, std::int64_t value) {
+  const auto knob =
+      std::find_if(knobs().begin(), knobs().end(), [&](const Knob& k) { return k.name == name; });
+  if (knob == knobs().end())
+    return false;
+  knob->assign(knob->number, value);
+  for (Table* table : tables())
+    table->fill();
+  return true;
+}
+
+/// Restores all default values.
+inline void reset() {
+  for (const Knob& knob : knobs())
+    knob.assign(knob.number, knob.standard);
+  for (Table* table : tables())
+    table->fill();
+}
+
 /// Registers a tunable constant and returns its value, which lives as long as the program.
 template <typename Number> const Number& number_of(const char* name, Number standard) {
   auto* const number = new Number(standard);
-  add({name, static_cast<std::int64_t>(standard), number,
-       [](void* at, std::int64_t value) { *static_cast<Number*>(at) = static_cast<Number>(value); }});
+  knobs().push_back({name, static_cast<std::int64_t>(standard), number, [](void* at, std::int64_t value) {
+                       *static_cast<Number*>(at) = static_cast<Number>(value);
+                     }});
   return *number;
 }
 

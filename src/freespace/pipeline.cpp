@@ -56,16 +56,24 @@ void keep_line(const FrameTask& task, const FrameLine& found, KeptLine& kept) {
 }
 
 /// The line at which the ground ends: end_of_plane(), otherwise the line that motion found last, otherwise
-/// the horizon hint.
-FrameLine end_of_ground(const FrameTask& task, bool continued, const MotionTrack& track,
-                        const KeptLine& kept) {
+/// the horizon hint, otherwise where long lines meet.
+FrameLine end_of_ground(const View& view, bool continued, const MotionTrack& track, const KeptLine& kept,
+                        LongLines& lines, LineWatch& watch) {
+  const FrameTask& task = view.task;
+  if (task.settings.long_lines)
+    lines.prepare(view.pyramid, view.grid.level);
   const FrameLine measured = end_of_plane(task, continued, track);
   if (measured.known() || known_line(task).known())
     return measured;
   if (const FrameLine line = kept_line(task, kept); task.settings.motion != Motion::off && line.known())
     return line;
-  const int hint = task.settings.horizon_hint_q8;
-  return hint < 0 ? FrameLine{} : FrameLine{FrameLine::Source::hint, hint * task.frame.height};
+  if (const int hint = task.settings.horizon_hint_q8; hint >= 0)
+    return {FrameLine::Source::hint, hint * task.frame.height};
+  if (!task.settings.long_lines)
+    return {};
+  if (watch.due(task.frame.height))
+    watch.take(lines.meeting_row(view.pyramid, view.transform, layout_of(task.frame.format).rgb));
+  return watch.line();
 }
 
 } // namespace
@@ -83,9 +91,10 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   remember(view.grid, task.frame.pts, memory_.last);
   const Scores scores = scorer_.score(view, lesson.trusted, continued, memory_.average, tables_, terrain);
   clock.lap(Stage::scoring);
-  const Ground& ground = tracer_.trace(view, scores, lesson.horizon.row,
-                                       end_of_ground(task, continued, memory_.holes.motion, terrain.line),
-                                       continued, memory_.boundary, terrain.horizon);
+  const Ground& ground = tracer_.trace(
+      view, scores, lesson.horizon.row,
+      end_of_ground(view, continued, memory_.holes.motion, terrain.line, long_lines_, memory_.lines),
+      continued, memory_.boundary, terrain.horizon);
   curves_.refine(view, ground);
   holes_.find({view, ground, curves_, terrain.horizon, known_line(task), continued}, memory_.holes);
   const MotionTrack& track = memory_.holes.motion;

@@ -10,6 +10,7 @@
 #include "freespace/curve/refinement.hpp"
 #include "freespace/holes/hole_finders.hpp"
 #include "freespace/learn/window_teacher.hpp"
+#include "freespace/look/long_lines.hpp"
 #include "freespace/look/view.hpp"
 #include "freespace/score/cell_scorer.hpp"
 #include "freespace/score/likelihood.hpp"
@@ -23,6 +24,7 @@ struct Memory {
   WindowMemory window;
   CellScores average; ///< running average of the scores
   GridCurve boundary; ///< boundary of the last frame; empty = none
+  LineWatch lines;
   HorizonHold horizon;
   HoleMemory holes;
 };
@@ -43,6 +45,7 @@ class FreeSpacePipeline final : public Pipeline {
   WindowTeacher teacher_;
   TerrainTables tables_; ///< derived from the terrain
   CellScorer scorer_;
+  LongLines long_lines_;
   GroundTracer tracer_;
   RefinedCurves curves_;
   HoleFinders holes_;

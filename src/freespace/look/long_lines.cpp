@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "freespace/look/long_lines.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "base/tuning.hpp"
+
+namespace terrainseg {
+namespace {
+
+/// The finest level whose sides are at most this long is searched; 320 finds as many lines.
+constexpr int longest_side = 256;
+/// Four times the smallest step of an edge, in grey levels. 20 and 48 give the same error; 20 costs more
+/// time.
+TERRAINSEG_TUNED(int, long_lines, least_step, 32);
+/// Q8: slopes of edges, from 6 to 70 degrees. Flatter edges meet too far away, steeper ones may be vertical.
+constexpr int flattest = 27, steepest = 704;
+/// A pixel votes for the normals within 3.5 degrees of its gradient.
+constexpr int normals = 128, neighbours = 2;
+/// Inverse of the shortest length of a line, in widths of the picture.
+TERRAINSEG_TUNED(int, long_lines, shortest, 14);
+constexpr std::size_t most_lines = 40;
+/// Largest angle (Q14 of its sine) between a line and the direction from its middle to the meeting point.
+TERRAINSEG_TUNED(int, long_lines, widest_angle, 819);
+/// Least distance of the meeting point from the middle of a line, in hundredths of its length, Q4: a line may
+/// end there, but not cross it.
+TERRAINSEG_TUNED(int, long_lines, beyond, 16 * 45);
+/// Least share of all lines, and least length in widths, both per cent, of those that meet: twice the smaller
+/// one of the lengths that come from the left and from the right. With 25 and 40 the edges of a cupboard that
+/// is seen from above are 5 points of error; with 40 and 60 fewer lines are found.
+TERRAINSEG_TUNED(int, long_lines, least_share, 35);
+TERRAINSEG_TUNED(int, long_lines, least_length, 60);
+/// Frames from one look to the next, but for the first four.
+TERRAINSEG_TUNED(std::uint32_t, long_lines, interval, 16);
+/// Looks that may find nothing until the row is forgotten.
+TERRAINSEG_TUNED(std::uint32_t, long_lines, most_misses, 4);
+/// Inverse of the largest difference between rows that agree, in heights of the frame.
+TERRAINSEG_TUNED(int, long_lines, same_row, 48);
+
+struct Direction {
+  std::int32_t c, s; ///< cosine and sine, Q14
+};
+
+/// Directions from 0 to 180 degrees in steps of 180 / (2 * normals): even ones are limits of the normals, odd
+/// ones their middles. Each is the one before, turned.
+constexpr auto directions = [] {
+  constexpr std::int64_t cosine = 1073660973, sine = 13176464, one = 1 << 30; // Q30, of pi / 256
+  std::array<Direction, 2 * normals + 1> table{};
+  std::int64_t c = one, s = 0;
+  for (Direction& direction : table) {
+    direction = {static_cast<std::int32_t>((c + (1 << 15)) >> 16),
+                 static_cast<std::int32_t>((s + (1 << 15)) >> 16)};
+    const std::int64_t turned = (c * cosine - s * sine) / one;
+    s = (s * cosine + c * sine) / one;
+    c = turned;
+  }
+  return table;
+}();
+
+// The normal whose limits enclose the direction (across, down); down > 0.
+int normal_of(int across, int down) {
+  int low = 0, high = normals;
+  while (high - low > 1) {
+    const int middle = (low + high) / 2;
+    const Direction& limit = directions[2 * static_cast<std::size_t>(middle)];
+    (limit.c * down - limit.s * across >= 0 ? low : high) = middle;
+  }
+  return low;
+}
+
+const Direction& middle_of(int normal) {
+  return directions[2 * static_cast<std::size_t>(normal) + 1];
+}
+
+// Length of a vector, 7 % too long at most.
+std::int64_t length_of(std::int64_t x, std::int64_t y) {
+  x = std::abs(x);
+  y = std::abs(y);
+  return std::max(x, y) + 3 * std::min(x, y) / 8;
+}
+
+constexpr std::size_t block = 64; ///< votes that are searched together
+
+// Auto-vectorised.
+std::uint16_t largest(const std::uint16_t* __restrict votes) {
+  std::uint16_t most = 0;
+  for (std::size_t i = 0; i < block; ++i)
+    most = std::max(most, votes[i]);
+  return most;
+}
+
+// Sobel's gradients of a row, and where they may be those of an edge. Auto-vectorised.
+void compare(const std::uint8_t* __restrict a, const std::uint8_t* __restrict b,
+             const std::uint8_t* __restrict c, int width, std::int16_t* __restrict across,
+             std::int16_t* __restrict down, std::uint8_t* __restrict steep) {
+  for (int j = 1; j < width - 1; ++j) {
+    const int x = a[j + 1] - a[j - 1] + 2 * (b[j + 1] - b[j - 1]) + c[j + 1] - c[j - 1];
+    const int y = c[j - 1] + 2 * c[j] + c[j + 1] - a[j - 1] - 2 * a[j] - a[j + 1];
+    const int length_x = std::abs(x), length_y = std::abs(y);
+    across[j] = static_cast<std::int16_t>(x);
+    down[j] = static_cast<std::int16_t>(y);
+    const bool strong = length_x + length_y >= least_step, steeper = 256 * length_x > flattest * length_y,
+               flatter = 256 * length_x < steepest * length_y;
+    steep[j] = static_cast<std::uint8_t>(strong & steeper & flatter);
+  }
+}
+
+} // namespace
+
+void LongLines::prepare(const Pyramid& pyramid, int grid_level) {
+  const auto fits = [&](int level) {
+    return std::max(pyramid.width(level), pyramid.height(level)) <= longest_side;
+  };
+  level_ = grid_level;
+  while (level_ > texture_level(grid_level) && fits(level_ - 1))
+    --level_;
+  constexpr int least_side = 16;
+  const bool searched = fits(level_) && std::min(pyramid.width(level_), pyramid.height(level_)) >= least_side;
+  width_ = searched ? pyramid.width(level_) : 0;
+  height_ = searched ? pyramid.height(level_) : 0;
+  reach_ = (width_ + height_) / 2 + 1;
+  const auto size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  for (auto& row : luma_)
+    row.resize(static_cast<std::size_t>(width_));
+  across_.resize(size);
+  down_.resize(size);
+  steep_.resize(size);
+  edges_.reserve(size);
+  votes_.resize(static_cast<std::size_t>(2 * normals * (2 * reach_ + 1)));
+  owner_.resize(votes_.size());
+  peaks_.reserve(votes_.size());
+  lines_.reserve(most_lines);
+}
+
+std::optional<std::int32_t> LongLines::meeting_row(const Pyramid& pyramid, const ColorTransform& transform,
+                                                   bool rgb) {
+  if (width_ == 0)
+    return std::nullopt;
+  find_edges(pyramid, transform, rgb);
+  vote();
+  pick_lines();
+  const auto row = best_meeting_point();
+  if (!row)
+    return std::nullopt;
+  return (*row + 8 * height_) * (16 << level_); // from the centre in Q4 to the frame's in Q8
+}
+
+void LongLines::find_edges(const Pyramid& pyramid, const ColorTransform& transform, bool rgb) {
+  const auto row = [&](int i) {
+    return luma_row(pyramid, level_, i, transform, rgb, luma_[static_cast<std::size_t>(i) % 3].data());
+  };
+  const std::uint8_t *above = row(0), *here = row(1);
+  for (int i = 1; i < height_ - 1; ++i) {
+    const std::uint8_t* const below = row(i + 1);
+    const std::size_t at = static_cast<std::size_t>(i) * static_cast<std::size_t>(width_);
+    compare(above, here, below, width_, &across_[at], &down_[at], &steep_[at]);
+    above = here;
+    here = below;
+  }
+  edges_.clear();
+  for (int i = 2; i < height_ - 2; ++i)
+    take_edges(i);
+}
+
+// Takes the pixels of a row whose gradient is the steepest across the edge.
+void LongLines::take_edges(int i) {
+  const auto w = static_cast<std::ptrdiff_t>(width_);
+  const auto square = [&](std::ptrdiff_t at) { return across_[at] * across_[at] + down_[at] * down_[at]; };
+  for (std::ptrdiff_t j = 2; j < w - 2; ++j) {
+    const std::ptrdiff_t at = i * w + j;
+    if (!steep_[at])
+      continue;
+    const int x = across_[at], y = down_[at], length_x = std::abs(x), length_y = std::abs(y);
+    // The tangent of 22.5 degrees is 106 / 256.
+    const std::ptrdiff_t next = 256 * length_y < 106 * length_x   ? 1
+                                : 256 * length_x < 106 * length_y ? w
+                                : (x > 0) == (y > 0)              ? w + 1
+                                                                  : w - 1;
+    if (square(at) < square(at + next) || square(at) <= square(at - next))
+      continue;
+    const bool falls = y < 0;
+    edges_.push_back({static_cast<std::int16_t>(j - w / 2), static_cast<std::int16_t>(i - height_ / 2),
+                      static_cast<std::uint8_t>(normal_of(falls ? -x : x, std::abs(y))), falls});
+  }
+}
+
+// The element of votes_ for the line with that normal through a pixel.
+std::size_t LongLines::cell(const EdgePixel& pixel, int normal) const {
+  const Direction& direction = middle_of(normal);
+  const int distance = (pixel.x * direction.c + pixel.y * direction.s + (1 << 13)) >> 14;
+  return static_cast<std::size_t>((normal + (pixel.falls ? normals : 0)) * (2 * reach_ + 1) + distance +
+                                  reach_);
+}
+
+void LongLines::vote() {
+  std::fill(votes_.begin(), votes_.end(), std::uint16_t{0});
+  for (const EdgePixel& pixel : edges_)
+    for (int normal = pixel.normal - neighbours; normal <= pixel.normal + neighbours; ++normal)
+      ++votes_[cell(pixel, normal)];
+}
+
+// The lines with the most votes, each at some distance from those before it.
+void LongLines::pick_lines() {
+  constexpr int apart = 8, beside = 4; // normals, pixels
+  constexpr std::uint8_t taken = 1, first_line = 2;
+  const int least = width_ / shortest, row = 2 * reach_ + 1;
+  peaks_.clear();
+  const std::uint16_t* const votes = votes_.data();
+  for (std::size_t i = 0; i < votes_.size(); i += block) // a multiple of the block
+    if (largest(votes + i) >= least)
+      for (std::size_t j = i; j < i + block; ++j)
+        if (votes[j] >= least)
+          peaks_.push_back(static_cast<std::uint32_t>(j));
+  std::sort(peaks_.begin(), peaks_.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return votes_[a] != votes_[b] ? votes_[a] > votes_[b] : a < b;
+  });
+  std::fill(owner_.begin(), owner_.end(), std::uint8_t{0});
+  lines_.clear();
+  for (const std::uint32_t peak : peaks_) {
+    if (owner_[peak] != 0)
+      continue;
+    const int line = static_cast<int>(peak) / row, at = static_cast<int>(peak) % row;
+    const int polarity = line / normals * normals, normal = line % normals;
+    for (int n = std::max(normal - apart, 0); n <= std::min(normal + apart, normals - 1); ++n)
+      std::fill(&owner_[static_cast<std::size_t>((polarity + n) * row + std::max(at - beside, 0))],
+                &owner_[static_cast<std::size_t>((polarity + n) * row + std::min(at + beside, row - 1))] + 1,
+                taken);
+    owner_[peak] = static_cast<std::uint8_t>(first_line + lines_.size());
+    const Direction& direction = middle_of(normal);
+    lines_.push_back({0, 0, direction.c, direction.s, 0});
+    if (lines_.size() == most_lines)
+      break;
+  }
+  for (const EdgePixel& pixel : edges_)
+    for (int normal = pixel.normal - neighbours; normal <= pixel.normal + neighbours; ++normal)
+      if (const int owner = owner_[cell(pixel, normal)]; owner >= first_line) {
+        Line& line = lines_[static_cast<std::size_t>(owner - first_line)];
+        line.x += pixel.x;
+        line.y += pixel.y;
+        ++line.length;
+      }
+  for (Line& line : lines_) {
+    line.x = 16 * line.x / line.length;
+    line.y = 16 * line.y / line.length;
+    line.length = (line.length << 14) / std::max(line.s, std::abs(line.c)); // a pixel per column or row
+  }
+}
+
+std::optional<std::int32_t> LongLines::best_meeting_point() const {
+  std::int64_t most = 0, all = 0;
+  std::int32_t row = 0;
+  for (const Line& line : lines_)
+    all += line.length;
+  const auto offset = [](const Line& line) { // Q18
+    return std::int64_t{line.c} * line.x + std::int64_t{line.s} * line.y;
+  };
+  for (const Line& left : lines_)
+    for (const Line& right : lines_) {
+      // An edge whose normal points to the right goes up to the right: it comes from the left.
+      const std::int64_t turn = std::int64_t{left.c} * right.s - std::int64_t{right.c} * left.s; // Q28
+      if (left.c <= 0 || right.c >= 0 || turn < 1 << 26)
+        continue;
+      const std::int64_t x = (offset(left) * right.s - offset(right) * left.s) / turn; // Q4
+      const std::int64_t y = (left.c * offset(right) - right.c * offset(left)) / turn;
+      if (std::abs(x) > 12 * width_ || 10 * y < -112 * height_ || 100 * y > 560 * height_)
+        continue;
+      std::array<std::int64_t, 2> lengths{};
+      for (const Line& line : lines_) {
+        const std::int64_t dx = x - line.x, dy = y - line.y, away = length_of(dx, dy);               // Q4
+        const std::int64_t beside = std::abs(dx * line.c + dy * line.s), room = widest_angle * away; // Q18
+        if (beside < room && 100 * away > beyond * line.length)
+          lengths[line.c > 0 ? 0 : 1] += line.length * (room - beside) / room;
+      }
+      if (const std::int64_t length = 2 * std::min(lengths[0], lengths[1]); length > most) {
+        most = length;
+        row = static_cast<std::int32_t>(y);
+      }
+    }
+  if (100 * most < least_share * all || 100 * most < least_length * width_ || most == 0)
+    return std::nullopt;
+  return row;
+}
+
+bool LineWatch::due(int frame_height) {
+  constexpr std::uint32_t at_first = 4;
+  if (height_ != frame_height)
+    *this = {};
+  height_ = frame_height;
+  const std::uint32_t frame = frames_++;
+  return frame < at_first || frame % interval == 0;
+}
+
+void LineWatch::take(std::optional<std::int32_t> row_q8) {
+  if (!row_q8) {
+    if (++misses_ > most_misses)
+      found_ = agreed_ = false;
+    return;
+  }
+  agreed_ = found_ && std::abs(*row_q8 - row_q8_) <= (height_ << 8) / same_row;
+  found_ = true;
+  row_q8_ = *row_q8;
+  misses_ = 0;
+}
+
+} // namespace terrainseg
