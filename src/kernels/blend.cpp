@@ -327,50 +327,16 @@ HWY_EXPORT(triples);
 HWY_EXPORT(quads);
 HWY_EXPORT(packed_422);
 
-bool cover_mask(const std::uint8_t* mask, int count, Coverage full, Coverage half, Coverage* out) {
-  return HWY_DYNAMIC_DISPATCH(cover)(mask, count, full, half, out);
-}
-
-bool covers(const Coverage* coverage, int count) {
-  return HWY_DYNAMIC_DISPATCH(any)(coverage, count);
-}
-
-void pool_coverage(const Coverage* top, const Coverage* bottom, int pixels, Coverage* out) {
-  HWY_DYNAMIC_DISPATCH(pool)(top, bottom, pixels, out);
-}
-
-void blend_plane(std::uint8_t* samples, const Coverage* coverage, int count, std::uint8_t ink) {
-  HWY_DYNAMIC_DISPATCH(plane)(samples, coverage, count, ink);
-}
-
-void blend_pairs(std::uint8_t* samples, const Coverage* coverage, int count,
-                 const std::array<std::uint8_t, 2>& ink) {
-  HWY_DYNAMIC_DISPATCH(pairs)(samples, coverage, count, ink);
-}
-
-void blend_words(std::uint8_t* samples, const Coverage* coverage, int count, int shift, std::uint16_t ink) {
-  HWY_DYNAMIC_DISPATCH(words)(samples, coverage, count, shift, ink);
-}
-
-void blend_word_pairs(std::uint8_t* samples, const Coverage* coverage, int count, int shift,
-                      const std::array<std::uint16_t, 2>& ink) {
-  HWY_DYNAMIC_DISPATCH(word_pairs)(samples, coverage, count, shift, ink);
-}
-
-void blend_triples(std::uint8_t* samples, const Coverage* coverage, int count,
-                   const std::array<std::uint8_t, 3>& ink) {
-  HWY_DYNAMIC_DISPATCH(triples)(samples, coverage, count, ink);
-}
-
-void blend_quads(std::uint8_t* samples, const Coverage* coverage, int count,
-                 const std::array<std::uint8_t, 4>& ink, int untouched) {
-  HWY_DYNAMIC_DISPATCH(quads)(samples, coverage, count, ink, untouched);
-}
-
-void blend_422(std::uint8_t* samples, const Coverage* coverage, int count,
-               const std::array<std::uint8_t, 3>& ink, bool luma_first) {
-  HWY_DYNAMIC_DISPATCH(packed_422)(samples, coverage, count, ink, luma_first);
-}
+decltype(cover_mask) cover_mask = dispatched([] { return &HWY_DYNAMIC_DISPATCH(cover); });
+decltype(covers) covers = dispatched([] { return &HWY_DYNAMIC_DISPATCH(any); });
+decltype(pool_coverage) pool_coverage = dispatched([] { return &HWY_DYNAMIC_DISPATCH(pool); });
+decltype(blend_plane) blend_plane = dispatched([] { return &HWY_DYNAMIC_DISPATCH(plane); });
+decltype(blend_pairs) blend_pairs = dispatched([] { return &HWY_DYNAMIC_DISPATCH(pairs); });
+decltype(blend_words) blend_words = dispatched([] { return &HWY_DYNAMIC_DISPATCH(words); });
+decltype(blend_word_pairs) blend_word_pairs = dispatched([] { return &HWY_DYNAMIC_DISPATCH(word_pairs); });
+decltype(blend_triples) blend_triples = dispatched([] { return &HWY_DYNAMIC_DISPATCH(triples); });
+decltype(blend_quads) blend_quads = dispatched([] { return &HWY_DYNAMIC_DISPATCH(quads); });
+decltype(blend_422) blend_422 = dispatched([] { return &HWY_DYNAMIC_DISPATCH(packed_422); });
 
 } // namespace terrainseg::kernels
 #endif

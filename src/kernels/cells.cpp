@@ -327,55 +327,21 @@ HWY_EXPORT(smooth_cells);
 HWY_EXPORT(strongest_of_strip);
 HWY_EXPORT(octaves_looked_up);
 
-void weigh_components(const ComponentRow& in, const std::array<std::int32_t, 3>& weights, std::int32_t offset,
-                      int count, std::uint8_t* out) {
-  HWY_DYNAMIC_DISPATCH(weigh_cells)(in, weights, offset, count, out);
-}
-
-void add_differences(const std::uint8_t* luma, int count, std::uint16_t* sums) {
-  HWY_DYNAMIC_DISPATCH(add_pair_differences)(luma, count, sums);
-}
-
-void add_boxes(const std::uint16_t* columns, int per_cell, int shift, int count, std::uint16_t* out) {
-  HWY_DYNAMIC_DISPATCH(add_column_boxes)(columns, per_cell, shift, count, out);
-}
-
-void sum_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int count, std::uint16_t* sums,
-              std::uint16_t* steps) {
-  HWY_DYNAMIC_DISPATCH(sums_of_rows)(row, rows, count, sums, steps);
-}
-
-void largest_steps(const std::uint16_t* columns, int per_cell, int count, std::uint16_t* out) {
-  HWY_DYNAMIC_DISPATCH(largest_steps_of_cells)(columns, per_cell, count, out);
-}
-
-void weigh_upright(const std::int16_t* coherence, const std::uint16_t* contrast, const std::uint8_t* ignored,
-                   const UprightRule& rule, int score_weight, int count, std::int16_t* score) {
-  HWY_DYNAMIC_DISPATCH(upright_evidence)(coherence, contrast, ignored, rule, score_weight, count, score);
-}
-
-void color_steps(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,
-                 std::uint16_t* out) {
-  HWY_DYNAMIC_DISPATCH(color_steps_between)(a, b, gain, limit, count, out);
-}
-
-void follow_row(const ComponentRow& cells, const std::uint8_t* ignored, const FollowRule& rule,
-                const std::array<std::int32_t*, 3>& reference, int count, std::int8_t* penalty) {
-  HWY_DYNAMIC_DISPATCH(follow_cells)(cells, ignored, rule, reference, count, penalty);
-}
-
-void smooth_row(const std::int32_t* in, int count, std::int32_t* out) {
-  HWY_DYNAMIC_DISPATCH(smooth_cells)(in, count, out);
-}
-
-void strongest_edges(const Strip& strip, const std::array<std::array<std::int32_t, 3>, 3>& matrix, int rows,
-                     const std::uint8_t* last, std::uint8_t* best) {
-  HWY_DYNAMIC_DISPATCH(strongest_of_strip)(strip, matrix, rows, last, best);
-}
-
-void look_up_octaves(const std::uint32_t* values, const std::int16_t* table, int count, std::int16_t* out) {
-  HWY_DYNAMIC_DISPATCH(octaves_looked_up)(values, table, count, out);
-}
+decltype(weigh_components) weigh_components = dispatched([] { return &HWY_DYNAMIC_DISPATCH(weigh_cells); });
+decltype(add_differences) add_differences =
+    dispatched([] { return &HWY_DYNAMIC_DISPATCH(add_pair_differences); });
+decltype(add_boxes) add_boxes = dispatched([] { return &HWY_DYNAMIC_DISPATCH(add_column_boxes); });
+decltype(sum_rows) sum_rows = dispatched([] { return &HWY_DYNAMIC_DISPATCH(sums_of_rows); });
+decltype(largest_steps) largest_steps =
+    dispatched([] { return &HWY_DYNAMIC_DISPATCH(largest_steps_of_cells); });
+decltype(weigh_upright) weigh_upright = dispatched([] { return &HWY_DYNAMIC_DISPATCH(upright_evidence); });
+decltype(color_steps) color_steps = dispatched([] { return &HWY_DYNAMIC_DISPATCH(color_steps_between); });
+decltype(follow_row) follow_row = dispatched([] { return &HWY_DYNAMIC_DISPATCH(follow_cells); });
+decltype(smooth_row) smooth_row = dispatched([] { return &HWY_DYNAMIC_DISPATCH(smooth_cells); });
+decltype(strongest_edges) strongest_edges =
+    dispatched([] { return &HWY_DYNAMIC_DISPATCH(strongest_of_strip); });
+decltype(look_up_octaves) look_up_octaves =
+    dispatched([] { return &HWY_DYNAMIC_DISPATCH(octaves_looked_up); });
 
 } // namespace terrainseg::kernels
 #endif

@@ -15,18 +15,18 @@ namespace terrainseg::kernels {
 using ComponentRow = std::array<const std::uint8_t*, 3>;
 
 /// out[i] = (weights * cell i + offset) >> 16, clamped to 0..255. `out` must not overlap `in`.
-void weigh_components(const ComponentRow& in, const std::array<std::int32_t, 3>& weights, std::int32_t offset,
-                      int count, std::uint8_t* out);
+extern void (*const weigh_components)(const ComponentRow& in, const std::array<std::int32_t, 3>& weights,
+                                      std::int32_t offset, int count, std::uint8_t* out);
 
 /// sums[i] += |luma[2i + 1] - luma[2i]|.
-void add_differences(const std::uint8_t* luma, int count, std::uint16_t* sums);
+extern void (*const add_differences)(const std::uint8_t* luma, int count, std::uint16_t* sums);
 
 /// Sums over `rows` (1 to 4) rows: of the pixels, and of the `count` - 1 differences |pixel x + 1 - pixel x|.
-void sum_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int count, std::uint16_t* sums,
-              std::uint16_t* steps);
+extern void (*const sum_rows)(const std::array<const std::uint8_t*, 4>& row, int rows, int count,
+                              std::uint16_t* sums, std::uint16_t* steps);
 
 /// out[i] = largest |columns[x + 1] - columns[x]| of the `per_cell` (1, 2 or 4) columns from i * per_cell on.
-void largest_steps(const std::uint16_t* columns, int per_cell, int count, std::uint16_t* out);
+extern void (*const largest_steps)(const std::uint16_t* columns, int per_cell, int count, std::uint16_t* out);
 
 /// Parameters of the evidence from coherence: clamp((neutral - coherence) * weight >> 8, against, in_favour)
 /// * contrast / 32, at most `most`.
@@ -35,17 +35,19 @@ struct UprightRule {
 };
 
 /// score[i] = score[i] * score_weight / 32, rounded down, plus the evidence; ignored cells are not changed.
-void weigh_upright(const std::int16_t* coherence, const std::uint16_t* contrast, const std::uint8_t* ignored,
-                   const UprightRule& rule, int score_weight, int count, std::int16_t* score);
+extern void (*const weigh_upright)(const std::int16_t* coherence, const std::uint16_t* contrast,
+                                   const std::uint8_t* ignored, const UprightRule& rule, int score_weight,
+                                   int count, std::int16_t* score);
 
 /// out[i] += sum of the `per_cell` (1, 2 or 4) columns from i * per_cell on, shifted left by `shift`; modulo
 /// 2^16.
-void add_boxes(const std::uint16_t* columns, int per_cell, int shift, int count, std::uint16_t* out);
+extern void (*const add_boxes)(const std::uint16_t* columns, int per_cell, int shift, int count,
+                               std::uint16_t* out);
 
 /// out[i] = min(limit, ((|dY| + 2 |dU| + 2 |dV|) * gain) >> 8) between cells i of two rows; gain is Q8, below
 /// 2^20.
-void color_steps(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,
-                 std::uint16_t* out);
+extern void (*const color_steps)(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,
+                                 std::uint16_t* out);
 
 /// Parameters of the local reference.
 struct FollowRule {
@@ -57,11 +59,12 @@ struct FollowRule {
 
 /// Writes per cell the penalty for its weighted distance from the column's reference (Q4). Where the distance
 /// is small and the cell is not ignored, moves the reference a quarter of the way to the cell.
-void follow_row(const ComponentRow& cells, const std::uint8_t* ignored, const FollowRule& rule,
-                const std::array<std::int32_t*, 3>& reference, int count, std::int8_t* penalty);
+extern void (*const follow_row)(const ComponentRow& cells, const std::uint8_t* ignored,
+                                const FollowRule& rule, const std::array<std::int32_t*, 3>& reference,
+                                int count, std::int8_t* penalty);
 
 /// 1-2-1 over a row with repeated ends: (a + 2b + c) >> 2. `out` must not overlap `in`.
-void smooth_row(const std::int32_t* in, int count, std::int32_t* out);
+extern void (*const smooth_row)(const std::int32_t* in, int count, std::int32_t* out);
 
 /// Number of columns of a strip that are searched for an edge together, and the largest number of its rows.
 inline constexpr int strip_columns = 16, strip_rows = 8;
@@ -72,12 +75,14 @@ using Strip = std::array<std::array<std::array<std::uint8_t, strip_columns>, 3>,
 /// Per column the first row 1..rows-1 in which the colour differs most from the row above it: |dY| + 2 |dU| +
 /// 2 |dV| of the differences mapped by `matrix` (Q8 after the map), rows 1..last[column]. 0 where
 /// last[column] is 0.
-void strongest_edges(const Strip& strip, const std::array<std::array<std::int32_t, 3>, 3>& matrix, int rows,
-                     const std::uint8_t* last, std::uint8_t* best);
+extern void (*const strongest_edges)(const Strip& strip,
+                                     const std::array<std::array<std::int32_t, 3>, 3>& matrix, int rows,
+                                     const std::uint8_t* last, std::uint8_t* best);
 
 /// out[i] = table[256 e + m] for (256 + m) 2^(e + 2) <= values[i] < (257 + m) 2^(e + 2); 0 for 0. Other
 /// values are 2^10 .. 2^25 - 1. The table has octaves_of_table * 256 + 1 entries.
-void look_up_octaves(const std::uint32_t* values, const std::int16_t* table, int count, std::int16_t* out);
+extern void (*const look_up_octaves)(const std::uint32_t* values, const std::int16_t* table, int count,
+                                     std::int16_t* out);
 inline constexpr int octaves_of_table = 15;
 
 } // namespace terrainseg::kernels

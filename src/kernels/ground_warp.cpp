@@ -59,8 +59,9 @@ void high_pass_of(const std::uint8_t* in, std::ptrdiff_t stride, int width, int 
 
 void high_pass_any(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int radius, int gain,
                    std::uint8_t* out, std::uint16_t* work) {
-  with_constant<5, 6>(radius,
-                      [&](auto r) HWY_ATTR { high_pass_of<r>(in, stride, width, height, gain, out, work); });
+  if (width > 0 && height > 0)
+    with_constant<5, 6>(
+        radius, [&](auto r) HWY_ATTR { high_pass_of<r>(in, stride, width, height, gain, out, work); });
 }
 
 void steepest_of_row(const std::uint8_t* __restrict above, const std::uint8_t* __restrict here,
@@ -371,46 +372,14 @@ HWY_EXPORT(add_windows);
 HWY_EXPORT(move_sums);
 HWY_EXPORT(evidence_of);
 
-void high_pass(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int radius, int gain,
-               std::uint8_t* out, std::uint16_t* work) {
-  if (width > 0 && height > 0)
-    HWY_DYNAMIC_DISPATCH(high_pass_any)(in, stride, width, height, radius, gain, out, work);
-}
-
-void steepest(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* under,
-              const std::uint8_t* ground, int width, int rank, std::uint16_t* keys) {
-  HWY_DYNAMIC_DISPATCH(steepest_of_row)(above, here, under, ground, width, rank, keys);
-}
-
-void mean_of_quarters(const std::uint8_t* in, std::ptrdiff_t stride, int count, std::uint8_t* out) {
-  HWY_DYNAMIC_DISPATCH(mean_of_cells)(in, stride, count, out);
-}
-
-void warp_rows(const WarpSource& source, const std::int32_t* nodes, int segments, int rows, std::uint8_t* out,
-               std::ptrdiff_t out_stride) {
-  HWY_DYNAMIC_DISPATCH(warp_all)(source, nodes, segments, rows, out, out_stride);
-}
-
-void compare_cells(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
-                   std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
-                   std::ptrdiff_t plane, std::uint8_t* whole) {
-  HWY_DYNAMIC_DISPATCH(compare)(frame, frame_stride, warped, warped_stride, offsets, sums, plane, whole);
-}
-
-void window_costs(const std::uint16_t* above, const std::uint16_t* here, const std::uint16_t* under,
-                  int columns, std::ptrdiff_t plane, const HypothesisOrder& order, const WindowCosts& out,
-                  std::uint16_t* work) {
-  HWY_DYNAMIC_DISPATCH(add_windows)(above, here, under, columns, plane, order, out, work);
-}
-
-void moved_sums(const SumSource& source, const std::int32_t* nodes, int columns, int keep,
-                std::int16_t* out) {
-  HWY_DYNAMIC_DISPATCH(move_sums)(source, nodes, columns, keep, out);
-}
-
-void evidence_of_sums(const std::int16_t* sums, int count, std::int16_t* evidence) {
-  HWY_DYNAMIC_DISPATCH(evidence_of)(sums, count, evidence);
-}
+decltype(high_pass) high_pass = dispatched([] { return &HWY_DYNAMIC_DISPATCH(high_pass_any); });
+decltype(steepest) steepest = dispatched([] { return &HWY_DYNAMIC_DISPATCH(steepest_of_row); });
+decltype(mean_of_quarters) mean_of_quarters = dispatched([] { return &HWY_DYNAMIC_DISPATCH(mean_of_cells); });
+decltype(warp_rows) warp_rows = dispatched([] { return &HWY_DYNAMIC_DISPATCH(warp_all); });
+decltype(compare_cells) compare_cells = dispatched([] { return &HWY_DYNAMIC_DISPATCH(compare); });
+decltype(window_costs) window_costs = dispatched([] { return &HWY_DYNAMIC_DISPATCH(add_windows); });
+decltype(moved_sums) moved_sums = dispatched([] { return &HWY_DYNAMIC_DISPATCH(move_sums); });
+decltype(evidence_of_sums) evidence_of_sums = dispatched([] { return &HWY_DYNAMIC_DISPATCH(evidence_of); });
 
 } // namespace terrainseg::kernels
 #endif

@@ -9,17 +9,18 @@ namespace terrainseg::kernels {
 
 /// out = clamp(128 + (in - mean over (2 radius + 1)^2) * gain, 1, 255), borders repeated; radius 5 or 6.
 /// `work` has width + 2 * radius elements. Never writes 0, which means "outside".
-void high_pass(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int radius, int gain,
-               std::uint8_t* out, std::uint16_t* work);
+extern void (*const high_pass)(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height,
+                               int radius, int gain, std::uint8_t* out, std::uint16_t* work);
 
 /// keys[x] = max(keys[x], slope * 16 + rank) where ground[x] is 255; slope = |horizontal| + |vertical|
 /// difference over two pixels, at most 255; x in 1..width - 2. `above`, `here`, `under` are three rows of a
 /// picture.
-void steepest(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* under,
-              const std::uint8_t* ground, int width, int rank, std::uint16_t* keys);
+extern void (*const steepest)(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* under,
+                              const std::uint8_t* ground, int width, int rank, std::uint16_t* keys);
 
 /// out[i] = mean of the 4 x 4 pixels from column 4 i on, rounded.
-void mean_of_quarters(const std::uint8_t* in, std::ptrdiff_t stride, int count, std::uint8_t* out);
+extern void (*const mean_of_quarters)(const std::uint8_t* in, std::ptrdiff_t stride, int count,
+                                      std::uint8_t* out);
 
 /// A picture without padding between its rows, with 4 readable bytes after the last one.
 struct WarpSource {
@@ -29,8 +30,8 @@ struct WarpSource {
 
 /// Rows `first`..`end` - 1 of nodes. Node k of a row is the position (u, v), Q16, of pixel 16 k; positions
 /// are linear between two nodes. `nodes` has segments + 1 pairs per row.
-void warp_rows(const WarpSource& source, const std::int32_t* nodes, int segments, int rows, std::uint8_t* out,
-               std::ptrdiff_t out_stride);
+extern void (*const warp_rows)(const WarpSource& source, const std::int32_t* nodes, int segments, int rows,
+                               std::uint8_t* out, std::ptrdiff_t out_stride);
 
 /// Largest number of hypotheses per cell.
 inline constexpr int most_offsets = 16;
@@ -40,9 +41,10 @@ inline constexpr std::uint16_t most_difference = 16 * 40;
 
 /// Compares four neighbouring cells of 4 x 4 pixels at the same offsets. sums[k * plane + c] = sum over cell
 /// c of min(|frame - warped at offsets[k]|, 40). whole[c] = whether no pixel of `warped` at offset 0 is 0.
-void compare_cells(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
-                   std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
-                   std::ptrdiff_t plane, std::uint8_t* whole);
+extern void (*const compare_cells)(const std::uint8_t* frame, std::ptrdiff_t frame_stride,
+                                   const std::uint8_t* warped, std::ptrdiff_t warped_stride,
+                                   const std::int32_t* offsets, std::uint16_t* sums, std::ptrdiff_t plane,
+                                   std::uint8_t* whole);
 
 /// Order of the hypotheses; the first one is the ground.
 struct HypothesisOrder {
@@ -55,9 +57,9 @@ struct WindowCosts {
 };
 /// Adds three rows of cells that compare_cells() has written. A plane has columns + 2 cells; the first and
 /// the last one are outside the picture. Sums of nine cells fit 16 bits. `work` has 2 * columns + 2 elements.
-void window_costs(const std::uint16_t* above, const std::uint16_t* here, const std::uint16_t* under,
-                  int columns, std::ptrdiff_t plane, const HypothesisOrder& order, const WindowCosts& out,
-                  std::uint16_t* work);
+extern void (*const window_costs)(const std::uint16_t* above, const std::uint16_t* here,
+                                  const std::uint16_t* under, int columns, std::ptrdiff_t plane,
+                                  const HypothesisOrder& order, const WindowCosts& out, std::uint16_t* work);
 
 /// Cells without padding between rows, four numbers each.
 struct SumSource {
@@ -68,10 +70,11 @@ struct SumSource {
 /// rounded. Node k is the earlier position of the centre of cell 4 k, in Q8 pixels from the centre of the
 /// first cell. Positions are linear between two of the columns / 4 + 2 nodes. Cells more than one cell
 /// outside are 0.
-void moved_sums(const SumSource& source, const std::int32_t* nodes, int columns, int keep, std::int16_t* out);
+extern void (*const moved_sums)(const SumSource& source, const std::int32_t* nodes, int columns, int keep,
+                                std::int16_t* out);
 
 /// From the first two of each four numbers (quality, count): evidence[i] = quality * 256 / max(count, 8192),
 /// rounded towards 0; |quality| <= 32767.
-void evidence_of_sums(const std::int16_t* sums, int count, std::int16_t* evidence);
+extern void (*const evidence_of_sums)(const std::int16_t* sums, int count, std::int16_t* evidence);
 
 } // namespace terrainseg::kernels

@@ -121,6 +121,8 @@ void fill(std::uint8_t* mask, std::ptrdiff_t stride, int width, int first, int e
 
 void write_mask(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
                 std::uint8_t* mask, std::ptrdiff_t stride, std::uint8_t* work) {
+  if (width <= 0 || first >= end)
+    return;
   const int top = std::clamp(span_of(boundary, width).least, first, end);
   const int bottom = std::clamp(span_of(safe, width).most, top, end);
   fill(mask, stride, width, first, top, 0);
@@ -158,17 +160,9 @@ namespace terrainseg::kernels {
 HWY_EXPORT(write_mask);
 HWY_EXPORT(add_stretches);
 
-void write_mask_rows(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
-                     std::uint8_t* mask, std::ptrdiff_t stride, std::uint8_t* work) {
-  if (width > 0 && first < end)
-    HWY_DYNAMIC_DISPATCH(write_mask)(boundary, safe, width, first, end, mask, stride, work);
-}
-
-void add_mask_stretches(const std::uint16_t* first, const std::uint16_t* end, int width, int first_row,
-                        int end_row, std::uint8_t* mask, std::ptrdiff_t stride) {
-  if (width > 0 && first_row < end_row)
-    HWY_DYNAMIC_DISPATCH(add_stretches)(first, end, width, first_row, end_row, mask, stride);
-}
+decltype(write_mask_rows) write_mask_rows = dispatched([] { return &HWY_DYNAMIC_DISPATCH(write_mask); });
+decltype(add_mask_stretches) add_mask_stretches =
+    dispatched([] { return &HWY_DYNAMIC_DISPATCH(add_stretches); });
 
 } // namespace terrainseg::kernels
 #endif

@@ -10,12 +10,14 @@ namespace terrainseg::kernels {
 /// Writes rows first..end-1 of a mask of `width` columns: 0 above boundary[x], 128 from there to above
 /// safe[x], 255 from safe[x] on; boundary[x] <= safe[x]. Rows count from the mask's top; `mask` points to row
 /// 0. `work` has 2 * width bytes. Rows in which all columns are equal are filled without reading the curves.
-void write_mask_rows(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,
-                     std::uint8_t* mask, std::ptrdiff_t stride, std::uint8_t* work);
+extern void (*const write_mask_rows)(const std::uint16_t* boundary, const std::uint16_t* safe, int width,
+                                     int first, int end, std::uint8_t* mask, std::ptrdiff_t stride,
+                                     std::uint8_t* work);
 
 /// Sets the rows first[x] .. end[x] - 1 of each of `width` columns to 255, within the rows first_row ..
 /// end_row - 1 of `mask`.
-void add_mask_stretches(const std::uint16_t* first, const std::uint16_t* end, int width, int first_row,
-                        int end_row, std::uint8_t* mask, std::ptrdiff_t stride);
+extern void (*const add_mask_stretches)(const std::uint16_t* first, const std::uint16_t* end, int width,
+                                        int first_row, int end_row, std::uint8_t* mask,
+                                        std::ptrdiff_t stride);
 
 } // namespace terrainseg::kernels

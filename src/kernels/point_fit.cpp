@@ -318,19 +318,10 @@ HWY_EXPORT(differences_of);
 HWY_EXPORT(weights_of);
 HWY_EXPORT(sums_of);
 
-int point_differences(const PointPicture& picture, const PointMap& map, const PointLists& points,
-                      std::int32_t* differences) {
-  return HWY_DYNAMIC_DISPATCH(differences_of)(picture, map, points, differences);
-}
-
-void fit_weights(const std::int32_t* differences, int count, std::int32_t per_index,
-                 const std::int32_t* table, std::int32_t* weights) {
-  HWY_DYNAMIC_DISPATCH(weights_of)(differences, count, per_index, table, weights);
-}
-
-void fit_sums(const FitLists& lists, int unknowns, std::int64_t* left, std::int64_t* right) {
-  HWY_DYNAMIC_DISPATCH(sums_of)(lists, unknowns, left, right);
-}
+decltype(point_differences) point_differences =
+    dispatched([] { return &HWY_DYNAMIC_DISPATCH(differences_of); });
+decltype(fit_weights) fit_weights = dispatched([] { return &HWY_DYNAMIC_DISPATCH(weights_of); });
+decltype(fit_sums) fit_sums = dispatched([] { return &HWY_DYNAMIC_DISPATCH(sums_of); });
 
 } // namespace terrainseg::kernels
 #endif

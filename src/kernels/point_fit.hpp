@@ -63,13 +63,13 @@ struct PointLists {
 /// differences[i] = the picture at the position of point i, bilinear, Q8, minus values[i]; no_difference
 /// where the four pixels around it are not all in the picture. Returns the number of points for which they
 /// are.
-int point_differences(const PointPicture& picture, const PointMap& map, const PointLists& points,
-                      std::int32_t* differences);
+extern int (*const point_differences)(const PointPicture& picture, const PointMap& map,
+                                      const PointLists& points, std::int32_t* differences);
 
 /// weights[i] = table[min(|differences[i]| * per_index / 2^16, 64)], table[64] = 0 for no_difference and up
 /// to the next multiple of points_together. |differences| <= 2^16, 0 <= per_index <= 2^14.
-void fit_weights(const std::int32_t* differences, int count, std::int32_t per_index,
-                 const std::int32_t* table, std::int32_t* weights);
+extern void (*const fit_weights)(const std::int32_t* differences, int count, std::int32_t per_index,
+                                 const std::int32_t* table, std::int32_t* weights);
 
 /// Lists of points: derivatives by each unknown, weights, and differences.
 struct FitLists {
@@ -80,6 +80,6 @@ struct FitLists {
 };
 
 /// left = the lower triangle of sum w J J' row by row, right = sum w J e; `unknowns` is 6 or 7. |w J| < 2^31.
-void fit_sums(const FitLists& lists, int unknowns, std::int64_t* left, std::int64_t* right);
+extern void (*const fit_sums)(const FitLists& lists, int unknowns, std::int64_t* left, std::int64_t* right);
 
 } // namespace terrainseg::kernels

@@ -555,37 +555,15 @@ HWY_EXPORT(narrow_row);
 HWY_EXPORT(pick_bytes);
 HWY_EXPORT(spread_row);
 
-void reduce_pair(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
-                 std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
-  HWY_DYNAMIC_DISPATCH(reduce)(interleave, odd, even, width, ahead, waiting, out);
-}
-
-void reduce_horizontally(Interleave interleave, const std::uint8_t* row, int width, std::ptrdiff_t ahead,
-                         std::uint8_t* out) {
-  HWY_DYNAMIC_DISPATCH(reduce_one)(interleave, row, width, ahead, out);
-}
-
-void reduce_pair_vertically(const std::uint8_t* odd, const std::uint8_t* even, int bytes,
-                            const Waiting& waiting, std::uint8_t* out) {
-  HWY_DYNAMIC_DISPATCH(reduce_vertically)(odd, even, bytes, waiting, out);
-}
-
-void split_422(const std::uint8_t* row, int width, bool luma_first, std::ptrdiff_t ahead, std::uint8_t* luma,
-               std::uint8_t* chroma) {
-  HWY_DYNAMIC_DISPATCH(split)(row, width, luma_first, ahead, luma, chroma);
-}
-
-void narrow(const std::uint8_t* row, int shift, int count, std::ptrdiff_t ahead, std::uint8_t* out) {
-  HWY_DYNAMIC_DISPATCH(narrow_row)(row, shift, count, ahead, out);
-}
-
-void pick(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out) {
-  HWY_DYNAMIC_DISPATCH(pick_bytes)(row, offset, step, count, out);
-}
-
-void spread(const std::uint8_t* row, int offset, int step, int shift, int width, std::uint8_t* out) {
-  HWY_DYNAMIC_DISPATCH(spread_row)(row, offset, step, shift, width, out);
-}
+decltype(reduce_pair) reduce_pair = dispatched([] { return &HWY_DYNAMIC_DISPATCH(reduce); });
+decltype(reduce_horizontally) reduce_horizontally =
+    dispatched([] { return &HWY_DYNAMIC_DISPATCH(reduce_one); });
+decltype(reduce_pair_vertically) reduce_pair_vertically =
+    dispatched([] { return &HWY_DYNAMIC_DISPATCH(reduce_vertically); });
+decltype(split_422) split_422 = dispatched([] { return &HWY_DYNAMIC_DISPATCH(split); });
+decltype(narrow) narrow = dispatched([] { return &HWY_DYNAMIC_DISPATCH(narrow_row); });
+decltype(pick) pick = dispatched([] { return &HWY_DYNAMIC_DISPATCH(pick_bytes); });
+decltype(spread) spread = dispatched([] { return &HWY_DYNAMIC_DISPATCH(spread_row); });
 
 } // namespace terrainseg::kernels
 #endif

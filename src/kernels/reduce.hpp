@@ -41,32 +41,34 @@ struct Waiting {
 /// pixels of (s + 128) >> 8 with reflect-101 borders. To start at row y, pass (any, 2y-2) and (2y-1, 2y) and
 /// ignore the output. `ahead`: bytes from these rows to the next ones, which are prefetched; 0 = they are in
 /// the cache. The next rows need not exist.
-void reduce_pair(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even, int width,
-                 std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out);
+extern void (*const reduce_pair)(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* even,
+                                 int width, std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out);
 
 /// Reduces one row in the horizontal direction only: (s + 8) >> 4, `ahead` as above.
-void reduce_horizontally(Interleave interleave, const std::uint8_t* row, int width, std::ptrdiff_t ahead,
-                         std::uint8_t* out);
+extern void (*const reduce_horizontally)(Interleave interleave, const std::uint8_t* row, int width,
+                                         std::ptrdiff_t ahead, std::uint8_t* out);
 
 /// reduce_pair() in the vertical direction only, for `bytes` bytes: (s + 8) >> 4.
-void reduce_pair_vertically(const std::uint8_t* odd, const std::uint8_t* even, int bytes,
-                            const Waiting& waiting, std::uint8_t* out);
+extern void (*const reduce_pair_vertically)(const std::uint8_t* odd, const std::uint8_t* even, int bytes,
+                                            const Waiting& waiting, std::uint8_t* out);
 
 /// Splits a row of packed 4:2:2 of `width` pixels into luma and interleaved chroma (2 * ceil(width / 2)
 /// bytes, in the order of the row), `ahead` as above. `luma_first`: YUY2 and YVYU rather than UYVY and VYUY.
 /// The row holds 4 * ceil(width / 2) bytes.
-void split_422(const std::uint8_t* row, int width, bool luma_first, std::ptrdiff_t ahead, std::uint8_t* luma,
-               std::uint8_t* chroma);
+extern void (*const split_422)(const std::uint8_t* row, int width, bool luma_first, std::ptrdiff_t ahead,
+                               std::uint8_t* luma, std::uint8_t* chroma);
 
 /// The upper 8 bits of `count` samples of two bytes, the lower first: (sample >> shift) & 255, `ahead` as
 /// above. shift is 0..8.
-void narrow(const std::uint8_t* row, int shift, int count, std::ptrdiff_t ahead, std::uint8_t* out);
+extern void (*const narrow)(const std::uint8_t* row, int shift, int count, std::ptrdiff_t ahead,
+                            std::uint8_t* out);
 
 /// Every `step`-th byte of a row, from `offset` on: `count` samples. step is 2 or 4.
-void pick(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out);
+extern void (*const pick)(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out);
 
 /// A component at full width: sample offset + step * (x >> shift) of the row for every x below `width`. step
 /// is 1..4, shift 0 or 1.
-void spread(const std::uint8_t* row, int offset, int step, int shift, int width, std::uint8_t* out);
+extern void (*const spread)(const std::uint8_t* row, int offset, int step, int shift, int width,
+                            std::uint8_t* out);
 
 } // namespace terrainseg::kernels

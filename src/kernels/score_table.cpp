@@ -256,14 +256,9 @@ namespace terrainseg::kernels {
 HWY_EXPORT(faster);
 HWY_EXPORT(classify);
 
-bool parts_are_faster(int bit_shift) {
-  return HWY_DYNAMIC_DISPATCH(faster)(bit_shift);
-}
-
-std::uint32_t classify_row_by_parts(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out,
-                                    int width) {
-  return HWY_DYNAMIC_DISPATCH(classify)(row, scores, out, width);
-}
+decltype(parts_are_faster) parts_are_faster = dispatched([] { return &HWY_DYNAMIC_DISPATCH(faster); });
+decltype(classify_row_by_parts) classify_row_by_parts =
+    dispatched([] { return &HWY_DYNAMIC_DISPATCH(classify); });
 
 namespace {
 

@@ -55,11 +55,11 @@ std::uint32_t classify_row(const PixelRow& row, const std::uint8_t* table, int b
 // of a model fit vector registers, and one or two byte shuffles look up 16 to 64 pixels.
 
 /// True when classify_row_by_parts() is faster than classify_row(): with vectors, for bit shifts 3 to 7.
-bool parts_are_faster(int bit_shift);
+extern bool (*const parts_are_faster)(int bit_shift);
 
 /// Same result as classify_row() with the table of `scores`: 255 where score_of() <= score_limit, otherwise
 /// 0. Returns how many are 255. `scores.bit_shift` is 3..7.
-std::uint32_t classify_row_by_parts(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out,
-                                    int width);
+extern std::uint32_t (*const classify_row_by_parts)(const PixelRow& row, const ComponentScores& scores,
+                                                    std::uint8_t* out, int width);
 
 } // namespace terrainseg::kernels

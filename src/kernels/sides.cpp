@@ -255,48 +255,16 @@ HWY_EXPORT(shades_of_row);
 HWY_EXPORT(oddness_of_row);
 HWY_EXPORT(excess_of_row);
 
-void add_blocks(const std::uint8_t* cells, const std::uint8_t* ground, int blocks, std::uint32_t* sums,
-                std::uint32_t* squares) {
-  HWY_DYNAMIC_DISPATCH(sum_of_blocks)(cells, ground, blocks, sums, squares);
-}
-
-void count_boxes(const std::uint32_t* counts, int reach, std::uint32_t least, int count,
-                 const BoxCounts& out) {
-  HWY_DYNAMIC_DISPATCH(counts_of_boxes)(counts, reach, least, count, out);
-}
-
-void run_differences(const std::uint32_t* a, const std::uint32_t* b, int count, std::uint32_t* out) {
-  HWY_DYNAMIC_DISPATCH(running_differences)(a, b, count, out);
-}
-
-void compare_boxes(const std::uint32_t* sums, const std::uint32_t* squares, const BoxRow& boxes,
-                   std::uint32_t floor, int count, const SideRow& out) {
-  HWY_DYNAMIC_DISPATCH(sides_of_boxes)(sums, squares, boxes, floor, count, out);
-}
-
-void double_each(const std::int16_t* in, int count, std::int16_t* out) {
-  HWY_DYNAMIC_DISPATCH(twice_each)(in, count, out);
-}
-
-void deviations(const std::uint8_t* cells, const std::int16_t* left, const std::int16_t* right,
-                const std::int16_t* inverse, int count, std::uint8_t* out, std::uint8_t* dark) {
-  HWY_DYNAMIC_DISPATCH(deviations_of)(cells, left, right, inverse, count, out, dark);
-}
-
-void note_dark(const DeviationRow& in, int enough, std::int16_t row, int count, std::uint8_t* work,
-               std::int16_t* nearest) {
-  HWY_DYNAMIC_DISPATCH(shades_of_row)(in, enough, row, count, work, nearest);
-}
-
-void oddness(const DeviationRow& in, const std::int16_t* nearest, std::int16_t reached, int most, int count,
-             std::uint8_t* out) {
-  HWY_DYNAMIC_DISPATCH(oddness_of_row)(in, nearest, reached, most, count, out);
-}
-
-void add_excess(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign, int count,
-                std::int16_t* sums) {
-  HWY_DYNAMIC_DISPATCH(excess_of_row)(values, ground, enough, sign, count, sums);
-}
+decltype(add_blocks) add_blocks = dispatched([] { return &HWY_DYNAMIC_DISPATCH(sum_of_blocks); });
+decltype(count_boxes) count_boxes = dispatched([] { return &HWY_DYNAMIC_DISPATCH(counts_of_boxes); });
+decltype(run_differences) run_differences =
+    dispatched([] { return &HWY_DYNAMIC_DISPATCH(running_differences); });
+decltype(compare_boxes) compare_boxes = dispatched([] { return &HWY_DYNAMIC_DISPATCH(sides_of_boxes); });
+decltype(double_each) double_each = dispatched([] { return &HWY_DYNAMIC_DISPATCH(twice_each); });
+decltype(deviations) deviations = dispatched([] { return &HWY_DYNAMIC_DISPATCH(deviations_of); });
+decltype(note_dark) note_dark = dispatched([] { return &HWY_DYNAMIC_DISPATCH(shades_of_row); });
+decltype(oddness) oddness = dispatched([] { return &HWY_DYNAMIC_DISPATCH(oddness_of_row); });
+decltype(add_excess) add_excess = dispatched([] { return &HWY_DYNAMIC_DISPATCH(excess_of_row); });
 
 // The loops of the stone field are plain: vectors of newer processors would save less than 5 % of a frame
 // (lab/speed/plain.py).

@@ -12,11 +12,12 @@ namespace terrainseg::kernels {
 
 /// Blocks of two cells: sums[b] += cells[2 b] + cells[2 b + 1], of which only ground counts (1, otherwise 0).
 /// squares[b] is the same for their squares, unless it is nullptr. Modulo 2^32.
-void add_blocks(const std::uint8_t* cells, const std::uint8_t* ground, int blocks, std::uint32_t* sums,
-                std::uint32_t* squares);
+extern void (*const add_blocks)(const std::uint8_t* cells, const std::uint8_t* ground, int blocks,
+                                std::uint32_t* sums, std::uint32_t* squares);
 
 /// out[i] = the sum of b - a from 0 to i.
-void run_differences(const std::uint32_t* a, const std::uint32_t* b, int count, std::uint32_t* out);
+extern void (*const run_differences)(const std::uint32_t* a, const std::uint32_t* b, int count,
+                                     std::uint32_t* out);
 
 /// Properties of the box around each block of a row; 0 in all = unknown.
 struct BoxRow {
@@ -34,8 +35,8 @@ struct BoxCounts {
 
 /// Computes a BoxRow from prefix sums of counts, in the form that compare_boxes() takes. Boxes of which a
 /// side has fewer than `least` cells (1 or more) are unknown.
-void count_boxes(const std::uint32_t* counts, int reach, std::uint32_t least, int count,
-                 const BoxCounts& out);
+extern void (*const count_boxes)(const std::uint32_t* counts, int reach, std::uint32_t least, int count,
+                                 const BoxCounts& out);
 
 /// Results of compare_boxes(): means in Q4, variances in Q8; 0 = unknown.
 struct SideRow {
@@ -45,17 +46,18 @@ struct SideRow {
 
 /// `sums` and `squares` are prefix sums with count + 2 reach + 1 entries. The left side of block b is entry b
 /// + reach minus entry b, the right side entry b + 2 reach + 1 minus entry b + reach + 1.
-void compare_boxes(const std::uint32_t* sums, const std::uint32_t* squares, const BoxRow& boxes,
-                   std::uint32_t floor, int count, const SideRow& out);
+extern void (*const compare_boxes)(const std::uint32_t* sums, const std::uint32_t* squares,
+                                   const BoxRow& boxes, std::uint32_t floor, int count, const SideRow& out);
 
 /// out[2 b] = out[2 b + 1] = in[b].
-void double_each(const std::int16_t* in, int count, std::int16_t* out);
+extern void (*const double_each)(const std::int16_t* in, int count, std::int16_t* out);
 
 /// The difference of each cell from both sides in the same direction, in deviations (Q4), at most 127.
 /// `dark`, unless it is nullptr, is 1 where the cell is below both, otherwise 0. `inverse` is Q12, 0..2^13
 /// - 1.
-void deviations(const std::uint8_t* cells, const std::int16_t* left, const std::int16_t* right,
-                const std::int16_t* inverse, int count, std::uint8_t* out, std::uint8_t* dark);
+extern void (*const deviations)(const std::uint8_t* cells, const std::int16_t* left,
+                                const std::int16_t* right, const std::int16_t* inverse, int count,
+                                std::uint8_t* out, std::uint8_t* dark);
 
 /// Deviations of a row's three components, 0..127, and which cells are ground and dark (1 or 0).
 struct DeviationRow {
@@ -64,18 +66,18 @@ struct DeviationRow {
 
 /// nearest[i] = row where the ground of one of the cells i - 1 .. i + 1 is dark and y is more than `enough`.
 /// `work`: count + 2 bytes.
-void note_dark(const DeviationRow& in, int enough, std::int16_t row, int count, std::uint8_t* work,
-               std::int16_t* nearest);
+extern void (*const note_dark)(const DeviationRow& in, int enough, std::int16_t row, int count,
+                               std::uint8_t* work, std::int16_t* nearest);
 
 /// out[i] = min(most, half of the largest deviation plus half of the sum of all three), 0 where there is no
 /// ground. Luma counts a quarter where the cell is not dark and nearest[i] > reached.
-void oddness(const DeviationRow& in, const std::int16_t* nearest, std::int16_t reached, int most, int count,
-             std::uint8_t* out);
+extern void (*const oddness)(const DeviationRow& in, const std::int16_t* nearest, std::int16_t reached,
+                             int most, int count, std::uint8_t* out);
 
 /// sums[i] += sign * (values[i] - (ground[i] ? enough : 0)), modulo 2^16; sign is 1 or -1, ground 1 or 0,
 /// values and enough 0..127.
-void add_excess(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign, int count,
-                std::int16_t* sums);
+extern void (*const add_excess)(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign,
+                                int count, std::int16_t* sums);
 
 // The stone field: rows of cells and the ground around them, from which cells that differ are excluded.
 

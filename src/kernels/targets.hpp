@@ -30,4 +30,13 @@ template <auto... constants, class Value, class Use>
   ((value == constants ? use(std::integral_constant<Value, constants>()) : void()), ...);
 }
 
+/// The function that a caller sees: calls what `choose` returns, the variant for this processor. The headers
+/// declare such functions as constant pointers.
+template <class Choose> constexpr auto dispatched(Choose choose) {
+  const auto calling = []<class Result, class... Values>(Result (*)(Values...)) {
+    return +[](Values... values) -> Result { return Choose()()(static_cast<Values>(values)...); };
+  };
+  return calling(decltype(choose())());
+}
+
 } // namespace terrainseg::kernels

@@ -121,10 +121,7 @@ namespace terrainseg::metric {
 
 HWY_EXPORT(measure);
 
-void measure(const RayBlock& rays, std::size_t columns, const GroundProjection (&grounds)[3],
-             double range_max, RangeBlock& block) {
-  HWY_DYNAMIC_DISPATCH(measure)(rays, columns, grounds, range_max, block);
-}
+decltype(measure) measure = kernels::dispatched([] { return &HWY_DYNAMIC_DISPATCH(measure); });
 
 } // namespace terrainseg::metric
 #endif

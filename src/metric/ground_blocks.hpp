@@ -26,7 +26,7 @@ struct RangeBlock {
 
 /// `grounds`: as the camera stands, and pitched by one standard deviation down and up; `columns` of the block
 /// are asked for, at least one.
-void measure(const RayBlock& rays, std::size_t columns, const GroundProjection (&grounds)[3],
-             double range_max, RangeBlock& block);
+extern void (*const measure)(const RayBlock& rays, std::size_t columns, const GroundProjection (&grounds)[3],
+                             double range_max, RangeBlock& block);
 
 } // namespace terrainseg::metric
