@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "kernels/blend.hpp"
 
+#include <cstring>
+
 #include "kernels/targets.hpp"
 
 #undef HWY_TARGET_INCLUDE
@@ -20,16 +22,6 @@ HWY_INLINE std::uint8_t mixed(unsigned sample, unsigned coverage, unsigned ink) 
 
 // At most 255 * 256 + 128, which fits 16 bits.
 static_assert(255 * 256 + 128 <= 65535);
-
-// Blends the pixels i..count-1 of n bytes each; the byte `untouched` of each is not changed.
-template <std::size_t n>
-void plain_pixels(std::uint8_t* samples, const Coverage* coverage, int i, int count,
-                  const std::array<std::uint8_t, n>& ink, std::size_t untouched = n) {
-  for (; i < count; ++i)
-    for (std::size_t c = 0; c < n; ++c)
-      if (std::uint8_t& sample = samples[n * i + c]; c != untouched)
-        sample = mixed(sample, coverage[i], ink[c]);
-}
 
 bool any(const Coverage* coverage, int count) {
   Coverage all = 0;
@@ -146,22 +138,8 @@ void plane(std::uint8_t* samples, const Coverage* coverage, int count, std::uint
       }))
     return;
 #endif
-  plain_pixels<1>(samples, coverage, 0, count, {ink});
-}
-
-void pairs(std::uint8_t* samples, const Coverage* coverage, int count,
-           const std::array<std::uint8_t, 2>& ink) {
-#if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint16_t, 32> d16;
-  const hn::Repartition<std::uint8_t, decltype(d16)> d8;
-  const auto first = hn::Set(d16, ink[0]), second = hn::Set(d16, ink[1]);
-  if (in_place<2>(d8, samples, count, [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR {
-        const auto a = hn::LoadU(d16, coverage + i);
-        return hn::BitCast(d8, mix_both(d16, hn::BitCast(d16, v), a, a, first, second));
-      }))
-    return;
-#endif
-  plain_pixels(samples, coverage, 0, count, ink);
+  for (int i = 0; i < count; ++i)
+    samples[i] = mixed(samples[i], coverage[i], ink);
 }
 
 HWY_INLINE void mix_word(std::uint8_t* at, unsigned coverage, int shift, unsigned ink) {
@@ -224,53 +202,53 @@ void word_pairs(std::uint8_t* samples, const Coverage* coverage, int count, int 
       mix_word(samples + 4 * i + 2 * c, coverage[i], shift, ink[c]);
 }
 
-void triples(std::uint8_t* samples, const Coverage* coverage, int count,
+// Auto-vectorised, as the next loops.
+void triples(std::uint8_t* __restrict samples, const Coverage* __restrict coverage, int count,
              const std::array<std::uint8_t, 3>& ink) {
-  int i = 0;
-#if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint16_t, 32> d16;
-  const hn::Rebind<std::uint8_t, decltype(d16)> d8;
-  const hn::Rebind<std::int16_t, decltype(d16)> di16;
-  const int lanes = static_cast<int>(hn::Lanes(d16));
-  const auto ink0 = hn::Set(d16, ink[0]), ink1 = hn::Set(d16, ink[1]), ink2 = hn::Set(d16, ink[2]);
-  const auto mix_one = [&](hn::Vec<decltype(d8)> v, hn::Vec<decltype(d16)> a,
-                           hn::Vec<decltype(d16)> colour) HWY_ATTR {
-    return hn::DemoteTo(d8, hn::BitCast(di16, mix(d16, hn::PromoteTo(d16, v), a, colour)));
-  };
-  for (; i + lanes <= count; i += lanes) {
-    ask_ahead(samples + 3 * i);
-    hn::Vec<decltype(d8)> v0, v1, v2;
-    hn::LoadInterleaved3(d8, samples + 3 * i, v0, v1, v2);
-    const auto a = hn::LoadU(d16, coverage + i);
-    hn::StoreInterleaved3(mix_one(v0, a, ink0), mix_one(v1, a, ink1), mix_one(v2, a, ink2), d8,
-                          samples + 3 * i);
+  const auto [first, second, third] = ink;
+  for (int i = 0; i < count; ++i) {
+    std::uint8_t* const s = samples + 3 * i;
+    s[0] = mixed(s[0], coverage[i], first);
+    s[1] = mixed(s[1], coverage[i], second);
+    s[2] = mixed(s[2], coverage[i], third);
   }
-#endif
-  plain_pixels(samples, coverage, i, count, ink);
+}
+
+// The bytes of a pixel as a number, in the order of the machine.
+template <class Word> HWY_INLINE Word word_of(const std::uint8_t* bytes) {
+  Word word;
+  std::memcpy(&word, bytes, sizeof word);
+  return word;
+}
+
+// Blends pixels of two or four bytes: every second byte at once. The bits of `kept` are not changed.
+template <class Word>
+HWY_INLINE void whole_pixels(std::uint8_t* __restrict samples, const Coverage* __restrict coverage, int count,
+                             Word ink, Word kept) {
+  constexpr auto bytes = static_cast<Word>(0x00ff00ff), rounding = static_cast<Word>(0x00800080);
+  const auto low_ink = static_cast<Word>(ink & bytes), high_ink = static_cast<Word>(ink >> 8 & bytes);
+  for (int i = 0; i < count; ++i) {
+    std::uint8_t* const at = samples + std::ptrdiff_t{sizeof(Word)} * i;
+    const Word pixel = word_of<Word>(at), weight = coverage[i], rest = static_cast<Word>(256 - weight);
+    const auto low = static_cast<Word>((pixel & bytes) * rest + low_ink * weight + rounding),
+               high = static_cast<Word>((pixel >> 8 & bytes) * rest + high_ink * weight + rounding);
+    const auto blended = static_cast<Word>((low >> 8 & bytes) | (high & ~bytes));
+    const auto out = static_cast<Word>((pixel & kept) | (blended & ~kept));
+    std::memcpy(at, &out, sizeof out);
+  }
+}
+
+void pairs(std::uint8_t* samples, const Coverage* coverage, int count,
+           const std::array<std::uint8_t, 2>& ink) {
+  whole_pixels<std::uint16_t>(samples, coverage, count, word_of<std::uint16_t>(ink.data()), 0);
 }
 
 void quads(std::uint8_t* samples, const Coverage* coverage, int count, const std::array<std::uint8_t, 4>& ink,
            int untouched) {
-#if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint32_t, 16> d32;
-  const hn::Repartition<std::uint16_t, decltype(d32)> d16;
-  const hn::Repartition<std::uint8_t, decltype(d32)> d8;
-  const hn::Rebind<std::uint16_t, decltype(d32)> dc;
-  const auto lanes_of = [&](std::uint32_t low, std::uint32_t high)
-                            HWY_ATTR { return hn::BitCast(d16, hn::Set(d32, low | high << 16)); };
-  const auto low_ink = lanes_of(ink[0], ink[2]), high_ink = lanes_of(ink[1], ink[3]);
-  // The untouched byte is blended with coverage 0.
-  const auto low_mask = lanes_of(untouched == 0 ? 0 : 0xffff, untouched == 2 ? 0 : 0xffff);
-  const auto high_mask = lanes_of(untouched == 1 ? 0 : 0xffff, untouched == 3 ? 0 : 0xffff);
-  if (in_place<4>(d8, samples, count, [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR {
-        const auto a32 = hn::PromoteTo(d32, hn::LoadU(dc, coverage + i));
-        const auto a = hn::BitCast(d16, hn::Or(a32, hn::ShiftLeft<16>(a32)));
-        return hn::BitCast(d8, mix_both(d16, hn::BitCast(d16, v), hn::And(a, low_mask), hn::And(a, high_mask),
-                                        low_ink, high_ink));
-      }))
-    return;
-#endif
-  plain_pixels(samples, coverage, 0, count, ink, static_cast<std::size_t>(untouched));
+  std::array<std::uint8_t, 4> kept{};
+  kept[static_cast<std::size_t>(untouched)] = 255;
+  whole_pixels(samples, coverage, count, word_of<std::uint32_t>(ink.data()),
+               word_of<std::uint32_t>(kept.data()));
 }
 
 void packed_422(std::uint8_t* samples, const Coverage* coverage, int count,
