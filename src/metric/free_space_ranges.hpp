@@ -43,7 +43,15 @@ struct GroundView {
   double widest_step = 0; ///< between two neighbouring columns on one row
 };
 
-struct RayBlock;
+/// Columns that are measured at once. They share one arc tangent.
+inline constexpr std::size_t block_columns = 64;
+
+/// The rays (x, y, 1) through the ends of neighbouring columns, NaN where the lens has none. The last ray is
+/// repeated to fill the block.
+struct RayBlock {
+  double x[block_columns], y[block_columns];
+  float beyond[block_columns]; ///< what stands for a range beyond range_max: +infinity, or NaN
+};
 
 class FreeSpaceRanges {
  public:
