@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "exchange/bytes.hpp"
 
@@ -16,6 +17,36 @@ template <class Integer> void put(std::string& out, Integer value) {
   char digits[24];
   const auto end = std::to_chars(digits, digits + sizeof digits, value).ptr;
   out.append(digits, static_cast<std::size_t>(end - digits));
+}
+
+/// A number; null if it is negative, which means that it is unknown.
+void put_known(std::string& out, std::int64_t value) {
+  if (value < 0)
+    out += "null";
+  else
+    put(out, value);
+}
+
+template <class Integer> void put_member(std::string& out, const char* name, Integer value) {
+  out.append(", \"").append(name).append("\": ");
+  put(out, value);
+}
+
+/// Ends a list in which a comma follows each value.
+void end_list(std::string& out) {
+  if (out.back() == ',')
+    out.pop_back();
+  out += ']';
+}
+
+/// A list of what put_one(value) writes of each value.
+template <class Values, class Put> void put_list(std::string& out, const Values& values, Put put_one) {
+  out += '[';
+  for (const auto& value : values) {
+    put_one(value);
+    out += ',';
+  }
+  end_list(out);
 }
 
 /// value / 10^decimals without trailing zeros.
@@ -42,78 +73,49 @@ void put_q8(std::string& out, std::uint64_t value) {
   put_decimal(out, (value * 1000 + 128) >> 8, 3);
 }
 
-template <std::size_t N, class Number>
-void put_q8_list(std::string& out, const std::array<Number, N>& values) {
-  char separator = '[';
-  for (const Number value : values) {
-    out += separator;
-    put_q8(out, value);
-    separator = ',';
-  }
-  out += ']';
-}
-
 void put_boundary(std::string& out, std::span<const std::uint16_t> boundary, int frame_height) {
   const std::uint32_t height = static_cast<std::uint32_t>(std::max(frame_height, 1));
-  out += '[';
   // Neighbouring columns mostly have the same row: its text is reused.
   std::uint32_t last = ~0u;
   std::string text;
-  for (std::size_t i = 0; i < boundary.size(); ++i) {
-    const std::uint32_t row = std::min<std::uint32_t>(boundary[i], height);
+  put_list(out, boundary, [&](std::uint16_t at) {
+    const std::uint32_t row = std::min<std::uint32_t>(at, height);
     if (row != last) {
       text.clear();
       put_decimal(text, (row * 10000ull + height / 2) / height, 4);
-      text += ',';
       last = row;
     }
     out += text;
-  }
-  if (boundary.empty())
-    out += ']';
-  else
-    out.back() = ']';
+  });
 }
 
 void put_flags(std::string& out, std::uint32_t flags) {
-  struct Name {
-    std::uint32_t bit;
-    const char* text;
-  };
-  constexpr Name names[] = {{flag_learned, "\"learned\""},           {flag_frozen, "\"frozen\""},
-                            {flag_starved, "\"starved\""},           {flag_unknown, "\"unknown\""},
-                            {flag_horizon_held, "\"horizon-held\""}, {flag_blocked, "\"blocked\""},
-                            {flag_window_still, "\"window-still\""}};
+  constexpr std::pair<Flag, const char*> names[] = {
+      {flag_learned, "learned"},           {flag_frozen, "frozen"},
+      {flag_starved, "starved"},           {flag_unknown, "unknown"},
+      {flag_horizon_held, "horizon-held"}, {flag_blocked, "blocked"},
+      {flag_window_still, "window-still"}};
   out += '[';
-  bool first = true;
-  for (const Name& name : names) {
-    if (!(flags & name.bit))
-      continue;
-    if (!first)
-      out += ',';
-    out += name.text;
-    first = false;
-  }
-  out += ']';
+  for (const auto& [flag, name] : names)
+    if (flags & flag)
+      out.append("\"").append(name).append("\",");
+  end_list(out);
 }
 
 void put_runs(std::string& out, const GrayView& mask) {
   out += "{\"width\": ";
   put(out, std::max(mask.width, 0));
-  out += ", \"height\": ";
-  put(out, std::max(mask.height, 0));
+  put_member(out, "height", std::max(mask.height, 0));
   out += ", \"runs\": [";
-  const std::size_t before = out.size();
   for_each_run(mask, [&](std::uint8_t value, std::size_t length) {
-    put(out, static_cast<unsigned>(value));
+    put(out, value);
     out += ',';
     put(out, length);
     out += ',';
     return true;
   });
-  if (out.size() > before)
-    out.pop_back();
-  out += "]}";
+  end_list(out);
+  out += '}';
 }
 
 /// A number with 16 fraction bits, rounded to a thousandth.
@@ -152,16 +154,14 @@ constexpr int microradians = 6; ///< decimals of angles in radians: 0.001 degree
 
 /// null for unknown values. Values are limited to `most`.
 void put_reals(std::string& out, const char* name, std::span<const float> values, int decimals, double most) {
-  out.append("\"").append(name).append("\": [");
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    if (i > 0)
-      out += ',';
-    if (std::isnan(values[i]))
+  out.append("\"").append(name).append("\": ");
+  put_list(out, values, [&](float value) {
+    if (std::isnan(value))
       out += "null";
     else
-      put_real(out, std::min<double>(values[i], most), decimals);
-  }
-  out += "], ";
+      put_real(out, std::min<double>(value, most), decimals);
+  });
+  out += ", ";
 }
 
 void put_metric(std::string& out, const MetricEstimate& m) {
@@ -171,10 +171,8 @@ void put_metric(std::string& out, const MetricEstimate& m) {
   put_reals(out, "bearings", m.bearings, microradians, any);
   put_reals(out, "low", m.low, millimetres, m.range_max);
   put_reals(out, "high", m.high, millimetres, m.range_max);
-  out += "\"free\": [";
-  for (std::size_t i = 0; i < m.ranges.size(); ++i)
-    out.append(i > 0 ? "," : "").append(std::isinf(m.ranges[i]) ? "true" : "false");
-  out += ']';
+  out += "\"free\": ";
+  put_list(out, m.ranges, [&](float range) { out += std::isinf(range) ? "true" : "false"; });
   struct Number {
     const char* name;
     double value;
@@ -212,53 +210,37 @@ void append_json_line(std::string& out, const Estimate& e, std::int64_t pts, boo
   out += "{\"frame\": ";
   put(out, e.frame);
   out += ", \"pts\": ";
-  if (pts < 0)
-    out += "null";
-  else
-    put(out, pts);
+  put_known(out, pts);
   if (extras.utc)
     out.append(", \"utc\": \"").append(utc_text(*extras.utc)).append("\"");
-  out += ", \"width\": ";
-  put(out, e.frame_width);
-  out += ", \"height\": ";
-  put(out, e.frame_height);
+  put_member(out, "width", e.frame_width);
+  put_member(out, "height", e.frame_height);
   out += ", \"horizon\": {\"row\": ";
-  if (e.horizon_row < 0)
-    out += "null";
-  else
-    put(out, e.horizon_row);
-  out += ", \"confidence\": ";
-  put(out, static_cast<unsigned>(e.horizon_confidence));
+  put_known(out, e.horizon_row);
+  put_member(out, "confidence", e.horizon_confidence);
   out += "}";
   put_motion(out, e);
   out += ", \"traversable\": ";
   put_decimal(out, static_cast<std::uint64_t>(std::clamp(e.traversable_permille, 0, 1000)), 3);
-  out += ", \"confidence\": ";
-  put(out, static_cast<unsigned>(e.confidence));
+  put_member(out, "confidence", e.confidence);
   out += ", \"boundary\": ";
   put_boundary(out, e.boundary, e.frame_height);
-  out += ", \"window\": [";
-  put(out, e.window.x);
-  out += ',';
-  put(out, e.window.y);
-  out += ',';
-  put(out, e.window.width);
-  out += ',';
-  put(out, e.window.height);
-  out += "], \"generation\": ";
-  put(out, e.model_generation);
+  out += ", \"window\": ";
+  const auto plain = [&](int value) { put(out, value); };
+  put_list(out, std::array{e.window.x, e.window.y, e.window.width, e.window.height}, plain);
+  put_member(out, "generation", e.model_generation);
   out += ", \"flags\": ";
   put_flags(out, e.flags);
   out += ", \"models\": [";
   const int models = std::clamp(e.model_count, 0, max_models);
+  const auto q8 = [&](std::uint32_t value) { put_q8(out, value); };
   for (int i = 0; i < models; ++i) {
     const ModelSummary& model = e.models[static_cast<std::size_t>(i)];
     out += i ? ", {\"mean\": " : "{\"mean\": ";
-    put_q8_list(out, model.mean);
+    put_list(out, model.mean, q8);
     out += ", \"variance\": ";
-    put_q8_list(out, model.variance);
-    out += ", \"mass\": ";
-    put(out, model.mass);
+    put_list(out, model.variance, q8);
+    put_member(out, "mass", model.mass);
     out += '}';
   }
   out += ']';

@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The primitives of a KLV unit, shared by encoder and decoder: tags of its sets, BER lengths, BER-OID tags,
-// numbers, checksum.
+// What encoder and decoder of a KLV unit share: tags of its sets, BER lengths, BER-OID tags, checksum.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <string_view>
 #include <vector>
-
-#include "terrainseg/estimate.hpp"
 
 namespace terrainseg::vmti {
 
@@ -93,27 +90,94 @@ enum : std::uint8_t {
 };
 inline constexpr std::size_t model_size = 3 * 2 + 3 * 4 + 8 + 3;
 
+/// A field of an estimate as a number of `bytes` bytes. The encoder limits it to its range, the decoder
+/// refuses numbers outside.
+template <class Field> struct Number {
+  Field& field;
+  int bytes;
+  std::int64_t least = 0, most = std::int64_t{1} << 32;
+};
+template <class Field, class... Limits> Number(Field&, int, Limits...) -> Number<Field>;
+
+template <class Coordinate> Number<Coordinate> coordinate(Coordinate& field) {
+  return {field, 4, -65536, 65536};
+}
+
+/// Calls pass(tag, numbers...) for each item of the private set that consists of numbers, except
+/// terrain_motion.
+template <class AnyEstimate, class Pass> void each_item(AnyEstimate& e, const Pass& pass) {
+  const auto rectangle = [&](std::uint8_t tag, auto& r) {
+    pass(tag, coordinate(r.x), coordinate(r.y), coordinate(r.width), coordinate(r.height));
+  };
+  pass(terrain_frame, Number{e.frame, 8});
+  pass(terrain_frame_size, Number{e.frame_width, 2, 0, 65535}, Number{e.frame_height, 2, 0, 65535});
+  rectangle(terrain_region, e.mask_region);
+  // Of the mask before the sender halved it.
+  pass(terrain_sent_mask, Number{e.mask.width, 2, 0, 65535}, Number{e.mask.height, 2, 0, 65535});
+  pass(terrain_horizon, Number{e.horizon_row, 4, -1, 65535}, Number{e.horizon_confidence, 1});
+  pass(terrain_confidence, Number{e.confidence, 1});
+  pass(terrain_permille, Number{e.traversable_permille, 2, 0, 1000});
+  rectangle(terrain_window, e.window);
+  pass(terrain_generation, Number{e.model_generation, 4});
+  pass(terrain_flags, Number{e.flags, 4});
+}
+template <class AnyEstimate, class Pass> void motion_item(AnyEstimate& e, const Pass& pass) {
+  pass(terrain_motion, Number{e.vanishing_row, 4, -1, INT32_MAX},
+       Number{e.speed_over_height, 4, INT32_MIN, INT32_MAX});
+}
+
+/// Calls pass(number) for the numbers of a model in their order.
+template <class Model, class Pass> void each_number(Model& model, const Pass& pass) {
+  for (auto& mean : model.mean)
+    pass(mean);
+  for (auto& variance : model.variance)
+    pass(variance);
+  pass(model.mass);
+  for (auto& component : model.rgb)
+    pass(component);
+}
+
 /// 16-bit sum of all bytes, those at even positions in the upper half (ST 0601).
-std::uint16_t checksum16(View bytes);
+inline std::uint16_t checksum16(View bytes) {
+  std::uint32_t high = 0, low = 0;
+  std::size_t i = 0;
+  for (; i + 1 < bytes.size(); i += 2) {
+    high += bytes[i];
+    low += bytes[i + 1];
+  }
+  if (i < bytes.size())
+    high += bytes[i];
+  return static_cast<std::uint16_t>((high << 8) + low);
+}
 
-// ---- writing: each appends to `out` ----------------------------------------------------------------------
+/// Appends the lowest `bytes` bytes of a number, big-endian.
+inline void put_big(Bytes& out, std::uint64_t value, int bytes) {
+  for (int i = bytes - 1; i >= 0; --i)
+    out.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
+}
 
-/// The lowest `bytes` bytes of a number, big-endian.
-void put_big(Bytes& out, std::uint64_t value, int bytes);
-/// BER length: one byte below 128; otherwise 0x80 + the number of bytes, and the bytes.
-void put_length(Bytes& out, std::size_t length);
-void put_bytes(Bytes& out, View bytes);
-/// Tag and length of an item. The value must follow.
-void put_head(Bytes& out, std::uint8_t tag, std::size_t length);
-void put_item(Bytes& out, std::uint8_t tag, View value);
-void put_text(Bytes& out, std::uint8_t tag, std::string_view text);
-/// An unsigned number in `bytes` bytes, or in the smallest number of bytes if `bytes` is 0.
-void put_number(Bytes& out, std::uint8_t tag, std::uint64_t value, int bytes = 0);
-void put_rectangle(Bytes& out, std::uint8_t tag, const Rectangle& r);
-/// Differences of neighbouring columns, zigzag, 7 bits a byte. A step of up to 63 rows takes one byte.
-void put_boundary(Bytes& out, std::span<const std::uint16_t> boundary);
+/// The number of bytes of a number without leading zeros, at least 1.
+inline int bytes_of(std::uint64_t value) {
+  int n = 1;
+  while (n < 8 && (value >> (8 * n)) != 0)
+    ++n;
+  return n;
+}
 
-// ---- reading ---------------------------------------------------------------------------------------------
+/// Appends a BER length: one byte below 128; otherwise 0x80 + the number of bytes, and the bytes.
+inline void put_length(Bytes& out, std::size_t length) {
+  if (length < 128) {
+    out.push_back(static_cast<std::uint8_t>(length));
+    return;
+  }
+  const int n = bytes_of(length);
+  out.push_back(static_cast<std::uint8_t>(0x80 | n));
+  put_big(out, length, n);
+}
+
+inline bool begins_with(View bytes, const std::array<std::uint8_t, 16>& label) {
+  return bytes.size() >= label.size() && std::equal(label.begin(), label.end(), bytes.begin());
+}
 
 /// Reads from the front. After the first error all further reads are empty and ok() is false.
 class Cursor {
@@ -174,13 +238,5 @@ class Cursor {
   View left_;
   bool ok_ = true;
 };
-
-/// A number that takes the whole item, at most 8 bytes.
-bool read_number(View item, std::uint64_t& value);
-/// Four numbers, each in -65536..65536.
-bool read_rectangle(View item, Rectangle& r);
-/// Reads the output of put_boundary(). False if it is truncated or has rows outside 0..65535.
-bool read_boundary(View item, std::vector<std::uint16_t>& boundary);
-bool begins_with(View bytes, const std::array<std::uint8_t, 16>& label);
 
 } // namespace terrainseg::vmti

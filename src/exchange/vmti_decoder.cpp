@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
 #include <cstring>
+#include <type_traits>
 #include <utility>
 
 #include "exchange/bytes.hpp"
@@ -12,6 +13,37 @@ namespace terrainseg {
 using namespace vmti;
 
 namespace {
+
+/// A number that takes the whole item, at most 8 bytes.
+bool read_number(View item, std::uint64_t& value) {
+  if (item.empty() || item.size() > 8)
+    return false;
+  value = Cursor(item).big(item.size());
+  return true;
+}
+
+/// Reads what the encoder writes. False if it is truncated or has rows outside 0..65535.
+bool read_boundary(View item, std::vector<std::uint16_t>& boundary) {
+  boundary.clear();
+  std::int32_t row = 0;
+  for (std::size_t i = 0; i < item.size();) {
+    std::uint32_t zigzag = 0;
+    for (int shift = 0;; shift += 7) {
+      if (i == item.size() || shift > 14)
+        return false;
+      const std::uint8_t b = item[i++];
+      zigzag |= (b & 127u) << shift;
+      if (b < 128)
+        break;
+    }
+    row +=
+        (zigzag & 1) ? -static_cast<std::int32_t>((zigzag + 1) >> 1) : static_cast<std::int32_t>(zigzag >> 1);
+    if (row < 0 || row > 65535)
+      return false;
+    boundary.push_back(static_cast<std::uint16_t>(row));
+  }
+  return true;
+}
 
 /// Whether the last item of a VMTI or UAS Datalink Local Set is a checksum, as required.
 bool has_checksum(View set) {
@@ -31,52 +63,26 @@ bool holds_vmti(View set) {
   return false;
 }
 
-/// Reads an item of the private Local Set that is a field of Estimate by itself. Returns false if its size or
-/// value is invalid; unknown tags, from a later writer of the same version, are valid.
+/// Reads an item of the private Local Set that consists of numbers. Returns false if its size or value is
+/// invalid; unknown tags, from a later writer of the same version, are valid.
 bool read_terrain_item(std::uint32_t tag, View item, Estimate& estimate) {
-  std::uint64_t number = 0;
-  const bool fixed = read_number(item, number);
-  const auto sized = [&](std::size_t size) { return fixed && item.size() == size; };
-  const auto upper = [&](int bits) {
-    return static_cast<std::int32_t>(static_cast<std::uint32_t>(number >> bits));
+  bool good = true;
+  Cursor in(item);
+  const auto read_one = [&](auto& number) {
+    const std::uint64_t value = in.big(static_cast<std::size_t>(number.bytes));
+    number.field = static_cast<std::remove_reference_t<decltype(number.field)>>(value);
+    const auto read = static_cast<std::int64_t>(number.field);
+    good = good && (number.bytes == 8 || (read >= number.least && read <= number.most));
   };
-  switch (tag) {
-  case terrain_frame:
-    estimate.frame = number;
-    return sized(8);
-  case terrain_frame_size:
-    estimate.frame_width = static_cast<int>(number >> 16 & 0xffff);
-    estimate.frame_height = static_cast<int>(number & 0xffff);
-    return sized(4);
-  case terrain_region:
-    return read_rectangle(item, estimate.mask_region);
-  case terrain_sent_mask: // the size before the sender halved the mask: not used here
-    return sized(4);
-  case terrain_horizon:
-    estimate.horizon_row = upper(8);
-    estimate.horizon_confidence = static_cast<std::uint8_t>(number);
-    return sized(5) && estimate.horizon_row >= -1 && estimate.horizon_row <= 65535;
-  case terrain_confidence:
-    estimate.confidence = static_cast<std::uint8_t>(number);
-    return sized(1);
-  case terrain_permille:
-    estimate.traversable_permille = static_cast<int>(number & 0xffff);
-    return sized(2) && number <= 1000;
-  case terrain_window:
-    return read_rectangle(item, estimate.window);
-  case terrain_generation:
-    estimate.model_generation = static_cast<std::uint32_t>(number);
-    return sized(4);
-  case terrain_flags:
-    estimate.flags = static_cast<std::uint32_t>(number);
-    return sized(4);
-  case terrain_motion:
-    estimate.vanishing_row = upper(32);
-    estimate.speed_over_height = upper(0);
-    return sized(8) && estimate.vanishing_row >= -1;
-  default:
-    return true;
-  }
+  const auto read_numbers = [&](std::uint8_t its_tag, auto... numbers) {
+    if (tag != its_tag)
+      return;
+    (read_one(numbers), ...);
+    good = good && in.ok() && in.done();
+  };
+  each_item(estimate, read_numbers);
+  motion_item(estimate, read_numbers);
+  return good;
 }
 
 /// Reads the list of learned models. Returns false if its size is not that of 0 to max_models models.
@@ -85,14 +91,9 @@ bool read_models(View models, Estimate& estimate) {
     return false;
   Cursor list(models);
   for (; !list.done(); ++estimate.model_count) {
-    ModelSummary& model = estimate.models[static_cast<std::size_t>(estimate.model_count)];
-    for (std::uint16_t& mean : model.mean)
-      mean = static_cast<std::uint16_t>(list.big(2));
-    for (std::uint32_t& variance : model.variance)
-      variance = static_cast<std::uint32_t>(list.big(4));
-    model.mass = list.big(8);
-    for (std::uint8_t& component : model.rgb)
-      component = list.byte();
+    each_number(estimate.models[static_cast<std::size_t>(estimate.model_count)], [&](auto& number) {
+      number = static_cast<std::remove_reference_t<decltype(number)>>(list.big(sizeof number));
+    });
   }
   return true;
 }

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
 #include <string_view>
 
 #include "exchange/bytes.hpp"
@@ -10,6 +13,50 @@ namespace terrainseg {
 namespace {
 
 using namespace vmti;
+
+// The put functions append to `out`.
+
+void put_bytes(Bytes& out, View bytes) {
+  out.insert(out.end(), bytes.begin(), bytes.end());
+}
+
+/// Tag and length of an item. The value must follow.
+void put_head(Bytes& out, std::uint8_t tag, std::size_t length) {
+  out.push_back(tag);
+  put_length(out, length);
+}
+
+void put_item(Bytes& out, std::uint8_t tag, View value) {
+  put_head(out, tag, value.size());
+  put_bytes(out, value);
+}
+
+void put_text(Bytes& out, std::uint8_t tag, std::string_view text) {
+  put_item(out, tag, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
+/// An unsigned number in `bytes` bytes, or in the smallest number of bytes if `bytes` is 0.
+void put_number(Bytes& out, std::uint8_t tag, std::uint64_t value, int bytes = 0) {
+  if (bytes == 0)
+    bytes = bytes_of(value);
+  out.push_back(tag);
+  out.push_back(static_cast<std::uint8_t>(bytes));
+  put_big(out, value, bytes);
+}
+
+/// Differences of neighbouring columns, zigzag, 7 bits a byte. A step of up to 63 rows takes one byte.
+void put_boundary(Bytes& out, std::span<const std::uint16_t> boundary) {
+  std::int32_t last = 0;
+  for (const std::uint16_t row : boundary) {
+    const std::int32_t step = row - last;
+    std::uint32_t zigzag =
+        step >= 0 ? static_cast<std::uint32_t>(step) * 2 : static_cast<std::uint32_t>(-step) * 2 - 1;
+    for (; zigzag >= 128; zigzag >>= 7)
+      out.push_back(static_cast<std::uint8_t>(zigzag | 128));
+    out.push_back(static_cast<std::uint8_t>(zigzag));
+    last = row;
+  }
+}
 
 /// A run as in ST 0903: length of the pair, length of the pixel number, pixel number from 1, run length in
 /// BER.
@@ -117,7 +164,86 @@ void put_horizon_target(Bytes& series, const Estimate& e, int width, int height)
   put_bytes(series, target);
 }
 
+/// Maps low..high to 0..2^bits - 1.
+std::uint64_t unsigned_share(double value, double low, double high, int bits) {
+  const double steps = std::ldexp(1.0, bits) - 1;
+  return static_cast<std::uint64_t>(
+      std::llround((std::clamp(value, low, high) - low) * steps / (high - low)));
+}
+
+/// Maps -limit..limit to -(2^(bits-1) - 1)..2^(bits-1) - 1 in two's complement; -2^(bits-1) means "out of
+/// range".
+std::uint64_t signed_share(double value, double limit, int bits) {
+  const double steps = std::ldexp(1.0, bits - 1) - 1;
+  const auto number = static_cast<std::uint64_t>(std::llround(std::clamp(value / limit, -1.0, 1.0) * steps));
+  return number & ((std::uint64_t{1} << bits) - 1);
+}
+
+/// Writes an angle in the short item if it fits, otherwise in the item with the full range.
+void put_angle(Bytes& set, double degrees, std::uint8_t tag, double limit, std::uint8_t full_tag) {
+  constexpr double full_limit = 90;
+  if (std::abs(degrees) <= limit)
+    put_number(set, tag, signed_share(degrees, limit, 16), 2);
+  else if (std::abs(degrees) <= full_limit)
+    put_number(set, full_tag, signed_share(degrees, full_limit, 32), 4);
+  else
+    put_number(set, tag, 0x8000, 2);
+}
+
 } // namespace
+
+const char* read_position(std::string_view text, UasPlatform& platform) {
+  std::array<double, 4> numbers{};
+  std::size_t count = 0;
+  for (const char *at = text.data(), *const end = at + text.size();; ++at) {
+    if (count == numbers.size())
+      return "it has more than four numbers";
+    while (at < end && *at == ' ')
+      ++at;
+    const auto [behind, error] = std::from_chars(at, end, numbers[count]);
+    if (error != std::errc() || !std::isfinite(numbers[count]))
+      return "it is not latitude,longitude,altitude as numbers with commas between";
+    ++count;
+    at = behind;
+    if (at == end)
+      break;
+    if (*at != ',')
+      return "something else than a comma follows a number";
+  }
+  if (count < 3)
+    return "it needs three numbers: latitude,longitude,altitude";
+  const auto& [latitude, longitude, altitude, heading] = numbers;
+  if (std::abs(latitude) > 90)
+    return "the latitude is not within -90 to 90 degrees";
+  if (std::abs(longitude) > 180)
+    return "the longitude is not within -180 to 180 degrees";
+  if (altitude < -900 || altitude > 19000)
+    return "the altitude is not within -900 to 19000 metres";
+  if (count == 4 && (heading < 0 || heading > 360))
+    return "the heading is not within 0 to 360 degrees";
+  platform.position = {latitude, longitude, altitude};
+  platform.heading = count == 4 ? std::optional(heading) : std::nullopt;
+  return nullptr;
+}
+
+void put_platform(Bytes& set, const UasPlatform& platform) {
+  if (platform.heading) {
+    const double turn = std::fmod(*platform.heading, 360);
+    put_number(set, uas_heading, unsigned_share(turn < 0 ? turn + 360 : turn, 0, 360, 16), 2);
+  }
+  if (platform.attitude) {
+    put_angle(set, platform.attitude->pitch, uas_pitch, 20, uas_full_pitch);
+    put_angle(set, platform.attitude->roll, uas_roll, 50, uas_full_roll);
+  }
+  if (platform.position) {
+    put_number(set, uas_latitude, signed_share(platform.position->latitude, 90, 32), 4);
+    put_number(set, uas_longitude, signed_share(platform.position->longitude, 180, 32), 4);
+    put_number(set, uas_altitude, unsigned_share(platform.position->altitude, -900, 19000, 16), 2);
+  }
+  if (platform.attitude)
+    for (const std::uint8_t tag : {uas_relative_azimuth, uas_relative_elevation, uas_relative_roll})
+      put_number(set, tag, 0, 4);
+}
 
 std::span<const std::uint8_t> KlvEncoder::encode(const Estimate& estimate, std::uint64_t time_us,
                                                  const UasPlatform* platform) {
@@ -236,44 +362,32 @@ void KlvEncoder::nest(const UasPlatform& platform, std::uint64_t time_us, std::s
 
 /// Writes the private Local Set without its checksum into extra_.
 void KlvEncoder::put_terrain_set(const Estimate& e, std::span<const std::uint16_t> boundary) {
-  const auto size_of = [](int v) { return static_cast<std::uint64_t>(std::clamp(v, 0, 65535)); };
   Bytes& set = extra_;
   set.assign(terrain_label.begin(), terrain_label.end());
   put_number(set, terrain_version, terrain_set_version, 1);
-  put_number(set, terrain_frame, e.frame, 8);
-  put_number(set, terrain_frame_size, size_of(e.frame_width) << 16 | size_of(e.frame_height), 4);
-  put_rectangle(set, terrain_region, e.mask_region);
-  put_number(set, terrain_sent_mask, size_of(e.mask.width) << 16 | size_of(e.mask.height), 4);
-  put_number(set, terrain_horizon,
-             (std::uint64_t{static_cast<std::uint32_t>(std::max(e.horizon_row, -1))} << 8) |
-                 e.horizon_confidence,
-             5);
-  put_number(set, terrain_confidence, e.confidence, 1);
-  put_number(set, terrain_permille, static_cast<std::uint64_t>(std::clamp(e.traversable_permille, 0, 1000)),
-             2);
-  put_rectangle(set, terrain_window, e.window);
-  put_number(set, terrain_generation, e.model_generation, 4);
-  put_number(set, terrain_flags, e.flags, 4);
+  const auto put_one = [&](const auto& number) {
+    const bool whole = number.bytes == 8; // has no limits
+    const auto value = static_cast<std::int64_t>(number.field);
+    put_big(set, static_cast<std::uint64_t>(whole ? value : std::clamp(value, number.least, number.most)),
+            number.bytes);
+  };
+  const auto put_numbers = [&](std::uint8_t tag, const auto&... numbers) {
+    put_head(set, tag, static_cast<std::size_t>((numbers.bytes + ...)));
+    (put_one(numbers), ...);
+  };
+  each_item(e, put_numbers);
   Bytes& part = traversable_; // its runs have been copied into the unit
   part.clear();
   put_boundary(part, boundary);
   put_item(set, terrain_boundary, part);
   part.clear();
   for (int i = 0; i < std::clamp(e.model_count, 0, max_models); ++i) {
-    const ModelSummary& model = e.models[static_cast<std::size_t>(i)];
-    for (const std::uint16_t mean : model.mean)
-      put_big(part, mean, 2);
-    for (const std::uint32_t variance : model.variance)
-      put_big(part, variance, 4);
-    put_big(part, model.mass, 8);
-    put_bytes(part, model.rgb);
+    each_number(e.models[static_cast<std::size_t>(i)],
+                [&](auto number) { put_big(part, number, sizeof number); });
   }
   put_item(set, terrain_models, part);
   if (e.vanishing_row >= 0 || e.speed_over_height != 0)
-    put_number(set, terrain_motion,
-               std::uint64_t{static_cast<std::uint32_t>(std::max(e.vanishing_row, -1))} << 32 |
-                   static_cast<std::uint32_t>(e.speed_over_height),
-               8);
+    motion_item(e, put_numbers);
 }
 
 } // namespace terrainseg

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <optional>
 
-#include "exchange/mavlink.hpp"
+#include "exchange/mavlink_stream.hpp"
 #include "outlet_harness.hpp"
 #include "support/metric_meta.hpp"
 

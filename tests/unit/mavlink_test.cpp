@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // MAVLink frames byte for byte, and sectors as an autopilot reads them.
-#include "exchange/mavlink.hpp"
 
 #include <gtest/gtest.h>
 
