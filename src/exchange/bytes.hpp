@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Checksums and run lengths that the output formats share.
+// Numbers, checksums and run lengths that the output formats share.
 #pragma once
 
 #include <bit>
@@ -7,10 +7,18 @@
 #include <cstdint>
 #include <cstring>
 #include <span>
+#include <vector>
 
 #include "terrainseg/frame.hpp"
 
 namespace terrainseg {
+
+/// Appends the lowest `bytes` bytes of a number, little-endian.
+template <class Integer>
+void put_integer(std::vector<std::uint8_t>& out, Integer value, std::size_t bytes = sizeof(Integer)) {
+  for (std::size_t i = 0; i < bytes; ++i)
+    out.push_back(static_cast<std::uint8_t>(static_cast<std::uint64_t>(value) >> (8 * i)));
+}
 
 /// CRC-32 (polynomial of zlib, PNG and Ethernet). `before` is the CRC of the preceding bytes.
 std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t before = 0);

@@ -7,6 +7,8 @@
 #include <limits>
 #include <numbers>
 
+#include "exchange/bytes.hpp"
+
 namespace terrainseg {
 namespace {
 
@@ -34,13 +36,8 @@ std::uint16_t checksum_of(std::span<const std::uint8_t> header_and_payload, std:
   return checksum({&crc_extra, 1}, checksum(header_and_payload));
 }
 
-template <class Integer>
-void put(std::vector<std::uint8_t>& out, Integer value, std::size_t bytes = sizeof(Integer)) {
-  for (std::size_t i = 0; i < bytes; ++i)
-    out.push_back(static_cast<std::uint8_t>(static_cast<std::uint64_t>(value) >> (8 * i)));
-}
 void put_float(std::vector<std::uint8_t>& out, float value) {
-  put(out, std::bit_cast<std::uint32_t>(value));
+  put_integer(out, std::bit_cast<std::uint32_t>(value));
 }
 
 /// Writes one frame; `write` appends the payload.
@@ -51,13 +48,13 @@ void append_frame(std::vector<std::uint8_t>& out, MessageKind kind, const Mavlin
   for (std::uint8_t byte : {magic, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, sequence++,
                             sender.system_id, sender.component_id})
     out.push_back(byte);
-  put(out, kind.id, 3);
+  put_integer(out, kind.id, 3);
   write(out);
   // Trailing zeros are not sent, except the first byte of the payload.
   while (out.size() > start + header_size + 1 && out.back() == 0)
     out.pop_back();
   out[start + 1] = static_cast<std::uint8_t>(out.size() - start - header_size);
-  put(out, checksum_of(std::span(out).subspan(start + 1), kind.crc_extra));
+  put_integer(out, checksum_of(std::span(out).subspan(start + 1), kind.crc_extra));
 }
 
 double degrees(double radians) {
@@ -214,22 +211,22 @@ void append_obstacle_distance(std::vector<std::uint8_t>& out, const ObstacleDist
                               const MavlinkSender& sender, std::uint8_t& sequence) {
   constexpr std::uint8_t sensor_unknown = 4, body_frd = 12;
   append_frame(out, obstacle, sender, sequence, [&](std::vector<std::uint8_t>& payload) {
-    put(payload, message.time_us);
+    put_integer(payload, message.time_us);
     for (std::uint16_t distance : message.distances)
-      put(payload, distance);
-    put(payload, message.min_distance);
-    put(payload, message.max_distance);
-    put(payload, sensor_unknown);
-    put(payload, message.increment);
+      put_integer(payload, distance);
+    put_integer(payload, message.min_distance);
+    put_integer(payload, message.max_distance);
+    put_integer(payload, sensor_unknown);
+    put_integer(payload, message.increment);
     put_float(payload, message.increment_f);
     put_float(payload, message.angle_offset);
-    put(payload, body_frd);
+    put_integer(payload, body_frd);
   });
 }
 
 void append_heartbeat(std::vector<std::uint8_t>& out, const MavlinkSender& sender, std::uint8_t& sequence) {
   append_frame(out, heartbeat, sender, sequence, [](std::vector<std::uint8_t>& payload) {
-    put(payload, std::uint32_t{0}); // custom mode
+    put_integer(payload, std::uint32_t{0}); // custom mode
     for (std::uint8_t byte : {18, 8, 0, 4, 3})
       payload.push_back(byte); // type onboard controller, no autopilot, mode 0, active, MAVLink 2
   });

@@ -23,15 +23,10 @@ constexpr std::size_t largest_content =
     4 + max_models * model_size + 3 * 4 + 4 * (color_bins + 2 * texture_bins) + 3 * 4 + 2 * 2 + 4;
 constexpr std::size_t largest_file = header_size + largest_content + 4;
 
-template <class Number> void put(std::vector<std::uint8_t>& out, Number value) {
-  for (std::size_t i = 0; i < sizeof(Number); ++i)
-    out.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
-}
-
-void put(std::vector<std::uint8_t>& out, const std::vector<std::uint32_t>& histogram) {
-  put(out, static_cast<std::uint32_t>(histogram.size()));
+void put_histogram(std::vector<std::uint8_t>& out, const std::vector<std::uint32_t>& histogram) {
+  put_integer(out, static_cast<std::uint32_t>(histogram.size()));
   for (const std::uint32_t bin : histogram)
-    put(out, bin);
+    put_integer(out, bin);
 }
 
 /// Reads numbers from the front. Past the end it returns zeros and sets an error flag.
@@ -57,6 +52,28 @@ class Reader {
   std::span<const std::uint8_t> bytes_;
   bool short_ = false;
 };
+
+/// Calls pass(number) for the numbers of a model in their order.
+template <class Model, class Pass> void each_number(Model& model, const Pass& pass) {
+  for (auto& mean : model.mean)
+    pass(mean);
+  for (auto& variance : model.variance)
+    pass(variance);
+  pass(model.mass);
+}
+
+/// The same for the numbers behind the histograms.
+template <class AnyTerrain, class Pass>
+void each_number_behind(AnyTerrain& terrain, std::uint32_t version, const Pass& pass) {
+  pass(terrain.exposure_mean);
+  pass(terrain.horizon);
+  pass(terrain.generation);
+  if (version < 2)
+    return;
+  pass(terrain.line.width);
+  pass(terrain.line.height);
+  pass(terrain.line.row_q8);
+}
 
 TerrainResult refuse(std::string why) {
   return {std::nullopt, std::move(why)};
@@ -155,28 +172,19 @@ std::vector<std::uint8_t> serialize_terrain(const Terrain& terrain) {
   content.push_back(static_cast<std::uint8_t>(terrain.space.colorimetry.range));
   content.push_back(static_cast<std::uint8_t>(terrain.space.colorimetry.matrix));
   content.push_back(static_cast<std::uint8_t>(terrain.models.size()));
-  for (const TerrainModel& model : terrain.models) {
-    for (const std::uint16_t mean : model.mean)
-      put(content, mean);
-    for (const std::uint32_t variance : model.variance)
-      put(content, variance);
-    put(content, model.mass);
-  }
-  put(content, terrain.negative_colors);
-  put(content, terrain.terrain_texture);
-  put(content, terrain.negative_texture);
-  put(content, terrain.exposure_mean);
-  put(content, terrain.horizon);
-  put(content, terrain.generation);
-  put(content, terrain.line.width);
-  put(content, terrain.line.height);
-  put(content, terrain.line.row_q8);
+  const auto put_number = [&](auto number) { put_integer(content, number); };
+  for (const TerrainModel& model : terrain.models)
+    each_number(model, put_number);
+  put_histogram(content, terrain.negative_colors);
+  put_histogram(content, terrain.terrain_texture);
+  put_histogram(content, terrain.negative_texture);
+  each_number_behind(terrain, model_file_version, put_number);
 
   std::vector<std::uint8_t> file(magic.begin(), magic.end());
-  put(file, model_file_version);
-  put(file, static_cast<std::uint32_t>(content.size()));
+  put_integer(file, model_file_version);
+  put_integer(file, static_cast<std::uint32_t>(content.size()));
   file.insert(file.end(), content.begin(), content.end());
-  put(file, crc32(file));
+  put_integer(file, crc32(file));
   return file;
 }
 
@@ -221,26 +229,15 @@ TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
     return refuse("the file holds " + std::to_string(models) + " models, at most " +
                   std::to_string(max_models) + " are possible");
   terrain.models.resize(models);
-  for (TerrainModel& model : terrain.models) {
-    for (std::uint16_t& mean : model.mean)
-      mean = in.take<std::uint16_t>();
-    for (std::uint32_t& variance : model.variance)
-      variance = in.take<std::uint32_t>();
-    model.mass = in.take<std::uint64_t>();
-  }
+  const auto take_number = [&]<class Number>(Number& number) { number = in.take<Number>(); };
+  for (TerrainModel& model : terrain.models)
+    each_number(model, take_number);
   for (std::string wrong : {take_histogram(in, "negative colours", color_bins, terrain.negative_colors),
                             take_histogram(in, "terrain texture", texture_bins, terrain.terrain_texture),
                             take_histogram(in, "negative texture", texture_bins, terrain.negative_texture)})
     if (!wrong.empty())
       return refuse(std::move(wrong));
-  terrain.exposure_mean = in.take<std::uint32_t>();
-  terrain.horizon = in.take<std::uint32_t>();
-  terrain.generation = in.take<std::uint32_t>();
-  if (version >= 2) {
-    terrain.line.width = in.take<std::uint16_t>();
-    terrain.line.height = in.take<std::uint16_t>();
-    terrain.line.row_q8 = in.take<std::uint32_t>();
-  }
+  each_number_behind(terrain, version, take_number);
   if (in.ran_out() || in.left() != 0)
     return refuse("the file is damaged: its content does not have the size that its counts add up to");
   if (const std::string flaw = flaw_of(terrain); !flaw.empty())
