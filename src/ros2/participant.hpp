@@ -13,9 +13,15 @@
 
 #include "recording/ros_messages.hpp"
 #include "ros2/discovery.hpp"
-#include "ros2/raw_type.hpp"
+
+struct ddsi_sertype;
 
 namespace terrainseg::ros2 {
+
+struct RawTopic {
+  dds_entity_t entity; ///< negative = an error code of DDS
+  const ddsi_sertype* type;
+};
 
 /// The configuration of a domain exists as long as the process has a user of it.
 class Domain;
@@ -37,59 +43,64 @@ class Participant {
   dds_entity_t entity_;
 };
 
+/// What a writer and a reader share. Without a topic in DDS there is no entity either.
+class Endpoint {
+ public:
+  Endpoint(const Endpoint&) = delete;
+  Endpoint& operator=(const Endpoint&) = delete;
+  /// The error of the constructor, or an empty text.
+  const std::string& error() const { return error_; }
+  dds_entity_t entity() const { return entity_; }
+
+ protected:
+  Endpoint(const Participant& participant, const std::string& topic, const std::string& type);
+  ~Endpoint() = default;
+  /// Must be called by each destructor: listeners use the members of the class.
+  void close();
+
+  RawTopic topic_;
+  dds_entity_t entity_ = 0;
+  std::string error_;
+};
+
 enum class Durability : std::uint8_t { volatile_data, transient_local };
 
 /// Writes a topic with reliable delivery. A message replaces the oldest of `depth` messages that readers have
 /// not acknowledged. A message that DDS does not accept within 5 ms is dropped.
-class Writer {
+class Writer : public Endpoint {
  public:
   /// Keeps `depth` messages for slow readers, and for late readers of a transient local topic.
   Writer(const Participant& participant, const std::string& topic, const recording::MessageType& type,
          Durability durability, int depth);
   /// Writes ros_discovery_info.
   explicit Writer(const Participant& participant);
-  ~Writer();
-  Writer(const Writer&) = delete;
-  Writer& operator=(const Writer&) = delete;
+  ~Writer() { close(); }
 
-  /// The error of the constructor, or an empty text.
-  const std::string& error() const { return error_; }
   std::uint32_t readers() const { return readers_; }
   /// Returns false if the message was dropped; dropped() counts these.
   bool write(recording::ByteView message);
   std::uint64_t written() const { return written_; }
   std::uint64_t dropped() const { return dropped_; }
-  dds_entity_t entity() const { return entity_; }
 
  private:
   void open(const Participant& participant, Durability durability, int depth, const std::string& user_data);
 
-  RawTopic topic_{};
-  dds_entity_t entity_ = 0;
-  std::string error_;
   std::atomic<std::uint32_t> readers_ = 0;
   std::atomic<std::uint64_t> written_ = 0, dropped_ = 0;
 };
 
 /// Reads a topic with best-effort delivery, which matches writers of every kind.
-class Reader {
+class Reader : public Endpoint {
  public:
   /// `on_message` runs in a thread of DDS. For a message longer than `longest` bytes it gets an empty one.
   using OnMessage = std::function<void(recording::ByteView message)>;
   Reader(const Participant& participant, const std::string& topic, const recording::MessageType& type,
          std::size_t longest, OnMessage on_message);
-  ~Reader();
-  Reader(const Reader&) = delete;
-  Reader& operator=(const Reader&) = delete;
-  const std::string& error() const { return error_; }
-  dds_entity_t entity() const { return entity_; }
+  ~Reader() { close(); }
 
  private:
   void take_all(dds_entity_t reader);
 
-  RawTopic topic_{};
-  dds_entity_t entity_ = 0;
-  std::string error_;
   const std::size_t longest_;
   OnMessage on_message_;
   recording::Bytes message_;
