@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cfloat>
 #include <cmath>
 #include <cstdint>
@@ -50,6 +51,10 @@ constexpr float mix(float a, float b, float k) {
 }
 constexpr float clamp01(float v) {
   return v < 0 ? 0 : v > 1 ? 1 : v;
+}
+/// How much of a pixel of `size` lies beyond an edge, if its middle is `offset` beyond it.
+constexpr float past_edge(float offset, float size) {
+  return clamp01(offset / size + 0.5F);
 }
 /// 0 below a, 1 above b, a smooth cubic between.
 constexpr float smooth(float a, float b, float v) {
@@ -106,5 +111,41 @@ constexpr double sine(double turns) {
 constexpr double cosine(double turns) {
   return sine(turns + 0.25);
 }
+
+/// Value noise from a table.
+class Noise {
+ public:
+  static constexpr int period = 256; ///< period in cells
+
+  explicit Noise(std::uint32_t seed) {
+    for (std::uint32_t i = 0; i < table_.size(); ++i)
+      table_[i] = static_cast<std::int8_t>(static_cast<int>(hash(seed, i) >> 24) - 128);
+  }
+
+  /// Noise in about -1..1 with one cell per unit.
+  float at(float u, float v) const {
+    const int iu = floor_of(u), iv = floor_of(v);
+    const float fu = ease(u - static_cast<float>(iu)), fv = ease(v - static_cast<float>(iv));
+    const std::int8_t* top = &table_[static_cast<std::size_t>(iv & (period - 1)) * period];
+    const std::int8_t* bottom = &table_[static_cast<std::size_t>((iv + 1) & (period - 1)) * period];
+    const int left = iu & (period - 1), right = (iu + 1) & (period - 1);
+    const float a = mix(top[left], top[right], fu), b = mix(bottom[left], bottom[right], fu);
+    return mix(a, b, fv) * (1.0F / 128);
+  }
+
+  /// Sum of three octaves.
+  float cloudy(float u, float v) const {
+    return at(u, v) * 0.57F + at(u * 2 + 17.3F, v * 2 + 5.1F) * 0.29F +
+           at(u * 4 + 71.7F, v * 4 + 33.9F) * 0.14F;
+  }
+
+ private:
+  static float ease(float f) { return f * f * (3 - 2 * f); }
+  static float mix(int a, int b, float k) {
+    return scene::mix(static_cast<float>(a), static_cast<float>(b), k);
+  }
+  static float mix(float a, float b, float k) { return scene::mix(a, b, k); }
+  std::array<std::int8_t, period * period> table_;
+};
 
 } // namespace terrainseg::scene

@@ -39,14 +39,12 @@ struct Footprint {
       amplitude[k] = a < 0.03F ? 0 : a;
     }
   }
-  /// Share of a pixel that a stripe covers; the pixel is `offset` away from the stripe's middle.
-  static float stripe(float offset, float half_width, float size) {
-    const float inside = clamp01((half_width - std::abs(offset)) / size + 0.5F);
-    return inside * std::min(1.0F, 2 * half_width / size);
-  }
-  /// 0..1 across an edge at 0.
-  static float edge(float offset, float size) { return clamp01(offset / size + 0.5F); }
 };
+
+/// Share of a pixel that a stripe covers; the pixel is `offset` away from the stripe's middle.
+float stripe(float offset, float half_width, float size) {
+  return past_edge(half_width - std::abs(offset), size) * std::min(1.0F, 2 * half_width / size);
+}
 
 class Ground {
  public:
@@ -136,7 +134,7 @@ class Ground {
     const float rim = p.half_width;
     const float wobble = p.urban ? 0 : 0.12F * octave(3, spot, foot) + 0.06F * octave(2, spot, foot);
     Color color;
-    const float on_road = Footprint::edge(rim + wobble - side, foot.x);
+    const float on_road = past_edge(rim + wobble - side, foot.x);
     if (on_road > 0) {
       const float grain = octave(0, spot, foot), stone = octave(1, spot, foot), worn = octave(2, spot, foot);
       const float patch = octave(3, spot, foot), wide = octave(4, spot, foot), far = octave(5, spot, foot);
@@ -148,13 +146,12 @@ class Ground {
       // Resurfaced strips and joints.
       const float repair = s_.noise.at(spot.z * 0.03125F, 9.5F + (s > 0 ? 3.0F : 0.0F));
       v *= repair > 0.35F ? 0.82F : 1;
-      v *= 1 -
-           0.4F * Footprint::stripe(s - 0.35F - 0.05F * worn, 0.02F, foot.x) * (repair > -0.1F ? 1.0F : 0.0F);
+      v *= 1 - 0.4F * stripe(s - 0.35F - 0.05F * worn, 0.02F, foot.x) * (repair > -0.1F ? 1.0F : 0.0F);
       color = p.surface * v;
-      float paint = Footprint::stripe(side - 3.45F, 0.06F, foot.x);
+      float paint = stripe(side - 3.45F, 0.06F, foot.x);
       const float dash = fraction(spot.z * 0.125F) * 8;
-      const float dashed = Footprint::stripe(dash - 4, 1.5F, std::min(foot.z, 8.0F));
-      paint = std::max(paint, Footprint::stripe(s, 0.06F, foot.x) * dashed);
+      const float dashed = stripe(dash - 4, 1.5F, std::min(foot.z, 8.0F));
+      paint = std::max(paint, stripe(s, 0.06F, foot.x) * dashed);
       const float worn_paint = 0.72F + 0.35F * stone + 0.3F * patch;
       color = mix(color, Color{0.62F, 0.61F, 0.57F}, paint * clamp01(worn_paint));
       label = driven_terrain;
@@ -165,9 +162,8 @@ class Ground {
       if (p.urban && side < p.pavement) {
         const float v =
             1 + 0.2F * octave(0, spot, foot) + 0.1F * octave(1, spot, foot) + 0.1F * octave(3, spot, foot);
-        const float joint =
-            std::max(Footprint::stripe(fraction(spot.z * 1.25F) - 0.5F, 0.012F, foot.z * 1.25F),
-                     Footprint::stripe(fraction(s * 1.25F) - 0.5F, 0.012F, foot.x * 1.25F));
+        const float joint = std::max(stripe(fraction(spot.z * 1.25F) - 0.5F, 0.012F, foot.z * 1.25F),
+                                     stripe(fraction(s * 1.25F) - 0.5F, 0.012F, foot.x * 1.25F));
         const float tile = s_.noise.at(static_cast<float>(floor_of(spot.z * 1.25F)) * 0.5F,
                                        static_cast<float>(floor_of(s * 1.25F)) * 0.5F + 91);
         beyond =
@@ -195,7 +191,7 @@ class Ground {
     const float ragged =
         0.3F * octave(3, spot, foot) + 0.16F * octave(2, spot, foot) + 0.1F * octave(1, spot, foot);
     const float inward = p.half_width + ragged - std::abs(s);
-    const float on_path = clamp01(inward / (foot.x + 0.16F) + 0.5F);
+    const float on_path = past_edge(inward, foot.x + 0.16F);
     Color color;
     if (on_path > 0) {
       const float grit = octave(0, spot, foot), pebble = octave(1, spot, foot), lumps = octave(2, spot, foot);
@@ -249,8 +245,8 @@ class Ground {
       return p.surface * (1 + 0.11F * grain + 0.06F * speck + 0.04F * wear + 0.05F * wide);
     case 1: { // tiles of 0.5 m
       const float u = spot.x * 2, v = spot.z * 2;
-      const float joint = std::max(Footprint::stripe(fraction(u) - 0.5F, 0.012F, foot.x * 2),
-                                   Footprint::stripe(fraction(v) - 0.5F, 0.012F, foot.z * 2));
+      const float joint = std::max(stripe(fraction(u) - 0.5F, 0.012F, foot.x * 2),
+                                   stripe(fraction(v) - 0.5F, 0.012F, foot.z * 2));
       const float tile = unit(hash(s_.settings.seed, static_cast<std::uint32_t>(floor_of(u + 0.5F)),
                                    static_cast<std::uint32_t>(floor_of(v + 0.5F)))) -
                          0.5F;
@@ -267,8 +263,8 @@ class Ground {
           unit(hash(key, static_cast<std::uint32_t>(floor_of(spot.z * 0.5F + unit(hash(key, 3)))))) - 0.5F;
       const float fibre =
           s_.noise.at(spot.x * 96, spot.z * 4 + static_cast<float>(board)) * foot.amplitude[0];
-      const float gap = std::max(Footprint::stripe(fraction(u) - 0.5F, 0.02F, foot.x * 8),
-                                 Footprint::stripe(end - 0.5F, 0.002F, foot.z * 0.5F));
+      const float gap =
+          std::max(stripe(fraction(u) - 0.5F, 0.02F, foot.x * 8), stripe(end - 0.5F, 0.002F, foot.z * 0.5F));
       const float seen = foot.amplitude[1];
       return p.surface *
              ((1 + 0.36F * tone * std::sqrt(seen) + 0.3F * fibre + 0.08F * wide) * (1 - 0.5F * gap));
@@ -417,7 +413,7 @@ class Outdoors : public Surroundings {
     } else {
       top = std::max(top, 0.012F) + 0.006F * s_.noise.at(b * 60, 4.5F);
     }
-    const float cover = clamp01((top - elevation) / pixel + 0.5F);
+    const float cover = past_edge(top - elevation, pixel);
     if (cover < 1)
       light = sky_at(ray, elevation);
     if (cover > 0) {
@@ -485,7 +481,7 @@ class Indoors : public Surroundings {
     float on_floor = 0;
     if (to_floor < 1e8F && to_floor <= to_ceiling) {
       const float inside = half - std::abs(c.position.x + to_floor * ray.x);
-      on_floor = clamp01(inside / foot.x + 0.5F);
+      on_floor = past_edge(inside, foot.x);
     }
     Color wall_light, floor_light;
     if (on_floor < 1)
@@ -511,8 +507,8 @@ class Indoors : public Surroundings {
   // Sunlight through the windows, 1.3 m wide in each stretch of 4 m.
   float window(float z, float height, float along, float size) const {
     const float u = std::abs(fraction(z * 0.25F) - 0.5F) * 4;
-    return clamp01((0.65F - u) / along + 0.5F) * clamp01((0.5F - std::abs(height - 1.5F)) / size + 0.5F) *
-           (1 - clamp01((0.03F - u) / along + 0.5F));
+    return past_edge(0.65F - u, along) * past_edge(0.5F - std::abs(height - 1.5F), size) *
+           (1 - past_edge(0.03F - u, along));
   }
   bool has_windows(float ray_x) const { return sunny_ && (ray_x > 0) == (s_.light.window_sun.x > 0); }
 
@@ -568,12 +564,12 @@ class Indoors : public Surroundings {
     const float size = t / c.focal, along = size * (1 + std::abs(ray.z) / (std::abs(ray.x) + 1e-3F));
     const std::uint32_t side = ray.x > 0 ? 1 : 0;
     const float detail = 1 / (1 + 30 * along);
-    const float low = clamp01((0.92F - height) / size + 0.5F);
+    const float low = past_edge(0.92F - height, size);
     Color color = mix(p.wall, p.dado, low) *
                   (1 + 0.06F * s_.noise.at(z * 2 + 100.0F * static_cast<float>(side), height * 2) +
                    0.1F * detail * s_.noise.at(z * 32, height * 32));
     const float rail =
-        clamp01((0.05F - std::abs(height - 0.92F)) / size + 0.5F); // protects the wall from carts and beds
+        past_edge(0.05F - std::abs(height - 0.92F), size); // protects the wall from carts and beds
     color = mix(color, p.wall * 0.55F, 0.8F * rail);
     // A framed door, 0.95 m wide, in most stretches of 4 m. Its position varies.
     const int stretch = floor_of(z * 0.25F);
@@ -587,23 +583,22 @@ class Indoors : public Surroundings {
     } else if (unit(key) < 0.6F) {
       const float middle = 1.2F + 1.6F * unit(hash(key, 1));
       const float u = std::abs(z - 4 * static_cast<float>(stretch) - middle);
-      const float frame = clamp01((0.55F - u) / along + 0.5F) * clamp01((2.12F - height) / size + 0.5F);
-      const float leaf = clamp01((0.475F - u) / along + 0.5F) * clamp01((2.05F - height) / size + 0.5F);
+      const float frame = past_edge(0.55F - u, along) * past_edge(2.12F - height, size);
+      const float leaf = past_edge(0.475F - u, along) * past_edge(2.05F - height, size);
       color = mix(color, p.wall * 0.6F, frame);
       const float fibre = 1 + 0.18F * detail * s_.noise.at(z * 48, height * 3);
       Color panel = p.door * fibre;
-      const float handle = clamp01((0.07F - std::abs(u - 0.36F)) / along + 0.5F) *
-                           clamp01((0.02F - std::abs(height - 1.02F)) / size + 0.5F);
+      const float handle =
+          past_edge(0.07F - std::abs(u - 0.36F), along) * past_edge(0.02F - std::abs(height - 1.02F), size);
       panel = mix(panel, Color{0.6F, 0.6F, 0.6F}, handle);
-      const float pane =
-          clamp01((0.16F - u) / along + 0.5F) * clamp01((0.42F - std::abs(height - 1.45F)) / size + 0.5F);
+      const float pane = past_edge(0.16F - u, along) * past_edge(0.42F - std::abs(height - 1.45F), size);
       const float behind = 0.25F + 0.6F * clamp01(s_.noise.at(z * 7, height * 5));
       panel = mix(panel, p.wall * behind, pane * (unit(hash(key, 2)) < 0.6F ? 1.0F : 0.0F));
       color = mix(color, panel, leaf);
     } else if (unit(key) < 0.85F) { // a notice board with papers
       const float middle = 1 + 2 * unit(hash(key, 1)), u = z - 4 * static_cast<float>(stretch) - middle;
-      const float board = clamp01((0.62F - std::abs(u)) / along + 0.5F) *
-                          clamp01((0.42F - std::abs(height - 1.5F)) / size + 0.5F);
+      const float board =
+          past_edge(0.62F - std::abs(u), along) * past_edge(0.42F - std::abs(height - 1.5F), size);
       if (board > 0) {
         const std::uint32_t sheet = hash(key, static_cast<std::uint32_t>(floor_of((u + 1) * 4)),
                                          static_cast<std::uint32_t>(floor_of(height * 3)));
@@ -614,7 +609,7 @@ class Indoors : public Surroundings {
         color = mix(color, unit(hash(sheet, 5)) < 0.7F ? paper : Color{0.2F, 0.12F, 0.06F}, board);
       }
     }
-    const float skirting = clamp01((0.09F - height) / size + 0.5F);
+    const float skirting = past_edge(0.09F - height, size);
     color = mix(color, p.wall * 0.25F, skirting);
     const float corner = 1 - 0.3F / (1 + 8 * std::max(std::min(height, corridor_height - height), 0.0F));
     if (sunny_ && !has_windows(ray.x)) {
@@ -632,7 +627,7 @@ class Indoors : public Surroundings {
     const float x = c.position.x + t * ray.x, z = c.position.z + t * ray.z;
     const float size = t / c.focal;
     const float u = std::abs(fraction(z * 0.25F) - 0.5F) * 4; // metres from the lamp's centre
-    const float lamp = clamp01((0.6F - u) / (size * 3) + 0.5F) * clamp01((0.15F - std::abs(x)) / size + 0.5F);
+    const float lamp = past_edge(0.6F - u, size * 3) * past_edge(0.15F - std::abs(x), size);
     const Color panel =
         Color{0.7F, 0.7F, 0.68F} * s_.light.ambient * (0.85F + 0.1F * s_.noise.at(x * 1.5F, z * 1.5F));
     return mix(panel, s_.light.sun_light * 3.2F + s_.light.ambient, lamp);

@@ -4,7 +4,6 @@
 
 #include "scene/camera.hpp"
 #include "scene/canvas.hpp"
-#include "scene/noise.hpp"
 #include "scene/world.hpp"
 
 namespace terrainseg::scene {

@@ -92,7 +92,7 @@ class Caster {
       const float size = t / camera_.focal,
                   length =
                       size * std::max(t / camera_.position.y * std::abs(dot(ray, ahead_)), 1.0F) / stretch_;
-      shade(pixel, clamp01(inside(thing, u, v) / std::max(size, 0.5F * length) + 0.5F));
+      shade(pixel, past_edge(inside(thing, u, v), std::max(size, 0.5F * length)));
     });
   }
 

@@ -128,7 +128,7 @@ class Painter {
           const std::size_t pixel = canvas_.at(x, y);
           if (canvas_.open[pixel] < Canvas::hidden || canvas_.shade[pixel].g < kept.g * 0.8F)
             return; // hidden, or already dark from several shadows
-          float k = clamp01(distance / soft + 0.5F);
+          float k = past_edge(distance, soft);
           if (dappled) {
             const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
             if (ray.y >= -1e-4F)
@@ -232,29 +232,28 @@ class Painter {
         // Wheels, and the gap between them.
         const float wheel = std::abs(u) - 0.62F * length,
                     r = std::sqrt(wheel * wheel + (v - 0.31F) * (v - 0.31F));
-        const float on_wheel = clamp01((0.31F - r) / size + 0.5F), hub = clamp01((0.17F - r) / size + 0.5F);
-        const float on_body =
-            clamp01((v - 0.22F) / size + 0.5F) * clamp01((length - 0.02F - std::abs(u)) / size + 0.5F);
-        const float arch = clamp01((0.37F - r) / size + 0.5F);
+        const float on_wheel = past_edge(0.31F - r, size), hub = past_edge(0.17F - r, size);
+        const float on_body = past_edge(v - 0.22F, size) * past_edge(length - 0.02F - std::abs(u), size);
+        const float arch = past_edge(0.37F - r, size);
         color = mix(color * (v > waist * 0.7F ? 1.0F : 0.85F), tyre, arch);
         color = mix(color, mix(tyre, Color{0.2F, 0.2F, 0.21F}, hub), on_wheel);
-        const float seam = 0.5F * clamp01((0.012F - std::abs(u - 0.1F)) / size + 0.5F);
+        const float seam = 0.5F * past_edge(0.012F - std::abs(u - 0.1F), size);
         color = color * (1 - seam);
         return {color * lit(normal) + glint * (0.25F * (v / waist)), std::max(on_body, on_wheel)};
       }
       if (f == Face::end) {
         const float across = std::abs(u) / thing.half_x;
-        const float bumper = clamp01((0.14F - std::abs(v - 0.42F)) / size + 0.5F);
+        const float bumper = past_edge(0.14F - std::abs(v - 0.42F), size);
         color = mix(color, mix(color, Color{0.03F, 0.03F, 0.03F}, 0.6F), bumper);
-        const float lamp = clamp01((across - 0.66F) / (size / thing.half_x) + 0.5F) *
-                           clamp01((0.075F - std::abs(v - waist + 0.14F)) / size + 0.5F);
+        const float lamp = past_edge(across - 0.66F, size / thing.half_x) *
+                           past_edge(0.075F - std::abs(v - waist + 0.14F), size);
         const bool rear = dot(normal, Vec3{thing.sin_yaw, 0, thing.cos_yaw}) < 0;
-        const float plate = clamp01((0.26F - std::abs(u)) / size + 0.5F) *
-                            clamp01((0.055F - std::abs(v - 0.5F)) / size + 0.5F);
+        const float plate =
+            past_edge(0.26F - std::abs(u), size) * past_edge(0.055F - std::abs(v - 0.5F), size);
         color = mix(color, Color{0.6F, 0.58F, 0.45F}, plate);
-        const float low = clamp01((v - 0.2F) / size + 0.5F);
-        const float tyres = clamp01((across - 0.72F) / (size / thing.half_x) + 0.5F) *
-                            clamp01((0.95F - across) / (size / thing.half_x) + 0.5F);
+        const float low = past_edge(v - 0.2F, size);
+        const float tyres =
+            past_edge(across - 0.72F, size / thing.half_x) * past_edge(0.95F - across, size / thing.half_x);
         Color light =
             mix(color * lit(normal) + glint * (0.25F * (v / waist)), Color{}, 0.25F * (1 - v / waist));
         const Color lamp_light = rear ? Color{0.35F, 0.01F, 0.01F} * (dusk ? 2.2F : 1.0F)
@@ -278,10 +277,10 @@ class Painter {
       const float half = f == Face::side ? cabin.half_z : cabin.half_x;
       // The cabin is narrower at the roof.
       const float edge = half * (1 - (f == Face::side ? 0.34F : 0.12F) * rise) - std::abs(u);
-      const float alpha = clamp01(edge / size + 0.5F);
-      float glass = clamp01((edge - 0.07F) / size + 0.5F) * clamp01((0.86F - rise) / (size / 0.6F) + 0.5F);
+      const float alpha = past_edge(edge, size);
+      float glass = past_edge(edge - 0.07F, size) * past_edge(0.86F - rise, size / 0.6F);
       if (f == Face::side)
-        glass *= clamp01((std::abs(u) - 0.04F) / size + 0.5F);
+        glass *= past_edge(std::abs(u) - 0.04F, size);
       const Color pane = Color{0.012F, 0.014F, 0.016F} + glint * (0.15F + 0.6F * rise);
       return {mix(light, pane, glass), alpha};
     });
@@ -332,11 +331,9 @@ class Painter {
       if (f != Face::top) {
         const float wu = std::abs(fraction((u + phase) * 0.4F) - 0.5F) * 2.5F,
                     wv = fraction(v / storey) * storey;
-        const float frame =
-            clamp01((0.6F - wu) / size + 0.5F) * clamp01((0.8F - std::abs(wv - 1.7F)) / size + 0.5F);
-        const float glass = clamp01((0.52F - wu) / size + 0.5F) *
-                            clamp01((0.72F - std::abs(wv - 1.7F)) / size + 0.5F) *
-                            clamp01((std::abs(wu) - 0.025F) / size + 0.5F);
+        const float frame = past_edge(0.6F - wu, size) * past_edge(0.8F - std::abs(wv - 1.7F), size);
+        const float glass = past_edge(0.52F - wu, size) * past_edge(0.72F - std::abs(wv - 1.7F), size) *
+                            past_edge(std::abs(wu) - 0.025F, size);
         color = mix(color, Color{0.5F, 0.49F, 0.46F}, frame);
         const std::uint32_t pane_key =
             hash(thing.key, static_cast<std::uint32_t>(floor_of((u + phase) * 0.4F)),
@@ -350,10 +347,9 @@ class Painter {
                        s_.light.haze * (0.02F + 0.2F * unit(pane_key) *
                                                     clamp01(0.5F + s_.noise.at(u * 1.3F + phase, v * 1.3F))) +
                        Color{0.4F, 0.38F, 0.34F} * curtain;
-        const float pipe =
-            clamp01((0.06F - std::abs(fraction((u + phase) / 7.5F) - 0.5F) * 7.5F) / size + 0.5F);
+        const float pipe = past_edge(0.06F - std::abs(fraction((u + phase) / 7.5F) - 0.5F) * 7.5F, size);
         color = mix(color, color * 0.35F, pipe);
-        const float plinth = clamp01((0.5F - v) / size + 0.5F);
+        const float plinth = past_edge(0.5F - v, size);
         return {mix(mix(color, color * 0.6F, plinth) * lit(normal), pane, glass), 1};
       }
       return {color * lit(normal), 1};
@@ -402,8 +398,7 @@ class Painter {
       const float width = conifer ? rx * 0.8F * clamp01(0.5F - 0.5F * y) + 0.02F : rx;
       const float x = u / width;
       const float radius = conifer ? std::max(std::abs(x), std::abs(y)) : std::sqrt(x * x + y * y);
-      const float wood =
-          v < cy ? clamp01((trunk * (1.2F - v / thing.height) - std::abs(u)) / size + 0.5F) : 0;
+      const float wood = v < cy ? past_edge(trunk * (1.2F - v / thing.height) - std::abs(u), size) : 0;
       const float rim = std::max(size * 1.5F, 0.16F);
       // Low frequencies first: most pixels are far from the outline.
       float body = 0.88F - radius;
@@ -420,7 +415,7 @@ class Painter {
       // Gaps through which the sky is visible.
       if (size < 0.05F)
         body -= 0.9F * smooth(0.3F, 0.6F, s_.noise.at(u * 3.3F + shift, v * 3.3F)) * clamp01(0.8F + y);
-      const float alpha = clamp01(body / rim + 0.5F);
+      const float alpha = past_edge(body, rim);
       if (wood <= 0)
         return {alpha > 0 ? foliage(thing.color, u, v - cy, rx, size, thing.key) : Color{}, alpha};
       const Color bark = Color{0.09F, 0.065F, 0.045F} * (1 + 0.5F * s_.noise.at(u * 30 + shift, v * 5)) *
@@ -440,7 +435,7 @@ class Painter {
       const float rim = std::max(size / rx * 1.5F, 0.12F);
       if (std::abs(body) < 0.43F + 0.5F * rim)
         body += 0.22F * s_.noise.at(u * 3 + shift, v * 3) + 0.2F * s_.noise.at(u * 11 + shift, v * 11);
-      const float alpha = clamp01(body / rim + 0.5F);
+      const float alpha = past_edge(body, rim);
       if (alpha <= 0)
         return {{}, 0};
       const Color leaves = foliage(thing.color, u, v - 0.35F * ry, rx, size, thing.key);
@@ -457,8 +452,8 @@ class Painter {
              const float lumps = s_.noise.at(u / rx * 1.1F + shift, v / ry * 1.1F),
                          chips = s_.noise.at(u / rx * 3.5F + shift, v / ry * 3.5F);
              const float r2 = x * x + y * y, body = 1 - std::sqrt(r2) + 0.22F * lumps + 0.1F * chips;
-             const float ground = clamp01((v - 0.12F * ry) / size + 0.5F);
-             const float alpha = clamp01(body * rx / size + 0.5F) * ground;
+             const float ground = past_edge(v - 0.12F * ry, size);
+             const float alpha = past_edge(body * rx, size) * ground;
              if (alpha <= 0)
                return {{}, 0};
              // The side of a rough ellipsoid.
@@ -486,7 +481,7 @@ class Painter {
           float shade = 1 + 0.08F * s_.noise.at(u * 3 + phase, v * 3) +
                         0.14F * fine * s_.noise.at(u * 30 + phase, v * 30);
           if (f != Face::top && !pole) {
-            const float tape = clamp01((0.03F - std::abs(u)) / size + 0.5F);
+            const float tape = past_edge(0.03F - std::abs(u), size);
             shade *= 1 - 0.18F * tape;
             shade *= 0.8F + 0.2F * clamp01(v * 3);
           }
@@ -503,8 +498,7 @@ class Painter {
                         0.05F * s_.noise.at(u * 2 + phase, v * 2);
           if (f == Face::side) {
             const float drawer = std::abs(fraction(v * 2.6F) - 0.5F) / 2.6F, middle = std::abs(u);
-            shade *= 1 - 0.5F * std::max(clamp01((0.008F - drawer) / size + 0.5F),
-                                         clamp01((0.006F - middle) / size + 0.5F));
+            shade *= 1 - 0.5F * std::max(past_edge(0.008F - drawer, size), past_edge(0.006F - middle, size));
           }
           if (f != Face::top && v < 0.07F)
             shade *= 0.35F; // the recessed plinth
