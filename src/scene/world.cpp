@@ -43,20 +43,6 @@ Color car_color(Dice& dice) {
   return paints[dice.next() % 8];
 }
 
-Thing car_at(float x, float z, float heading_cos, float heading_sin, Dice& dice, const Color& color) {
-  Thing car;
-  car.kind = Thing::Kind::car;
-  car.base = {x, 0, z};
-  car.half_x = 0.88F;
-  car.half_z = dice.roll(1.9F, 2.3F);
-  car.height = dice.roll(1.4F, 1.75F);
-  car.cos_yaw = heading_cos;
-  car.sin_yaw = heading_sin;
-  car.color = color;
-  car.key = dice.next();
-  return car;
-}
-
 struct Heading {
   float cos, sin;
 };
@@ -66,48 +52,159 @@ Heading heading_at(const Path& path, float z) {
   return {c, slope * c};
 }
 
-void add_tree(std::vector<Thing>& things, float x, float z, Dice& dice, float low, float high) {
-  Thing tree;
-  tree.kind = Thing::Kind::tree;
-  tree.base = {x, 0, z};
-  tree.height = dice.roll(low, high);
-  tree.half_x = tree.height * dice.roll(0.2F, 0.34F);
-  tree.half_z = tree.half_x;
-  tree.color = mix(Color{0.05F, 0.1F, 0.02F}, Color{0.12F, 0.12F, 0.03F}, dice.roll());
-  tree.key = dice.next();
-  things.push_back(tree);
+/// A car whose front points along `way`.
+Thing car_at(float x, float z, const Heading& way, Dice& dice, const Color& color) {
+  return {.kind = Thing::Kind::car,
+          .base = {x, 0, z},
+          .half_x = 0.88F,
+          .half_z = dice.roll(1.9F, 2.3F),
+          .height = dice.roll(1.4F, 1.75F),
+          .cos_yaw = way.cos,
+          .sin_yaw = way.sin,
+          .color = color,
+          .key = dice.next()};
 }
 
-void add_bush(std::vector<Thing>& things, float x, float z, float size, Dice& dice, const Color& color) {
-  Thing bush;
-  bush.kind = Thing::Kind::bush;
-  bush.base = {x, 0, z};
-  bush.half_x = bush.half_z = size;
-  bush.height = size * dice.roll(1.0F, 1.7F);
-  bush.color = color;
-  bush.key = dice.next();
-  things.push_back(bush);
+Thing tree_at(float x, float z, Dice& dice, float low, float high) {
+  const float height = dice.roll(low, high), radius = height * dice.roll(0.2F, 0.34F);
+  return {.kind = Thing::Kind::tree,
+          .base = {x, 0, z},
+          .half_x = radius,
+          .half_z = radius,
+          .height = height,
+          .color = mix(Color{0.05F, 0.1F, 0.02F}, Color{0.12F, 0.12F, 0.03F}, dice.roll()),
+          .key = dice.next()};
 }
 
-void add_rock(std::vector<Thing>& things, float x, float z, float size, Dice& dice, const Color& color) {
-  Thing rock;
-  rock.kind = Thing::Kind::rock;
-  rock.base = {x, 0, z};
-  rock.half_x = rock.half_z = size;
-  rock.height = size * dice.roll(0.8F, 1.5F);
-  rock.color = color;
-  rock.key = dice.next();
-  things.push_back(rock);
+/// A bush or a rock.
+Thing lump_at(Thing::Kind kind, float x, float z, float size, Dice& dice, const Color& color) {
+  const bool bush = kind == Thing::Kind::bush;
+  return {.kind = kind,
+          .base = {x, 0, z},
+          .half_x = size,
+          .half_z = size,
+          .height = size * (bush ? dice.roll(1.0F, 1.7F) : dice.roll(0.8F, 1.5F)),
+          .color = color,
+          .key = dice.next()};
 }
 
-/// A road with the objects along it.
-class Road {
+/// Places the objects along the rover's way.
+class Way {
  public:
-  Road(const Settings& settings, const Place& place, const Path& path, const Moment& moment,
-       std::vector<Thing>& things)
+  Way(const Settings& settings, const Place& place, const Path& path, const Moment& moment,
+      std::vector<Thing>& things)
       : s_(settings), place_(place), path_(path), moment_(moment), z0_(moment.camera.position.z),
         filled_(static_cast<float>(settings.obstacles) / 100), things_(things) {}
 
+  void road() {
+    roadside();
+    poles();
+    parked();
+    if (s_.obstacles == 0)
+      return;
+    oncoming();
+    lead();
+  }
+
+  void trail() {
+    each_cell(z0_ - 4 - shadow_reach(s_), z0_ + 60, 4, hash(s_.seed, 11), [&](float z, Dice dice) {
+      for (const float side : {-1.0F, 1.0F}) {
+        for (int i = 0; i < 2; ++i)
+          if (dice.chance(0.6F)) {
+            const float tz = z + dice.roll(0, 4), away = dice.roll();
+            things_.push_back(tree_at(path_.at(tz) + side * (2.6F + 11 * away * away + 1), tz, dice, 5, 11));
+          }
+        for (int i = 0; i < 3; ++i) {
+          const float bz = z + dice.roll(0, 4), x = place_.half_width + dice.roll(0.5F, 5);
+          const Color leaves = mix(
+              place_.beside, mix(Color{0.05F, 0.1F, 0.02F}, Color{0.17F, 0.12F, 0.04F}, dice.roll()), 0.75F);
+          const float size = dice.roll(0.25F, 0.75F);
+          if (dice.chance(0.3F + filled_ * 0.7F))
+            things_.push_back(lump_at(Thing::Kind::bush, path_.at(bz) + side * x, bz, size, dice, leaves));
+        }
+      }
+    });
+    each_cell(z0_ + 0.5F, z0_ + 40, 2, hash(s_.seed, 12), [&](float z, Dice dice) {
+      for (const float side : {-1.0F, 1.0F}) {
+        const bool there = dice.chance(filled_ * 0.6F);
+        const float rz = z + dice.roll(0, 2), x = side * (place_.half_width * dice.roll(0.85F, 1.15F));
+        Dice own(dice.next());
+        if (!there)
+          continue;
+        const float size = own.roll(0.1F, 0.28F);
+        const Color color = obstacle_color(own, grey(0.2F), place_.surface, 0.5F);
+        things_.push_back(lump_at(Thing::Kind::rock, path_.at(rz) + x, rz, size, own, color));
+      }
+    });
+  }
+
+  void corridor() {
+    each_cell(z0_ - 2, z0_ + 40, 2, hash(s_.seed, 21), [&](float z, Dice dice) {
+      for (const float side : {-1.0F, 1.0F}) {
+        const bool there = dice.chance(filled_ * 0.55F);
+        Dice own(dice.next());
+        if (!there)
+          continue;
+        Thing thing;
+        const float what = own.roll();
+        constexpr Color colors[] = {
+            {0.5F, 0.35F, 0.2F}, {0.12F, 0.2F, 0.35F}, {0.6F, 0.6F, 0.58F}, {0.4F, 0.08F, 0.06F}};
+        const Color own_color = colors[own.next() % 4];
+        if (what < 0.4F) {
+          thing.kind = Thing::Kind::cabinet;
+          thing.half_x = own.roll(0.18F, 0.3F);
+          thing.half_z = own.roll(0.35F, 0.6F);
+          thing.height = own.roll(0.7F, 1.9F);
+        } else if (what < 0.75F) {
+          thing.kind = Thing::Kind::crate;
+          thing.half_x = thing.half_z = own.roll(0.14F, 0.28F);
+          thing.height = own.roll(0.2F, 0.5F);
+        } else {
+          thing.kind = Thing::Kind::bin;
+          thing.half_x = thing.half_z = 0.15F;
+          thing.height = own.roll(0.3F, 0.6F);
+        }
+        thing.color = obstacle_color(own, own_color, place_.surface, 0.35F);
+        const float reach = place_.half_width - thing.half_x - 0.05F;
+        thing.base = {side * (thing.kind == Thing::Kind::crate ? reach - own.roll(0, 0.2F) : reach), 0,
+                      z + own.roll(0.5F, 1.5F)};
+        thing.key = own.next();
+        if (thing.kind == Thing::Kind::crate) {
+          const float turn = own.roll(-0.08F, 0.08F);
+          thing.cos_yaw = static_cast<float>(cosine(turn));
+          thing.sin_yaw = static_cast<float>(sine(turn));
+        }
+        things_.push_back(thing);
+      }
+    });
+  }
+
+  void plain() {
+    const Vec3& eye = moment_.camera.position;
+    const auto scatter = [&](float cell, int reach, float low, float high, float share, std::uint32_t key) {
+      const int cells = static_cast<int>(world_length / cell);
+      const int cx = floor_of(eye.x / cell), cz = floor_of(eye.z / cell);
+      for (int j = cz - reach; j <= cz + reach; ++j)
+        for (int i = cx - reach; i <= cx + reach; ++i) {
+          Dice dice(hash(key, static_cast<std::uint32_t>(i),
+                         static_cast<std::uint32_t>((j % cells + cells) % cells)));
+          if (!dice.chance(share))
+            continue;
+          const float x = (static_cast<float>(i) + dice.roll()) * cell,
+                      z = (static_cast<float>(j) + dice.roll()) * cell;
+          const float r = dice.roll(), size = low + (high - low) * r * r * r;
+          if (std::abs(x - path_.at(z)) < 0.75F + size)
+            continue; // keeps the rover's path free
+          const Color color =
+              obstacle_color(dice, mix(grey(0.13F), place_.surface, 0.25F), place_.surface, 0.5F);
+          things_.push_back(lump_at(Thing::Kind::rock, x, z, size, dice, color));
+        }
+    };
+    scatter(2, 8, 0.07F, 0.3F, filled_, hash(s_.seed, 31));
+    scatter(8, 11, 0.25F, 1.3F, filled_, hash(s_.seed, 32));
+  }
+
+ private:
   void roadside() {
     each_cell(z0_ - 14 - shadow_reach(s_), z0_ + 130, 16, hash(s_.seed, 1), [&](float z, Dice dice) {
       for (const float side : {-1.0F, 1.0F}) {
@@ -117,7 +214,7 @@ class Road {
         for (int i = 0; i < trees; ++i) {
           const float tz = z + dice.roll(0, 16);
           const float x = place_.urban ? place_.pavement - 0.6F : place_.half_width + dice.roll(2.5F, 14);
-          add_tree(things_, path_.at(tz) + side * x, tz, dice, 5, 10);
+          things_.push_back(tree_at(path_.at(tz) + side * x, tz, dice, 5, 10));
         }
         if (!place_.urban)
           for (int i = 0; i < 2; ++i)
@@ -125,7 +222,8 @@ class Road {
               const float bz = z + dice.roll(0, 16);
               const float away = place_.half_width + dice.roll(1.0F, 6), size = dice.roll(0.4F, 1);
               const Color leaves = mix(place_.beside, Color{0.05F, 0.09F, 0.02F}, dice.roll());
-              add_bush(things_, path_.at(bz) + side * away, bz, size, dice, leaves);
+              things_.push_back(
+                  lump_at(Thing::Kind::bush, path_.at(bz) + side * away, bz, size, dice, leaves));
             }
       }
     });
@@ -133,14 +231,13 @@ class Road {
 
   void poles() {
     each_cell(z0_ - 6 - shadow_reach(s_), z0_ + 110, 32, hash(s_.seed, 2), [&](float z, Dice dice) {
-      Thing pole;
-      pole.kind = Thing::Kind::pole;
-      const float x = dice.chance(0.5F) ? 1.0F : -1.0F;
-      pole.base = {path_.at(z) + x * (place_.half_width + 0.7F), 0, z};
-      pole.half_x = pole.half_z = 0.07F;
-      pole.height = 6;
-      pole.color = grey(0.25F);
-      things_.push_back(pole);
+      const float side = dice.chance(0.5F) ? 1.0F : -1.0F;
+      things_.push_back({.kind = Thing::Kind::pole,
+                         .base = {path_.at(z) + side * (place_.half_width + 0.7F), 0, z},
+                         .half_x = 0.07F,
+                         .half_z = 0.07F,
+                         .height = 6,
+                         .color = grey(0.25F)});
     });
   }
 
@@ -171,7 +268,8 @@ class Road {
         return;
       const float z = w + dice.roll(4, 28) - shift;
       const Heading h = heading_at(path_, z);
-      things_.push_back(car_at(path_.at(z) - 1.75F, z, -h.cos, -h.sin, dice, car_color(dice)));
+      const Color paint = car_color(dice);
+      things_.push_back(car_at(path_.at(z) - 1.75F, z, {-h.cos, -h.sin}, dice, paint));
     });
   }
 
@@ -182,54 +280,48 @@ class Road {
       return;
     const auto gap = static_cast<float>(18 + 8 * sine(moment_.seconds * 0.05 + dice.roll()));
     const float z = z0_ + gap;
-    const Heading h = heading_at(path_, z);
     const Color paint = obstacle_color(dice, car_color(dice), place_.surface, 0.3F);
-    things_.push_back(car_at(path_.at(z) + 1.75F, z, h.cos, h.sin, dice, paint));
+    things_.push_back(car_at(path_.at(z) + 1.75F, z, heading_at(path_, z), dice, paint));
   }
 
- private:
   void house(float z, float side, Dice& dice) {
-    Thing house;
-    house.kind = Thing::Kind::house;
-    house.half_x = dice.roll(3.5F, 5);
-    house.half_z = dice.roll(6, 7.8F);
-    house.height = dice.roll(6, 11);
-    const float middle = z + 8, x = side * (place_.pavement + dice.roll(1, 4) + house.half_x);
-    house.base = {path_.at(middle) + x, 0, middle};
-    const Heading h = heading_at(path_, middle);
-    house.cos_yaw = h.cos;
-    house.sin_yaw = h.sin;
     constexpr Color walls[] = {{0.42F, 0.2F, 0.13F},
                                {0.55F, 0.5F, 0.4F},
                                {0.3F, 0.28F, 0.26F},
                                {0.6F, 0.57F, 0.52F},
                                {0.35F, 0.15F, 0.1F}};
-    house.color = walls[dice.next() % 5];
-    house.color = house.color * dice.roll(0.7F, 1.1F);
-    house.key = dice.next();
-    things_.push_back(house);
+    const float half_x = dice.roll(3.5F, 5), half_z = dice.roll(6, 7.8F), height = dice.roll(6, 11);
+    const float middle = z + 8, x = side * (place_.pavement + dice.roll(1, 4) + half_x);
+    const Heading h = heading_at(path_, middle);
+    const Color& wall = walls[dice.next() % 5];
+    things_.push_back({.kind = Thing::Kind::house,
+                       .base = {path_.at(middle) + x, 0, middle},
+                       .half_x = half_x,
+                       .half_z = half_z,
+                       .height = height,
+                       .cos_yaw = h.cos,
+                       .sin_yaw = h.sin,
+                       .color = wall * dice.roll(0.7F, 1.1F),
+                       .key = dice.next()});
   }
 
   void parked_car(float middle, float side, Dice& dice) {
-    const Heading h = heading_at(path_, middle);
     const float kerb = place_.half_width - (place_.urban ? 1.1F : -1.6F);
     const Color paint = obstacle_color(dice, car_color(dice), place_.surface, 0.25F);
-    things_.push_back(car_at(path_.at(middle) + side * kerb, middle, h.cos, h.sin, dice, paint));
+    things_.push_back(car_at(path_.at(middle) + side * kerb, middle, heading_at(path_, middle), dice, paint));
   }
 
   void block(float middle, float side, Dice& dice) {
     const Heading h = heading_at(path_, middle);
-    Thing block;
-    block.kind = Thing::Kind::crate;
-    block.base = {path_.at(middle) + side * (place_.half_width - 0.5F), 0, middle};
-    block.half_x = dice.roll(0.2F, 0.45F);
-    block.half_z = dice.roll(0.3F, 1);
-    block.height = dice.roll(0.4F, 0.9F);
-    block.cos_yaw = h.cos;
-    block.sin_yaw = h.sin;
-    block.color = obstacle_color(dice, {0.5F, 0.16F, 0.02F}, place_.surface, 0.5F);
-    block.key = dice.next();
-    things_.push_back(block);
+    things_.push_back({.kind = Thing::Kind::crate,
+                       .base = {path_.at(middle) + side * (place_.half_width - 0.5F), 0, middle},
+                       .half_x = dice.roll(0.2F, 0.45F),
+                       .half_z = dice.roll(0.3F, 1),
+                       .height = dice.roll(0.4F, 0.9F),
+                       .cos_yaw = h.cos,
+                       .sin_yaw = h.sin,
+                       .color = obstacle_color(dice, {0.5F, 0.16F, 0.02F}, place_.surface, 0.5F),
+                       .key = dice.next()});
   }
 
   const Settings& s_;
@@ -239,120 +331,6 @@ class Road {
   const float z0_, filled_;
   std::vector<Thing>& things_;
 };
-
-void road(const Settings& s, const Place& place, const Path& path, const Moment& moment,
-          std::vector<Thing>& things) {
-  Road road(s, place, path, moment, things);
-  road.roadside();
-  road.poles();
-  road.parked();
-  if (s.obstacles == 0)
-    return;
-  road.oncoming();
-  road.lead();
-}
-
-void trail(const Settings& s, const Place& place, const Path& path, const Moment& moment,
-           std::vector<Thing>& things) {
-  const float z0 = moment.camera.position.z, filled = static_cast<float>(s.obstacles) / 100;
-  each_cell(z0 - 4 - shadow_reach(s), z0 + 60, 4, hash(s.seed, 11), [&](float z, Dice dice) {
-    for (const float side : {-1.0F, 1.0F}) {
-      for (int i = 0; i < 2; ++i)
-        if (dice.chance(0.6F)) {
-          const float tz = z + dice.roll(0, 4), away = dice.roll();
-          add_tree(things, path.at(tz) + side * (2.6F + 11 * away * away + 1), tz, dice, 5, 11);
-        }
-      for (int i = 0; i < 3; ++i) {
-        const float bz = z + dice.roll(0, 4), x = place.half_width + dice.roll(0.5F, 5);
-        const Color leaves =
-            mix(place.beside, mix(Color{0.05F, 0.1F, 0.02F}, Color{0.17F, 0.12F, 0.04F}, dice.roll()), 0.75F);
-        const float size = dice.roll(0.25F, 0.75F);
-        if (dice.chance(0.3F + filled * 0.7F))
-          add_bush(things, path.at(bz) + side * x, bz, size, dice, leaves);
-      }
-    }
-  });
-  each_cell(z0 + 0.5F, z0 + 40, 2, hash(s.seed, 12), [&](float z, Dice dice) {
-    for (const float side : {-1.0F, 1.0F}) {
-      const bool there = dice.chance(filled * 0.6F);
-      const float rz = z + dice.roll(0, 2), x = side * (place.half_width * dice.roll(0.85F, 1.15F));
-      Dice own(dice.next());
-      if (!there)
-        continue;
-      const float size = own.roll(0.1F, 0.28F);
-      const Color color = obstacle_color(own, grey(0.2F), place.surface, 0.5F);
-      add_rock(things, path.at(rz) + x, rz, size, own, color);
-    }
-  });
-}
-
-void corridor(const Settings& s, const Place& place, const Moment& moment, std::vector<Thing>& things) {
-  const float z0 = moment.camera.position.z, filled = static_cast<float>(s.obstacles) / 100;
-  each_cell(z0 - 2, z0 + 40, 2, hash(s.seed, 21), [&](float z, Dice dice) {
-    for (const float side : {-1.0F, 1.0F}) {
-      const bool there = dice.chance(filled * 0.55F);
-      Dice own(dice.next());
-      if (!there)
-        continue;
-      Thing thing;
-      const float what = own.roll();
-      constexpr Color colors[] = {
-          {0.5F, 0.35F, 0.2F}, {0.12F, 0.2F, 0.35F}, {0.6F, 0.6F, 0.58F}, {0.4F, 0.08F, 0.06F}};
-      const Color own_color = colors[own.next() % 4];
-      if (what < 0.4F) {
-        thing.kind = Thing::Kind::cabinet;
-        thing.half_x = own.roll(0.18F, 0.3F);
-        thing.half_z = own.roll(0.35F, 0.6F);
-        thing.height = own.roll(0.7F, 1.9F);
-      } else if (what < 0.75F) {
-        thing.kind = Thing::Kind::crate;
-        thing.half_x = thing.half_z = own.roll(0.14F, 0.28F);
-        thing.height = own.roll(0.2F, 0.5F);
-      } else {
-        thing.kind = Thing::Kind::bin;
-        thing.half_x = thing.half_z = 0.15F;
-        thing.height = own.roll(0.3F, 0.6F);
-      }
-      thing.color = obstacle_color(own, own_color, place.surface, 0.35F);
-      const float reach = place.half_width - thing.half_x - 0.05F;
-      thing.base = {side * (thing.kind == Thing::Kind::crate ? reach - own.roll(0, 0.2F) : reach), 0,
-                    z + own.roll(0.5F, 1.5F)};
-      thing.key = own.next();
-      if (thing.kind == Thing::Kind::crate) {
-        const float turn = own.roll(-0.08F, 0.08F);
-        thing.cos_yaw = static_cast<float>(cosine(turn));
-        thing.sin_yaw = static_cast<float>(sine(turn));
-      }
-      things.push_back(thing);
-    }
-  });
-}
-
-void plain(const Settings& s, const Place& place, const Path& path, const Moment& moment,
-           std::vector<Thing>& things) {
-  const Camera& camera = moment.camera;
-  const float filled = static_cast<float>(s.obstacles) / 100;
-  const auto scatter = [&](float cell, int reach, float low, float high, float share, std::uint32_t key) {
-    const int cells = static_cast<int>(world_length / cell);
-    const int cx = floor_of(camera.position.x / cell), cz = floor_of(camera.position.z / cell);
-    for (int j = cz - reach; j <= cz + reach; ++j)
-      for (int i = cx - reach; i <= cx + reach; ++i) {
-        Dice dice(hash(key, static_cast<std::uint32_t>(i),
-                       static_cast<std::uint32_t>((j % cells + cells) % cells)));
-        if (!dice.chance(share))
-          continue;
-        const float x = (static_cast<float>(i) + dice.roll()) * cell,
-                    z = (static_cast<float>(j) + dice.roll()) * cell;
-        const float r = dice.roll(), size = low + (high - low) * r * r * r;
-        if (std::abs(x - path.at(z)) < 0.75F + size)
-          continue; // keeps the rover's path free
-        add_rock(things, x, z, size, dice,
-                 obstacle_color(dice, mix(grey(0.13F), place.surface, 0.25F), place.surface, 0.5F));
-      }
-  };
-  scatter(2, 8, 0.07F, 0.3F, filled, hash(s.seed, 31));
-  scatter(8, 11, 0.25F, 1.3F, filled, hash(s.seed, 32));
-}
 
 } // namespace
 
@@ -506,15 +484,16 @@ void parts_of_the_rover(const Settings& settings, const Moment& moment, std::vec
 void things_in_sight(const Settings& settings, const Place& place, const Path& path, const Moment& moment,
                      std::vector<Thing>& things) {
   things.clear();
+  Way way(settings, place, path, moment, things);
   switch (settings.kind) {
   case Kind::road:
-    return road(settings, place, path, moment, things);
+    return way.road();
   case Kind::trail:
-    return trail(settings, place, path, moment, things);
+    return way.trail();
   case Kind::corridor:
-    return corridor(settings, place, moment, things);
+    return way.corridor();
   case Kind::plain:
-    return plain(settings, place, path, moment, things);
+    return way.plain();
   }
 }
 
