@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "scene/backdrop.hpp"
+#include "scene/draw.hpp"
 
 #include <algorithm>
 

@@ -2,13 +2,167 @@
 #include "scene/scene.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
-#include "scene/backdrop.hpp"
-#include "scene/develop.hpp"
-#include "scene/things.hpp"
+#include "scene/draw.hpp"
 
 namespace terrainseg::scene {
+namespace {
+
+// Q16 weights of R, G, B for each component.
+struct Conversion {
+  std::array<std::array<int, 3>, 3> weights;
+  std::array<int, 3> offsets;
+};
+
+Conversion conversion_of(const Colorimetry& colorimetry) {
+  constexpr double reds[] = {0.299, 0.2126, 0.2627}, blues[] = {0.114, 0.0722, 0.0593};
+  const double kr = reds[static_cast<int>(colorimetry.matrix)],
+               kb = blues[static_cast<int>(colorimetry.matrix)];
+  const double kg = 1 - kr - kb;
+  const bool limited = colorimetry.range == ColorRange::limited;
+  const double luma = limited ? 219.0 / 255 : 1, chroma = limited ? 224.0 / 255 : 1;
+  const double rows[3][3] = {{kr * luma, kg * luma, kb * luma},
+                             {-kr * chroma / (2 - 2 * kb), -kg * chroma / (2 - 2 * kb), chroma / 2},
+                             {chroma / 2, -kg * chroma / (2 - 2 * kr), -kb * chroma / (2 - 2 * kr)}};
+  Conversion conversion;
+  for (int c = 0; c < 3; ++c)
+    for (int k = 0; k < 3; ++k)
+      conversion.weights[c][k] = floor_of(static_cast<float>(rows[c][k] * 65536 + 0.5));
+  conversion.offsets = {limited ? 16 : 0, 128, 128};
+  return conversion;
+}
+
+} // namespace
+
+/// Converts linear light to the pixels of a camera: exposure, tone curve, sensor noise, and the frame's
+/// format.
+class Developer {
+ public:
+  Developer();
+  /// Writes `canvas` into `frame`. The noise depends only on `key`.
+  void develop(const Canvas& canvas, const Lighting& light, std::uint32_t key, const MutableFrame& frame);
+
+ private:
+  void expose_row(const Canvas& canvas, int y, const Lighting& light, std::uint32_t key,
+                  std::uint8_t* rgb) const;
+  static constexpr int tone_steps = 4096;
+  std::array<std::uint16_t, tone_steps + 1> tone_; ///< Q6: 64 = one 8-bit step
+  std::array<std::int8_t, 4096> grain_;            ///< standard deviation 32
+  std::vector<std::uint8_t> rows_;
+};
+
+Developer::Developer() {
+  // Tone curve of a camera: a square root with a soft shoulder.
+  for (int i = 0; i <= tone_steps; ++i) {
+    const float v = static_cast<float>(i) / tone_steps * 2; // up to twice white
+    const float shoulder = v * (1 + v * 0.16F) / (1 + v * 0.42F);
+    const float bright = std::min(std::sqrt(shoulder), 1.0F);
+    // Half an S-curve, for the higher contrast of typical cameras.
+    const float crisp = mix(bright, bright * bright * (3 - 2 * bright), 0.55F);
+    tone_[i] = static_cast<std::uint16_t>(crisp * (255 * 64));
+  }
+  // The sum of four uniform numbers is nearly normal.
+  for (std::uint32_t i = 0; i < grain_.size(); ++i) {
+    const std::uint32_t h = hash(i, 0x6e6f6973);
+    const int sum = static_cast<int>((h & 255) + (h >> 8 & 255) + (h >> 16 & 255) + (h >> 24)) - 510;
+    grain_[i] = static_cast<std::int8_t>(std::clamp(sum * 32 / 148, -127, 127));
+  }
+}
+
+void Developer::expose_row(const Canvas& canvas, int y, const Lighting& light, std::uint32_t key,
+                           std::uint8_t* rgb) const {
+  const Color* source = canvas.light.data() + static_cast<std::size_t>(y) * canvas.width;
+  const Color gain = light.exposure * (0.5F * tone_steps);
+  // grain_ has a standard deviation of 32; multiplied by noise_q it is in Q6 steps.
+  const int noise_q = static_cast<int>(light.sensor_noise * 64);
+  const std::uint32_t row_key = hash(key, static_cast<std::uint32_t>(y));
+  const auto step = [&](float v, std::uint32_t pick) {
+    const int index = static_cast<int>(std::min(std::max(v, 0.0F), static_cast<float>(tone_steps)));
+    const int value = tone_[index] + ((grain_[pick & 4095] * noise_q) >> 5) + 32;
+    return static_cast<std::uint8_t>(std::clamp(value >> 6, 0, 255));
+  };
+  for (int x = 0; x < canvas.width; ++x) {
+    const std::uint32_t h = hash(row_key + static_cast<std::uint32_t>(x) * 0x9e3779b9U);
+    rgb[3 * x] = step(source[x].r * gain.r, h);
+    rgb[3 * x + 1] = step(source[x].g * gain.g, h >> 10);
+    rgb[3 * x + 2] = step(source[x].b * gain.b, h >> 20);
+  }
+}
+
+void Developer::develop(const Canvas& canvas, const Lighting& light, std::uint32_t key,
+                        const MutableFrame& frame) {
+  const FormatLayout& layout = layout_of(frame.format);
+  const int width = canvas.width, height = canvas.height;
+  const int block_height = 1 << layout.components[1].y_shift, x_shift = layout.components[1].x_shift;
+  rows_.resize(static_cast<std::size_t>(width) * 6);
+  const Conversion conversion = conversion_of(frame.colorimetry);
+  const bool narrow = frame.colorimetry.range == ColorRange::limited;
+  const auto component = [&](int c, const std::uint8_t* rgb) {
+    const auto& w = conversion.weights[c];
+    return static_cast<std::uint8_t>(std::clamp(
+        ((w[0] * rgb[0] + w[1] * rgb[1] + w[2] * rgb[2] + 32768) >> 16) + conversion.offsets[c], 0, 255));
+  };
+  // Writes the upper 8 bits of a sample; the lower ones are 0.
+  const auto put = [&](std::uint8_t* at, std::uint8_t value) {
+    if (layout.sample_bytes() == 1) {
+      *at = value;
+      return;
+    }
+    const unsigned word = unsigned{value} << layout.upper_shift();
+    at[0] = static_cast<std::uint8_t>(word);
+    at[1] = static_cast<std::uint8_t>(word >> 8);
+  };
+  for (int y = 0; y < height; y += block_height) {
+    const int row_count = std::min(block_height, height - y);
+    for (int i = 0; i < row_count; ++i) {
+      std::uint8_t* rgb = rows_.data() + static_cast<std::size_t>(i) * width * 3;
+      expose_row(canvas, y + i, light, key, rgb);
+      for (int c = 0; c < layout.component_count; ++c) {
+        const ComponentLayout& l = layout.components[c];
+        if (l.x_shift)
+          continue;
+        std::uint8_t* out = frame.planes[l.plane].row(y + i) + l.offset;
+        if (layout.rgb) {
+          for (int x = 0; x < width; ++x)
+            out[x * l.step] =
+                narrow ? static_cast<std::uint8_t>(16 + (rgb[3 * x + c] * 219 + 127) / 255) : rgb[3 * x + c];
+        } else {
+          for (int x = 0; x < width; ++x)
+            put(out + x * l.step, component(c, rgb + 3 * x));
+        }
+      }
+      // Bytes that are unused or hold opacity.
+      if (layout.rgb && layout.components[0].step == 4) {
+        const int used =
+            layout.components[0].offset + layout.components[1].offset + layout.components[2].offset;
+        std::uint8_t* out = frame.planes[0].row(y + i) + (6 - used);
+        for (int x = 0; x < width; ++x)
+          out[x * 4] = 255;
+      }
+    }
+    if (x_shift == 0)
+      continue;
+    for (int c = 1; c < 3; ++c) {
+      const ComponentLayout& l = layout.components[c];
+      std::uint8_t* out = frame.planes[l.plane].row(y >> l.y_shift) + l.offset;
+      const auto& w = conversion.weights[c];
+      const int samples = subsampled(width, 1);
+      for (int x = 0; x < samples; ++x) {
+        // At the right and bottom edge the last pixel replaces the missing one.
+        const int next = std::min(2 * x + 1, width - 1);
+        int sum = 0;
+        for (int k = 0; k < 3; ++k) {
+          const std::uint8_t* top = rows_.data() + k;
+          const std::uint8_t* bottom = row_count == 2 ? top + static_cast<std::size_t>(width) * 3 : top;
+          sum += w[k] * (top[6 * x] + top[3 * next] + bottom[6 * x] + bottom[3 * next]);
+        }
+        put(out + x * l.step, static_cast<std::uint8_t>(std::clamp(((sum + (1 << 17)) >> 18) + 128, 0, 255)));
+      }
+    }
+  }
+}
 
 struct Renderer::State {
   State(const Settings& s, int width, int height)
@@ -82,27 +236,26 @@ Picture::Picture(PixelFormat format, int width, int height, Colorimetry colorime
   }
 }
 
-Frame Picture::frame() const {
-  Frame frame;
+/// What Frame and MutableFrame share.
+template <class AnyFrame, class Planes> AnyFrame Picture::described(Planes& planes) const {
+  AnyFrame frame;
   frame.format = format_;
   frame.width = width_;
   frame.height = height_;
   frame.colorimetry = colorimetry_;
   for (int p = 0; p < layout_of(format_).planes; ++p)
-    frame.planes[p] = {planes_[p].data(), strides_[p]};
+    frame.planes[p] = {planes[p].data(), strides_[p]};
+  return frame;
+}
+
+Frame Picture::frame() const {
+  Frame frame = described<Frame>(planes_);
   frame.pts = static_cast<std::int64_t>(frame_number_) * 1'000'000'000 / frames_per_second;
   return frame;
 }
 
 MutableFrame Picture::mutable_frame() {
-  MutableFrame frame;
-  frame.format = format_;
-  frame.width = width_;
-  frame.height = height_;
-  frame.colorimetry = colorimetry_;
-  for (int p = 0; p < layout_of(format_).planes; ++p)
-    frame.planes[p] = {planes_[p].data(), strides_[p]};
-  return frame;
+  return described<MutableFrame>(planes_);
 }
 
 } // namespace terrainseg::scene

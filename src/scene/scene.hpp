@@ -76,6 +76,8 @@ class Picture {
 
  private:
   friend class Renderer;
+  template <class AnyFrame, class Planes> AnyFrame described(Planes& planes) const;
+
   PixelFormat format_;
   int width_, height_;
   Colorimetry colorimetry_;

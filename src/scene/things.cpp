@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "scene/things.hpp"
-
 #include <algorithm>
 
-#include "scene/box.hpp"
-#include "scene/hard_shadows.hpp"
+#include "scene/draw.hpp"
 
 namespace terrainseg::scene {
 namespace {
@@ -24,60 +21,6 @@ struct Plane3 {
 class Painter {
  public:
   Painter(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), camera_(stage.moment.camera) {}
-
-  bool too_far_for_shadows(const Thing& thing) const {
-    return camera_.depth(thing.base) > (thing.kind == Thing::Kind::tree ? 45.0F : 90.0F);
-  }
-
-  void shadow(const Thing& thing) {
-    std::array<Vec3, 16> corners;
-    if (s_.settings.kind != Kind::corridor && s_.light.sun.y > 0.01F) {
-      const float reach = std::min(1 / s_.light.sun.y, 14.0F);
-      const Vec3 along = {-s_.light.sun.x * reach, 0, -s_.light.sun.z * reach};
-      const Color kept = s_.light.kept_in_shadow(0.06F);
-      if (thing.kind == Thing::Kind::tree) {
-        const Vec3 middle = thing.base + along * (thing.height * 0.62F);
-        const float stretch =
-            std::sqrt(along.x * along.x + along.z * along.z) * 0.36F * thing.height + thing.half_x;
-        const int count = ellipse(middle, along, stretch, thing.half_x, corners);
-        darken(corners, count, kept, 0.35F, true);
-        const Vec3 trunk = {0.012F * thing.height, 0, 0};
-        corners[0] = thing.base - trunk;
-        corners[1] = thing.base + trunk;
-        corners[2] = thing.base + along * (thing.height * 0.4F) + trunk;
-        corners[3] = thing.base + along * (thing.height * 0.4F) - trunk;
-        darken(corners, 4, kept, 0.03F, false);
-      } else if (thing.kind == Thing::Kind::bush || thing.kind == Thing::Kind::rock) {
-        const float length = std::sqrt(along.x * along.x + along.z * along.z) * 0.5F * thing.height;
-        const Vec3 middle = thing.base + along * (0.5F * thing.height);
-        const int count = ellipse(middle, along, length + 0.6F * thing.half_x, thing.half_x, corners);
-        darken(corners, count, kept, 0.04F * thing.half_x + 0.01F, false);
-      } else {
-        const int count = cast_hull(box_of(thing, 0, thing.height), along, corners);
-        darken(corners, count, kept, 0.05F, false);
-      }
-    }
-  }
-
-  /// The ground under an object gets little light.
-  void contact(const Thing& thing) {
-    std::array<Vec3, 16> corners;
-    const float rim = thing.kind == Thing::Kind::car ? 0.12F : 0.06F;
-    if (thing.kind == Thing::Kind::tree || thing.kind == Thing::Kind::bush ||
-        thing.kind == Thing::Kind::rock) {
-      const float radius = thing.kind == Thing::Kind::tree ? 0.03F * thing.height : thing.half_x;
-      const int count = ellipse(thing.base, {0, 0, 1}, 0.7F * radius + rim, radius + rim, corners);
-      darken(corners, count, {0.5F, 0.5F, 0.5F}, 2 * rim, false);
-      return;
-    }
-    const Box box = box_of(thing, 0, 0);
-    for (int i = 0; i < 4; ++i) {
-      const float x = (i == 1 || i == 2 ? 1.0F : -1.0F) * (thing.half_x + rim);
-      const float z = (i >= 2 ? 1.0F : -1.0F) * (thing.half_z + rim);
-      corners[i] = box.corner(x, 0, z);
-    }
-    darken(corners, 4, {0.42F, 0.42F, 0.42F}, 2 * rim, false);
-  }
 
   void thing(const Thing& thing) {
     switch (thing.kind) {
@@ -101,52 +44,6 @@ class Painter {
   }
 
  private:
-  static int ellipse(const Vec3& middle, const Vec3& along, float length, float width,
-                     std::array<Vec3, 16>& corners) {
-    const float norm = std::sqrt(along.x * along.x + along.z * along.z) + 1e-6F;
-    const Vec3 a = {along.x / norm, 0, along.z / norm}, b = {a.z, 0, -a.x};
-    constexpr int count = 14;
-    for (int i = 0; i < count; ++i) {
-      const double turns = static_cast<double>(i) / count;
-      corners[i] = middle + a * (length * static_cast<float>(cosine(turns))) +
-                   b * (width * static_cast<float>(sine(turns)));
-    }
-    return count;
-  }
-
-  void darken(const std::array<Vec3, 16>& corners, int count, const Color& kept, float softness,
-              bool dappled) {
-    Vec3 middle;
-    for (int i = 0; i < count; ++i)
-      middle = middle + corners[i] * (1.0F / static_cast<float>(count));
-    const float depth = std::max(camera_.depth(middle), 1.0F);
-    const float soft = std::max(softness * camera_.focal / depth, 1.0F);
-    const Outline outline(camera_, {corners.data(), static_cast<std::size_t>(count)});
-    outline.each_pixel(
-        canvas_.width, canvas_.height, soft * 0.5F, soft * (dappled ? 4.0F : 0.5F),
-        [&](int x, int y, float distance) {
-          const std::size_t pixel = canvas_.at(x, y);
-          if (canvas_.open[pixel] < Canvas::hidden || canvas_.shade[pixel].g < kept.g * 0.8F)
-            return; // hidden, or already dark from several shadows
-          float k = past_edge(distance, soft);
-          if (dappled) {
-            const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
-            if (ray.y >= -1e-4F)
-              return;
-            const float t = camera_.position.y / -ray.y;
-            const float u = camera_.position.x + t * ray.x, v = camera_.position.z + t * ray.z;
-            const float gaps =
-                0.66F * s_.noise.at(u * 2.3F, v * 2.3F) + 0.34F * s_.noise.at(u * 5.1F, v * 5.1F);
-            k *= 1 - 0.85F * smooth(0.05F, 0.3F, gaps);
-            // The edge of a crown is ragged.
-            if (distance < 3 * soft)
-              k *= smooth(-0.1F, 0.35F,
-                          distance / soft * 0.25F + 0.4F * s_.noise.at(u * 1.7F + 9, v * 1.7F) + 0.1F);
-          }
-          canvas_.shade[pixel] = canvas_.shade[pixel] * mix(Color{1, 1, 1}, kept, k);
-        });
-  }
-
   Color hazed(const Color& color, float distance) const {
     const float d = distance / s_.light.haze_distance;
     return mix(color, s_.light.haze, s_.settings.kind == Kind::corridor ? d * d / (1 + d * d) : d / (1 + d));
@@ -531,19 +428,6 @@ void draw_things(const Stage& stage, std::vector<Thing>& things, Canvas& canvas)
   Painter painter(stage, canvas);
   for (const Thing& thing : things)
     painter.thing(thing);
-}
-
-void draw_shadows(const Stage& stage, const std::vector<Thing>& things, Canvas& canvas) {
-  if (stage.light.clear)
-    cast_hard_shadows(stage, things, canvas);
-  Painter painter(stage, canvas);
-  for (const Thing& thing : things) {
-    if (painter.too_far_for_shadows(thing))
-      continue;
-    if (!stage.light.clear)
-      painter.shadow(thing);
-    painter.contact(thing);
-  }
 }
 
 } // namespace terrainseg::scene

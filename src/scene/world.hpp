@@ -72,6 +72,21 @@ struct Thing {
   std::uint32_t key = 0; ///< seed of its details
 };
 
+/// An upright box, rotated about its vertical axis.
+struct Box {
+  Vec3 base;
+  float half_x, half_z, low, high;
+  float cos_yaw, sin_yaw;
+
+  Vec3 side() const { return {cos_yaw, 0, -sin_yaw}; }
+  Vec3 ahead() const { return {sin_yaw, 0, cos_yaw}; }
+  Vec3 corner(float x, float y, float z) const { return base + side() * x + ahead() * z + Vec3{0, y, 0}; }
+};
+
+inline Box box_of(const Thing& thing, float low, float high) {
+  return {thing.base, thing.half_x, thing.half_z, low, high, thing.cos_yaw, thing.sin_yaw};
+}
+
 /// The rover's body, mast and head: invisible to its camera, but they cast shadows.
 void parts_of_the_rover(const Settings& settings, const Moment& moment, std::vector<Thing>& parts);
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "scene/hard_shadows.hpp"
+#include "scene/draw.hpp"
 #include "scene/scene.hpp"
 
 namespace {

@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+
+#include "scene/draw.hpp"
+
+namespace terrainseg::scene {
+namespace {
+
+/// Returns the point where light that passes `point` meets the ground. `along` is the horizontal distance
+/// that light travels per metre of height.
+Vec3 cast_of(const Vec3& point, const Vec3& along) {
+  return Vec3{point.x, 0, point.z} + along * point.y;
+}
+
+/// Computes the convex hull of ground points; reorders the points. Returns the number of corners.
+int hull_of(std::span<Vec3> points, std::array<Vec3, 16>& corners) {
+  const int last = static_cast<int>(points.size()) - 1;
+  std::sort(points.begin(), points.end(),
+            [](const Vec3& a, const Vec3& b) { return a.x < b.x || (a.x == b.x && a.z < b.z); });
+  const auto turn = [](const Vec3& o, const Vec3& a, const Vec3& b) {
+    return (a.x - o.x) * (b.z - o.z) - (a.z - o.z) * (b.x - o.x);
+  };
+  int count = 0;
+  for (int pass = 0; pass < 2; ++pass) {
+    const int start = count;
+    for (int i = 0; i <= last; ++i) {
+      const Vec3& point = points[pass ? last - i : i];
+      while (count >= start + 2 && turn(corners[count - 2], corners[count - 1], point) <= 0)
+        --count;
+      corners[count++] = point;
+    }
+    --count; // the next pass begins with the last point
+  }
+  return count;
+}
+
+/// The outline of a box's shadow on the ground.
+int cast_hull(const Box& box, const Vec3& along, std::array<Vec3, 16>& corners) {
+  std::array<Vec3, 8> points;
+  for (int i = 0; i < 8; ++i)
+    points[i] = cast_of(box.corner(i & 1 ? box.half_x : -box.half_x, i & 4 ? box.high : box.low,
+                                   i & 2 ? box.half_z : -box.half_z),
+                        along);
+  return hull_of(points, corners);
+}
+
+class SoftShadows {
+ public:
+  SoftShadows(const Stage& stage, Canvas& canvas)
+      : s_(stage), canvas_(canvas), camera_(stage.moment.camera) {}
+
+  bool too_far(const Thing& thing) const {
+    return camera_.depth(thing.base) > (thing.kind == Thing::Kind::tree ? 45.0F : 90.0F);
+  }
+
+  void shadow(const Thing& thing) {
+    std::array<Vec3, 16> corners;
+    if (s_.settings.kind != Kind::corridor && s_.light.sun.y > 0.01F) {
+      const float reach = std::min(1 / s_.light.sun.y, 14.0F);
+      const Vec3 along = {-s_.light.sun.x * reach, 0, -s_.light.sun.z * reach};
+      const Color kept = s_.light.kept_in_shadow(0.06F);
+      if (thing.kind == Thing::Kind::tree) {
+        const Vec3 middle = thing.base + along * (thing.height * 0.62F);
+        const float stretch =
+            std::sqrt(along.x * along.x + along.z * along.z) * 0.36F * thing.height + thing.half_x;
+        const int count = ellipse(middle, along, stretch, thing.half_x, corners);
+        darken(corners, count, kept, 0.35F, true);
+        const Vec3 trunk = {0.012F * thing.height, 0, 0};
+        corners[0] = thing.base - trunk;
+        corners[1] = thing.base + trunk;
+        corners[2] = thing.base + along * (thing.height * 0.4F) + trunk;
+        corners[3] = thing.base + along * (thing.height * 0.4F) - trunk;
+        darken(corners, 4, kept, 0.03F, false);
+      } else if (thing.kind == Thing::Kind::bush || thing.kind == Thing::Kind::rock) {
+        const float length = std::sqrt(along.x * along.x + along.z * along.z) * 0.5F * thing.height;
+        const Vec3 middle = thing.base + along * (0.5F * thing.height);
+        const int count = ellipse(middle, along, length + 0.6F * thing.half_x, thing.half_x, corners);
+        darken(corners, count, kept, 0.04F * thing.half_x + 0.01F, false);
+      } else {
+        const int count = cast_hull(box_of(thing, 0, thing.height), along, corners);
+        darken(corners, count, kept, 0.05F, false);
+      }
+    }
+  }
+
+  /// The ground under an object gets little light.
+  void contact(const Thing& thing) {
+    std::array<Vec3, 16> corners;
+    const float rim = thing.kind == Thing::Kind::car ? 0.12F : 0.06F;
+    if (thing.kind == Thing::Kind::tree || thing.kind == Thing::Kind::bush ||
+        thing.kind == Thing::Kind::rock) {
+      const float radius = thing.kind == Thing::Kind::tree ? 0.03F * thing.height : thing.half_x;
+      const int count = ellipse(thing.base, {0, 0, 1}, 0.7F * radius + rim, radius + rim, corners);
+      darken(corners, count, {0.5F, 0.5F, 0.5F}, 2 * rim, false);
+      return;
+    }
+    const Box box = box_of(thing, 0, 0);
+    for (int i = 0; i < 4; ++i) {
+      const float x = (i == 1 || i == 2 ? 1.0F : -1.0F) * (thing.half_x + rim);
+      const float z = (i >= 2 ? 1.0F : -1.0F) * (thing.half_z + rim);
+      corners[i] = box.corner(x, 0, z);
+    }
+    darken(corners, 4, {0.42F, 0.42F, 0.42F}, 2 * rim, false);
+  }
+
+ private:
+  static int ellipse(const Vec3& middle, const Vec3& along, float length, float width,
+                     std::array<Vec3, 16>& corners) {
+    const float norm = std::sqrt(along.x * along.x + along.z * along.z) + 1e-6F;
+    const Vec3 a = {along.x / norm, 0, along.z / norm}, b = {a.z, 0, -a.x};
+    constexpr int count = 14;
+    for (int i = 0; i < count; ++i) {
+      const double turns = static_cast<double>(i) / count;
+      corners[i] = middle + a * (length * static_cast<float>(cosine(turns))) +
+                   b * (width * static_cast<float>(sine(turns)));
+    }
+    return count;
+  }
+
+  void darken(const std::array<Vec3, 16>& corners, int count, const Color& kept, float softness,
+              bool dappled) {
+    Vec3 middle;
+    for (int i = 0; i < count; ++i)
+      middle = middle + corners[i] * (1.0F / static_cast<float>(count));
+    const float depth = std::max(camera_.depth(middle), 1.0F);
+    const float soft = std::max(softness * camera_.focal / depth, 1.0F);
+    const Outline outline(camera_, {corners.data(), static_cast<std::size_t>(count)});
+    outline.each_pixel(
+        canvas_.width, canvas_.height, soft * 0.5F, soft * (dappled ? 4.0F : 0.5F),
+        [&](int x, int y, float distance) {
+          const std::size_t pixel = canvas_.at(x, y);
+          if (canvas_.open[pixel] < Canvas::hidden || canvas_.shade[pixel].g < kept.g * 0.8F)
+            return; // hidden, or already dark from several shadows
+          float k = past_edge(distance, soft);
+          if (dappled) {
+            const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
+            if (ray.y >= -1e-4F)
+              return;
+            const float t = camera_.position.y / -ray.y;
+            const float u = camera_.position.x + t * ray.x, v = camera_.position.z + t * ray.z;
+            const float gaps =
+                0.66F * s_.noise.at(u * 2.3F, v * 2.3F) + 0.34F * s_.noise.at(u * 5.1F, v * 5.1F);
+            k *= 1 - 0.85F * smooth(0.05F, 0.3F, gaps);
+            // The edge of a crown is ragged.
+            if (distance < 3 * soft)
+              k *= smooth(-0.1F, 0.35F,
+                          distance / soft * 0.25F + 0.4F * s_.noise.at(u * 1.7F + 9, v * 1.7F) + 0.1F);
+          }
+          canvas_.shade[pixel] = canvas_.shade[pixel] * mix(Color{1, 1, 1}, kept, k);
+        });
+  }
+
+  const Stage& s_;
+  Canvas& canvas_;
+  const Camera& camera_;
+};
+
+class Caster {
+ public:
+  Caster(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), camera_(stage.moment.camera) {
+    const Vec3& sun = stage.light.sun;
+    along_ = {-sun.x / sun.y, 0, -sun.z / sun.y};
+    stretch_ = std::sqrt(along_.x * along_.x + along_.z * along_.z);
+    ahead_ = along_ * (1 / stretch_);
+    across_ = {ahead_.z, 0, -ahead_.x};
+    kept_ = stage.light.kept_in_shadow(0);
+  }
+
+  void cast(const Thing& thing) {
+    switch (thing.kind) {
+    case Thing::Kind::tree:
+      return grown(thing, 1.25F, 1.05F);
+    case Thing::Kind::bush:
+    case Thing::Kind::rock:
+      return grown(thing, 1.3F, 1.3F);
+    case Thing::Kind::house:
+      solid(box_of(thing, thing.low, thing.height));
+      return roof(thing);
+    case Thing::Kind::car: {
+      solid(box_of(thing, 0.2F, 0.58F * thing.height));
+      Box cabin = box_of(thing, 0.5F * thing.height, thing.height);
+      cabin.base = cabin.corner(0, 0, -0.12F * thing.half_z);
+      cabin.half_x *= 0.8F;
+      cabin.half_z *= 0.47F;
+      return solid(cabin);
+    }
+    default:
+      return solid(box_of(thing, thing.low, thing.height));
+    }
+  }
+
+ private:
+  void solid(const Box& box) {
+    std::array<Vec3, 16> corners;
+    const int count = cast_hull(box, along_, corners);
+    fill({corners.data(), static_cast<std::size_t>(count)});
+  }
+
+  void roof(const Thing& thing) {
+    const Box walls = box_of(thing, 0, thing.height);
+    const float hx = thing.half_x + 0.4F, hz = thing.half_z + 0.4F;
+    std::array<Vec3, 6> points;
+    for (int i = 0; i < 6; ++i)
+      points[i] = cast_of(walls.corner(hx * static_cast<float>(i % 3 - 1),
+                                       i % 3 == 1 ? thing.height + 0.7F * thing.half_x : thing.height - 0.2F,
+                                       i < 3 ? -hz : hz),
+                          along_);
+    std::array<Vec3, 16> corners;
+    const int count = hull_of(points, corners);
+    fill({corners.data(), static_cast<std::size_t>(count)});
+  }
+
+  void fill(std::span<const Vec3> corners) {
+    const Outline outline(camera_, corners);
+    outline.each_pixel(canvas_.width, canvas_.height, 0.5F, 0.5F, [&](int x, int y, float distance) {
+      const std::size_t pixel = canvas_.at(x, y);
+      if (canvas_.open[pixel] >= Canvas::hidden)
+        shade(pixel, clamp01(distance + 0.5F));
+    });
+  }
+
+  // Objects without flat faces cast the shadow of a picture that faces the sun.
+  void grown(const Thing& thing, float wide, float high) {
+    const Vec3 side = across_ * (thing.half_x * wide), tip = along_ * (thing.height * high);
+    const std::array<Vec3, 4> corners = {thing.base - side, thing.base + side, thing.base + side + tip,
+                                         thing.base - side + tip};
+    const Outline outline(camera_, corners);
+    outline.each_pixel(canvas_.width, canvas_.height, 0.5F, 0.5F, [&](int x, int y, float) {
+      const std::size_t pixel = canvas_.at(x, y);
+      if (canvas_.open[pixel] < Canvas::hidden)
+        return;
+      const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
+      if (ray.y >= -1e-4F)
+        return;
+      const float t = camera_.position.y / -ray.y;
+      const Vec3 from = camera_.position + ray * t - thing.base;
+      const float u = dot(from, across_), v = dot(from, ahead_) / stretch_;
+      // A pixel is t / focal wide; on the ground it is longer by the inverse of the ray's slope.
+      const float size = t / camera_.focal,
+                  length =
+                      size * std::max(t / camera_.position.y * std::abs(dot(ray, ahead_)), 1.0F) / stretch_;
+      shade(pixel, past_edge(inside(thing, u, v), std::max(size, 0.5F * length)));
+    });
+  }
+
+  /// Approximate distance inside the outline, metres; u across, v up from the ground.
+  float inside(const Thing& thing, float u, float v) const {
+    const auto shift = static_cast<float>(thing.key & 255);
+    const float rx = thing.half_x;
+    const auto rough = [&](float scale) { return s_.noise.at(u * scale + shift, v * scale); };
+    if (thing.kind == Thing::Kind::bush) {
+      const float x = u / rx, y = v / thing.height;
+      return rx * (0.9F - std::sqrt(x * x + y * y) + 0.22F * rough(3) + 0.2F * rough(11));
+    }
+    if (thing.kind == Thing::Kind::rock) {
+      const float x = u / rx, y = (v - 0.18F * thing.height) / (0.75F * thing.height);
+      return rx * (1 - std::sqrt(x * x + y * y) + 0.22F * rough(1.1F / rx) + 0.1F * rough(3.5F / rx));
+    }
+    const float middle = 0.6F * thing.height, y = (v - middle) / (0.4F * thing.height);
+    const float wood = v < middle ? 0.014F * thing.height * (1.2F - v / thing.height) - std::abs(u) : -1;
+    const bool conifer = (thing.key >> 9 & 3) == 0;
+    const float x = u / (conifer ? rx * 0.8F * clamp01(0.5F - 0.5F * y) + 0.02F : rx);
+    const float radius = conifer ? std::max(std::abs(x), std::abs(y)) : std::sqrt(x * x + y * y);
+    float crown = 0.88F - radius + 0.3F * rough(1.4F) + 0.2F * rough(5);
+    crown -= 0.9F * smooth(0.3F, 0.6F, rough(3.3F)) * clamp01(0.8F + y); // gaps
+    return std::max(rx * crown, wood);
+  }
+
+  void shade(std::size_t pixel, float covered) {
+    const Color left = mix(Color{1, 1, 1}, kept_, covered);
+    Color& at = canvas_.shade[pixel];
+    at = {std::min(at.r, left.r), std::min(at.g, left.g), std::min(at.b, left.b)};
+  }
+
+  const Stage& s_;
+  Canvas& canvas_;
+  const Camera& camera_;
+  Vec3 along_, ahead_, across_; ///< shadow on the ground per metre of height, metres; unit vectors
+  float stretch_ = 1;           ///< length of along_
+  Color kept_;
+};
+
+} // namespace
+
+void cast_hard_shadows(const Stage& stage, const std::vector<Thing>& things, Canvas& canvas) {
+  Caster caster(stage, canvas);
+  for (const Thing& thing : things)
+    caster.cast(thing);
+  std::vector<Thing> rover;
+  parts_of_the_rover(stage.settings, stage.moment, rover);
+  for (const Thing& part : rover)
+    caster.cast(part);
+}
+
+void draw_shadows(const Stage& stage, const std::vector<Thing>& things, Canvas& canvas) {
+  if (stage.light.clear)
+    cast_hard_shadows(stage, things, canvas);
+  SoftShadows soft(stage, canvas);
+  for (const Thing& thing : things) {
+    if (soft.too_far(thing))
+      continue;
+    if (!stage.light.clear)
+      soft.shadow(thing);
+    soft.contact(thing);
+  }
+}
+
+} // namespace terrainseg::scene
