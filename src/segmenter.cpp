@@ -191,7 +191,7 @@ Status Segmenter::adopt(const Terrain& terrain) {
             "the terrain was learned with free-space = " +
                 std::string(teacher == PipelineKind::free_space ? "true" : "false") +
                 ": set free-space to the same value, or learn the terrain again"};
-  if (!well_formed(terrain))
+  if (!flaw_of(terrain).empty())
     return {Status::Code::foreign_terrain,
             "the terrain does not have the structure that this version uses: learn it again"};
   s.terrain = terrain;

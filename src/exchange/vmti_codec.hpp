@@ -229,6 +229,7 @@ class Cursor {
     return 0;
   }
   View item() { return take(length()); }
+  View take_rest() { return take(left_.size()); }
 
  private:
   void fail() {

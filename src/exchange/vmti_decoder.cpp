@@ -100,12 +100,30 @@ bool read_models(View models, Estimate& estimate) {
 
 } // namespace
 
-KlvVerdict KlvUnit::refuse(KlvVerdict verdict, std::string why) {
+bool KlvUnit::refuse(KlvVerdict verdict, std::string why) {
+  verdict_ = verdict;
   error_ = std::move(why);
-  return verdict;
+  return false;
+}
+
+bool KlvUnit::damaged(std::string why) {
+  return refuse(KlvVerdict::damaged, std::move(why));
+}
+
+/// Calls take(tag, item) for each item of a set, until it returns false. `what` is the name in messages.
+template <class Take> bool KlvUnit::each_item_of(View set, const char* what, Take take) {
+  Cursor in(set);
+  while (in.ok() && !in.done()) {
+    const std::uint32_t tag = in.tag();
+    const View item = in.item();
+    if (in.ok() && !take(tag, item))
+      return false;
+  }
+  return in.ok() || damaged(std::string(what) + " is cut short");
 }
 
 KlvVerdict KlvUnit::decode(std::span<const std::uint8_t> bytes) {
+  verdict_ = KlvVerdict::ok;
   error_.clear();
   estimate_ = {};
   boundary_.clear();
@@ -114,23 +132,27 @@ KlvVerdict KlvUnit::decode(std::span<const std::uint8_t> bytes) {
   grid_width_ = grid_height_ = 0;
   targets_ = {};
   seen_targets_ = seen_masks_ = 0;
+  read(bytes);
+  return verdict_;
+}
 
+bool KlvUnit::read(View bytes) {
   // Skips sets of other programs in front of the VMTI set.
   while (!begins_with(bytes, vmti_label)) {
     Cursor in(bytes);
     const View label = in.take(16);
     const std::size_t length = in.length();
     if (!in.ok() || label[0] != 0x06 || label[1] != 0x0e || label[2] != 0x2b || label[3] != 0x34)
-      return refuse(KlvVerdict::damaged, "not KLV: a universal label is missing");
+      return damaged("not KLV: a universal label is missing");
     const View set = in.take(length);
     if (!in.ok())
-      return refuse(KlvVerdict::damaged, "a KLV set is cut short");
+      return damaged("a KLV set is cut short");
     const auto size = static_cast<std::size_t>(set.data() + set.size() - bytes.data());
     if (begins_with(label, uas_label) && holds_vmti(set))
       return read_nested(bytes.first(size), set);
-    if (in.done() && begins_with(label, uas_label) && has_checksum(set))
-      if (const KlvVerdict verdict = check_frame(bytes, set, "UAS Datalink"); verdict != KlvVerdict::ok)
-        return verdict;
+    if (in.done() && begins_with(label, uas_label) && has_checksum(set) &&
+        !check_frame(bytes, set, "UAS Datalink"))
+      return false;
     if (in.done())
       return refuse(KlvVerdict::foreign, "KLV without a VMTI Local Set (MISB ST 0903)");
     bytes = bytes.subspan(size);
@@ -139,93 +161,77 @@ KlvVerdict KlvUnit::decode(std::span<const std::uint8_t> bytes) {
 }
 
 /// Reads a VMTI Local Set at the beginning of `bytes`.
-KlvVerdict KlvUnit::read_alone(View bytes) {
+bool KlvUnit::read_alone(View bytes) {
   Cursor in(bytes);
   in.take(vmti_label.size());
   const View set = in.item();
   if (!in.ok())
-    return refuse(KlvVerdict::damaged, "the VMTI Local Set is cut short");
+    return damaged("the VMTI Local Set is cut short");
   const auto head = static_cast<std::size_t>(set.data() - bytes.data());
   const View unit = bytes.first(head + set.size());
-  if (const KlvVerdict verdict = check_frame(unit, set, "VMTI"); verdict != KlvVerdict::ok)
-    return verdict;
-  return read_items(unit.first(head), set.first(set.size() - checksum_size));
+  return check_frame(unit, set, "VMTI") &&
+         read_items(unit.first(head), set.first(set.size() - checksum_size));
 }
 
 /// Reads the VMTI Local Set (without label, length and checksum) in the UAS Datalink Local Set `set`.
-KlvVerdict KlvUnit::read_nested(View unit, View set) {
-  if (const KlvVerdict verdict = check_frame(unit, set, "UAS Datalink"); verdict != KlvVerdict::ok)
-    return verdict;
+bool KlvUnit::read_nested(View unit, View set) {
   View vmti;
-  Cursor in(set);
-  while (in.ok() && !in.done()) {
-    const std::uint32_t tag = in.tag();
-    const View item = in.item();
+  const auto take = [&](std::uint32_t tag, View item) {
     if (tag == uas_time)
       read_number(item, time_us_);
-    else if (tag == uas_vmti && in.ok()) {
-      if (vmti.data())
-        return refuse(KlvVerdict::damaged, "the UAS Datalink Local Set has more than one VMTI Local Set");
+    if (tag == uas_vmti && vmti.data())
+      return damaged("the UAS Datalink Local Set has more than one VMTI Local Set");
+    if (tag == uas_vmti)
       vmti = item;
-    }
-  }
-  if (!in.ok())
-    return refuse(KlvVerdict::damaged, "an item of the UAS Datalink Local Set is cut short");
+    return true;
+  };
+  if (!check_frame(unit, set, "UAS Datalink") ||
+      !each_item_of(set, "an item of the UAS Datalink Local Set", take))
+    return false;
   head_.assign(vmti_label.begin(), vmti_label.end());
   put_length(head_, vmti.size() + checksum_size);
   return read_items(head_, vmti);
 }
 
 /// Checks size and checksum of the outermost set.
-KlvVerdict KlvUnit::check_frame(View unit, View set, const char* name) {
+bool KlvUnit::check_frame(View unit, View set, const char* name) {
   if (unit.size() > klv_unit_limit)
-    return refuse(KlvVerdict::damaged, "a unit of " + std::to_string(unit.size()) +
-                                           " bytes is larger than the " + std::to_string(klv_unit_limit) +
-                                           " that one may have");
+    return damaged("a unit of " + std::to_string(unit.size()) + " bytes is larger than the " +
+                   std::to_string(klv_unit_limit) + " that one may have");
   if (!has_checksum(set) || Cursor(unit.last(2)).big(2) != checksum16(unit.first(unit.size() - 2)))
-    return refuse(KlvVerdict::damaged,
-                  std::string("the checksum of the ") + name + " Local Set does not match");
-  return KlvVerdict::ok;
+    return damaged(std::string("the checksum of the ") + name + " Local Set does not match");
+  return true;
 }
 
 /// Reads the items of a VMTI Local Set without its checksum. `head` is label and length as in a set that is
 /// not nested.
-KlvVerdict KlvUnit::read_items(View head, View set) {
+bool KlvUnit::read_items(View head, View set) {
   View terrain;
-  if (const KlvVerdict verdict = read_vmti(set, terrain); verdict != KlvVerdict::ok)
-    return verdict;
+  if (!read_vmti(set, terrain))
+    return false;
   if (!begins_with(terrain, terrain_label))
     return refuse(KlvVerdict::foreign, "VMTI of another maker: it holds no Local Set of terrainseg");
   const auto checked = static_cast<std::size_t>(terrain.data() + terrain.size() - set.data()) - 4;
   if (terrain.size() < terrain_label.size() + 6 || terrain[terrain.size() - 6] != terrain_crc ||
       terrain[terrain.size() - 5] != 4 ||
       Cursor(terrain.last(4)).big(4) != crc32(set.first(checked), crc32(head)))
-    return refuse(KlvVerdict::damaged, "the checksum of terrainseg's Local Set does not match");
-  if (const KlvVerdict verdict =
-          read_terrain_set(terrain.subspan(terrain_label.size(), terrain.size() - terrain_label.size() - 6));
-      verdict != KlvVerdict::ok)
-    return verdict;
-  if (const KlvVerdict verdict = read_targets(); verdict != KlvVerdict::ok)
-    return verdict;
+    return damaged("the checksum of terrainseg's Local Set does not match");
+  if (!read_terrain_set(terrain.subspan(terrain_label.size(), terrain.size() - terrain_label.size() - 6)) ||
+      !read_targets())
+    return false;
   estimate_.boundary = boundary_;
-  if (const char* flaw = flaw_of(estimate_))
-    return refuse(KlvVerdict::damaged, flaw);
-  return KlvVerdict::ok;
+  const char* flaw = flaw_of(estimate_);
+  return !flaw || damaged(flaw);
 }
 
-KlvVerdict KlvUnit::read_terrain_set(View set) {
-  Cursor in(set);
+bool KlvUnit::read_terrain_set(View set) {
   View boundary, models;
   bool versioned = false;
-  while (in.ok() && !in.done()) {
-    const std::uint32_t tag = in.tag();
-    const View item = in.item();
-    if (!in.ok())
-      break;
+  const auto take = [&](std::uint32_t tag, View item) {
     if (tag == terrain_version) {
       std::uint64_t version = 0;
       if (item.size() != 1 || !read_number(item, version))
-        return refuse(KlvVerdict::damaged, "terrainseg's Local Set has no readable version");
+        return damaged("terrainseg's Local Set has no readable version");
       if (version != terrain_set_version)
         return refuse(KlvVerdict::foreign, "terrainseg's Local Set has version " + std::to_string(version) +
                                                ", this one reads version " +
@@ -236,28 +242,24 @@ KlvVerdict KlvUnit::read_terrain_set(View set) {
     } else if (tag == terrain_models) {
       models = item;
     } else if (!read_terrain_item(tag, item, estimate_)) {
-      return refuse(KlvVerdict::damaged, "tag " + std::to_string(tag) +
-                                             " of terrainseg's Local Set has a size or value it cannot have");
+      return damaged("tag " + std::to_string(tag) +
+                     " of terrainseg's Local Set has a size or value it cannot have");
     }
-  }
-  if (!in.ok())
-    return refuse(KlvVerdict::damaged, "an item of terrainseg's Local Set is cut short");
+    return true;
+  };
+  if (!each_item_of(set, "an item of terrainseg's Local Set", take))
+    return false;
   if (!versioned)
-    return refuse(KlvVerdict::damaged, "terrainseg's Local Set has no version");
+    return damaged("terrainseg's Local Set has no version");
   if (!read_boundary(boundary, boundary_))
-    return refuse(KlvVerdict::damaged, "the boundary is cut short or has invalid rows");
-  if (!read_models(models, estimate_))
-    return refuse(KlvVerdict::damaged, "the models have a size they cannot have");
-  return KlvVerdict::ok;
+    return damaged("the boundary is cut short or has invalid rows");
+  return read_models(models, estimate_) || damaged("the models have a size they cannot have");
 }
 
 /// Reads the items of the VMTI Local Set. The values are checked later, when the unit is known to be from
 /// terrainseg.
-KlvVerdict KlvUnit::read_vmti(View set, View& terrain) {
-  Cursor in(set);
-  while (in.ok() && !in.done()) {
-    const std::uint32_t tag = in.tag();
-    const View item = in.item();
+bool KlvUnit::read_vmti(View set, View& terrain) {
+  return each_item_of(set, "an item of the VMTI Local Set", [&](std::uint32_t tag, View item) {
     if (tag == vmti_time)
       read_number(item, time_us_);
     else if (tag == vmti_width)
@@ -268,74 +270,59 @@ KlvVerdict KlvUnit::read_vmti(View set, View& terrain) {
       targets_ = item;
     else if (tag == vmti_terrain)
       terrain = item;
-  }
-  return in.ok() ? KlvVerdict::ok : refuse(KlvVerdict::damaged, "an item of the VMTI Local Set is cut short");
+    return true;
+  });
 }
 
-KlvVerdict KlvUnit::read_targets() {
+bool KlvUnit::read_targets() {
   const std::uint64_t width = grid_width_, height = grid_height_;
+  const std::string size = std::to_string(width) + "x" + std::to_string(height);
   if (width < 1 || height < 1 || width > longest_picture_side || height > longest_picture_side ||
       static_cast<std::int64_t>(width * height) > klv_mask_limit)
-    return refuse(KlvVerdict::damaged,
-                  "a mask of " + std::to_string(width) + "x" + std::to_string(height) + " pixels is invalid");
+    return damaged("a mask of " + size + " pixels is invalid");
   estimate_.mask = {{}, static_cast<int>(width), static_cast<int>(height)};
   if (estimate_.mask.width > estimate_.frame_width || estimate_.mask.height > estimate_.frame_height)
-    return refuse(KlvVerdict::damaged, "a mask of " + std::to_string(width) + "x" + std::to_string(height) +
-                                           " is larger than its frame of " +
-                                           std::to_string(estimate_.frame_width) + "x" +
-                                           std::to_string(estimate_.frame_height));
+    return damaged("a mask of " + size + " is larger than its frame of " +
+                   std::to_string(estimate_.frame_width) + "x" + std::to_string(estimate_.frame_height));
   Cursor packs(targets_);
   while (packs.ok() && !packs.done()) {
     const View pack = packs.item();
-    if (!packs.ok())
-      break;
-    if (const KlvVerdict verdict = read_target(pack); verdict != KlvVerdict::ok)
-      return verdict;
+    if (packs.ok() && !read_target(pack))
+      return false;
   }
-  if (!packs.ok())
-    return refuse(KlvVerdict::damaged, "a VTarget Pack is cut short");
-  return KlvVerdict::ok;
+  return packs.ok() || damaged("a VTarget Pack is cut short");
 }
 
-KlvVerdict KlvUnit::read_target(View pack) {
+bool KlvUnit::read_target(View pack) {
   Cursor in(pack);
   const std::uint32_t id = in.tag();
   if (id != id_traversable && id != id_doubtful)
-    return in.ok() ? KlvVerdict::ok : refuse(KlvVerdict::damaged, "a VTarget Pack is empty");
+    return in.ok() || damaged("a VTarget Pack is empty");
+  const std::string target = "target " + std::to_string(id);
   if (seen_targets_ & (1u << id))
-    return refuse(KlvVerdict::damaged, "target " + std::to_string(id) + " comes twice");
+    return damaged(target + " comes twice");
   seen_targets_ |= 1u << id;
-  while (in.ok() && !in.done()) {
-    const std::uint32_t tag = in.tag();
-    const View item = in.item();
-    if (tag != target_mask || !in.ok())
-      continue;
-    // One mask per target and one series per mask: only within a series are runs in rising order, which makes
-    // the work linear in the sizes of the unit and the mask.
+  // One mask per target and one series per mask: only within a series are runs in rising order, which makes
+  // the work linear in the sizes of the unit and the mask.
+  bool seen_series = false;
+  const auto take_series = [&](std::uint32_t kind, View series) {
+    if (kind != mask_runs)
+      return true;
+    if (std::exchange(seen_series, true))
+      return damaged("the mask of " + target + " has more than one series of runs");
+    return read_runs(series, id == id_traversable ? mask_traversable : mask_doubtful);
+  };
+  return each_item_of(in.take_rest(), "an item of a VTarget Pack", [&](std::uint32_t tag, View item) {
+    if (tag != target_mask)
+      return true;
     if (seen_masks_ & (1u << id))
-      return refuse(KlvVerdict::damaged, "target " + std::to_string(id) + " has more than one mask");
+      return damaged(target + " has more than one mask");
     seen_masks_ |= 1u << id;
-    bool seen_series = false;
-    Cursor mask(item);
-    while (mask.ok() && !mask.done()) {
-      const std::uint32_t kind = mask.tag();
-      const View series = mask.item();
-      if (kind != mask_runs || !mask.ok())
-        continue;
-      if (std::exchange(seen_series, true))
-        return refuse(KlvVerdict::damaged,
-                      "the mask of target " + std::to_string(id) + " has more than one series of runs");
-      const std::uint8_t value = id == id_traversable ? mask_traversable : mask_doubtful;
-      if (const KlvVerdict verdict = read_runs(series, value); verdict != KlvVerdict::ok)
-        return verdict;
-    }
-    if (!mask.ok())
-      return refuse(KlvVerdict::damaged, "a VMask Local Set is cut short");
-  }
-  return in.ok() ? KlvVerdict::ok : refuse(KlvVerdict::damaged, "an item of a VTarget Pack is cut short");
+    return each_item_of(item, "a VMask Local Set", take_series);
+  });
 }
 
-KlvVerdict KlvUnit::read_runs(View series, std::uint8_t value) {
+bool KlvUnit::read_runs(View series, std::uint8_t value) {
   const std::uint64_t pixels =
       static_cast<std::uint64_t>(estimate_.mask.width) * static_cast<std::uint64_t>(estimate_.mask.height);
   std::uint64_t next = 0;
@@ -346,14 +333,14 @@ KlvVerdict KlvUnit::read_runs(View series, std::uint8_t value) {
     const std::uint64_t number = size <= 6 ? pair.big(size) : 0;
     const std::uint64_t run = pair.length();
     if (!in.ok() || !pair.ok() || !pair.done())
-      return refuse(KlvVerdict::damaged, "a run of the mask is cut short");
+      return damaged("a run of the mask is cut short");
     // Rising order limits the drawing work to the size of the mask.
     if (number < 1 || run < 1 || number - 1 < next || run > pixels || number - 1 > pixels - run)
-      return refuse(KlvVerdict::damaged, "a run of the mask lies outside it or goes back");
+      return damaged("a run of the mask lies outside it or goes back");
     next = number - 1 + run;
     runs_.push_back({static_cast<std::uint32_t>(number - 1), static_cast<std::uint32_t>(run), value});
   }
-  return KlvVerdict::ok;
+  return true;
 }
 
 std::uint64_t KlvUnit::pixels_to_draw() const {

@@ -91,18 +91,23 @@ class KlvUnit {
     std::uint32_t start, length;
     std::uint8_t value;
   };
-  KlvVerdict refuse(KlvVerdict verdict, std::string why);
-  KlvVerdict read_alone(std::span<const std::uint8_t> bytes);
-  KlvVerdict read_nested(std::span<const std::uint8_t> unit, std::span<const std::uint8_t> set);
-  KlvVerdict check_frame(std::span<const std::uint8_t> unit, std::span<const std::uint8_t> set,
-                         const char* name);
-  KlvVerdict read_items(std::span<const std::uint8_t> head, std::span<const std::uint8_t> set);
-  KlvVerdict read_vmti(std::span<const std::uint8_t> set, std::span<const std::uint8_t>& terrain);
-  KlvVerdict read_targets();
-  KlvVerdict read_target(std::span<const std::uint8_t> pack);
-  KlvVerdict read_runs(std::span<const std::uint8_t> series, std::uint8_t value);
-  KlvVerdict read_terrain_set(std::span<const std::uint8_t> set);
+  using View = std::span<const std::uint8_t>;
+  // These return false if they refuse the unit.
+  bool refuse(KlvVerdict verdict, std::string why);
+  bool damaged(std::string why);
+  template <class Take> bool each_item_of(View set, const char* what, Take take);
+  bool read(View bytes);
+  bool read_alone(View bytes);
+  bool read_nested(View unit, View set);
+  bool check_frame(View unit, View set, const char* name);
+  bool read_items(View head, View set);
+  bool read_vmti(View set, View& terrain);
+  bool read_targets();
+  bool read_target(View pack);
+  bool read_runs(View series, std::uint8_t value);
+  bool read_terrain_set(View set);
 
+  KlvVerdict verdict_ = KlvVerdict::ok;
   std::string error_;
   std::vector<std::uint8_t> head_; ///< label and length of a nested set as it would stand alone
   Estimate estimate_;

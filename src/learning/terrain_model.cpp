@@ -321,8 +321,4 @@ std::string flaw_of(const Terrain& terrain) {
   return {};
 }
 
-bool well_formed(const Terrain& terrain) {
-  return flaw_of(terrain).empty();
-}
-
 } // namespace terrainseg

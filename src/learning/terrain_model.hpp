@@ -91,8 +91,4 @@ int heaviest(std::span<const TerrainModel> learned);
 /// Changes the number of slots: adds null models or removes the lightest ones.
 void resize_mixture(std::vector<TerrainModel>& learned, int slots);
 
-/// Whether a terrain from a file or a caller has the structure and value ranges that learning and scoring
-/// require.
-bool well_formed(const Terrain& terrain);
-
 } // namespace terrainseg

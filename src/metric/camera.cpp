@@ -63,6 +63,14 @@ std::optional<ImagePoint> undistort_equidistant(const Camera& camera, const Imag
 
 } // namespace
 
+std::pair<const char*, std::size_t> lens_of(const Camera& camera) {
+  if (camera.distortion == Distortion::equidistant)
+    return {"equidistant", 4};
+  const auto& k = camera.coefficients;
+  return k[5] != 0 || k[6] != 0 || k[7] != 0 ? std::pair{"rational_polynomial", std::size_t{8}}
+                                             : std::pair{"plumb_bob", std::size_t{5}};
+}
+
 std::string flaw_of(const Camera& camera) {
   for (double number : {camera.fx, camera.fy, camera.cx, camera.cy})
     if (!std::isfinite(number))

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace terrainseg::metric {
 
@@ -36,6 +37,9 @@ struct Camera {
   bool undistorted() const { return coefficients == std::array<double, 8>{}; }
   bool operator==(const Camera&) const = default;
 };
+
+/// The name of a lens model in ROS and the number of its coefficients.
+std::pair<const char*, std::size_t> lens_of(const Camera& camera);
 
 /// What is wrong with a calibration and what to do, or an empty text: every number finite, focal lengths and
 /// sizes above 0, the principal point within a picture's size of the picture.

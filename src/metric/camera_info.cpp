@@ -4,8 +4,10 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <initializer_list>
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -273,7 +275,7 @@ std::string text(double value) {
   return std::string(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
 }
 
-std::string matrix(const char* name, int rows, std::initializer_list<double> values) {
+std::string matrix(const char* name, int rows, std::span<const double> values) {
   std::string data;
   for (double value : values)
     data += (data.empty() ? "" : ", ") + text(value);
@@ -341,22 +343,15 @@ std::string mount_file(const Mount& mount) {
 }
 
 std::string camera_info_file(const Camera& camera, const std::string& name) {
-  const auto& k = camera.coefficients;
-  const bool fisheye = camera.distortion == Distortion::equidistant;
-  const bool rational = !fisheye && (k[5] != 0 || k[6] != 0 || k[7] != 0);
+  const auto [lens, coefficients] = lens_of(camera);
+  const double fx = camera.fx, fy = camera.fy, cx = camera.cx, cy = camera.cy;
   return "image_width: " + std::to_string(camera.width) + "\nimage_height: " + std::to_string(camera.height) +
          "\ncamera_name: " + name + "\n" +
-         matrix("camera_matrix", 3, {camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1}) +
-         "distortion_model: " +
-         (fisheye    ? "equidistant"
-          : rational ? "rational_polynomial"
-                     : "plumb_bob") +
-         "\n" +
-         (fisheye    ? matrix("distortion_coefficients", 1, {k[0], k[1], k[2], k[3]})
-          : rational ? matrix("distortion_coefficients", 1, {k[0], k[1], k[2], k[3], k[4], k[5], k[6], k[7]})
-                     : matrix("distortion_coefficients", 1, {k[0], k[1], k[2], k[3], k[4]})) +
-         matrix("rectification_matrix", 3, {1, 0, 0, 0, 1, 0, 0, 0, 1}) +
-         matrix("projection_matrix", 3, {camera.fx, 0, camera.cx, 0, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0});
+         matrix("camera_matrix", 3, std::array{fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0}) +
+         "distortion_model: " + lens + "\n" +
+         matrix("distortion_coefficients", 1, std::span(camera.coefficients).first(coefficients)) +
+         matrix("rectification_matrix", 3, std::array{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}) +
+         matrix("projection_matrix", 3, std::array{fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0});
 }
 
 } // namespace terrainseg::metric

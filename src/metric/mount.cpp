@@ -110,12 +110,9 @@ std::optional<Mount> parse_mount(std::string_view text, std::string& error) {
 GroundProjection::GroundProjection(const Mount& mount) : height_(mount.height), x_(mount.x), y_(mount.y) {
   const double cr = std::cos(mount.roll), sr = std::sin(mount.roll), cp = std::cos(mount.pitch),
                sp = std::sin(mount.pitch), cy = std::cos(mount.yaw), sy = std::sin(mount.yaw);
-  const double rows[3][3] = {{cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr},
-                             {sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr},
-                             {-sp, cp * sr, cp * cr}};
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      rotation_[i][j] = rows[i][j];
+  rotation_ = {{{cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr},
+                {sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr},
+                {-sp, cp * sr, cp * cr}}};
 }
 
 std::optional<GroundPoint> GroundProjection::operator()(const ImagePoint& ray) const {
@@ -135,11 +132,6 @@ std::optional<ImagePoint> GroundProjection::ray_to(const GroundPoint& point) con
   if (!(seen[0] > least_descent * height_))
     return std::nullopt;
   return ImagePoint{-seen[1] / seen[0], -seen[2] / seen[0]};
-}
-
-double GroundProjection::bearing(const ImagePoint& ray) const {
-  const auto point = (*this)(ray);
-  return point ? std::atan2(point->y, point->x) : std::atan2(along(1, ray), along(0, ray));
 }
 
 std::optional<double> vanishing_row(const Mount& mount, const Camera& camera) {

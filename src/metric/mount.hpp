@@ -6,6 +6,7 @@
 // The ground is the plane z = 0 below the body's origin.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -48,22 +49,19 @@ class GroundProjection {
   std::optional<GroundPoint> operator()(const ImagePoint& ray) const;
   /// The ray that shows a point of the ground; nothing when it lies behind the camera.
   std::optional<ImagePoint> ray_to(const GroundPoint& point) const;
-  /// Direction in which a ray leaves the body's origin, seen from above, radians counter-clockwise: that of
-  /// the ground point, or of the ray itself where it meets no ground.
-  double bearing(const ImagePoint& ray) const;
   /// The body's forward, left and upward parts of a ray: 0, 1, 2.
   double along(int axis, const ImagePoint& ray) const {
     const auto& row = rotation_[axis];
     return row[0] - row[1] * ray.x - row[2] * ray.y;
   }
   /// What along() weighs 1, -x and -y of a ray by.
-  const double (&row(int axis) const)[3] { return rotation_[axis]; }
+  const std::array<double, 3>& row(int axis) const { return rotation_[axis]; }
   double height() const { return height_; }
   double x() const { return x_; }
   double y() const { return y_; }
 
  private:
-  double rotation_[3][3];
+  std::array<std::array<double, 3>, 3> rotation_;
   double height_, x_, y_;
 };
 

@@ -53,11 +53,6 @@ void Beams::take(const MetricEstimate& m) {
   std::replace(ranges_.begin(), ranges_.end(), without_column, unknown);
 }
 
-const float* Beams::at(double angle) const {
-  const auto beam = beam_of(angle);
-  return beam ? &ranges_[*beam] : nullptr;
-}
-
 void boundary_points(std::vector<BoundaryPoint>& points, const MetricEstimate& m) {
   points.clear();
   for (std::size_t i = 0; i < m.ranges.size(); ++i)

@@ -18,12 +18,9 @@ class Beams {
   /// if it has no column, or an unknown column and no obstacle. Columns outside the fan are ignored.
   void take(const MetricEstimate& metric);
   const ScanFan& fan() const { return fan_; }
-  const std::vector<float>& ranges() const {
-    return ranges_;
-  } ///< from right to left; NaN = unknown, +infinity = free
-  /// Returns the beam of a direction, or nullptr outside the fan.
-  const float* at(double angle) const;
-  /// Its number; nothing outside the fan.
+  /// From right to left; NaN = unknown, +infinity = free.
+  const std::vector<float>& ranges() const { return ranges_; }
+  /// The number of the beam of a direction; nothing outside the fan.
   std::optional<std::size_t> beam_of(double angle) const;
 
  private:

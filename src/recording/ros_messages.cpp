@@ -113,15 +113,6 @@ template <class Values> void put_reals(CdrWriter& out, const Values& values) {
     out.f64(value);
 }
 
-/// The name of a lens model in ROS and the number of its coefficients.
-std::pair<const char*, std::size_t> lens_of(const metric::Camera& camera) {
-  if (camera.distortion == metric::Distortion::equidistant)
-    return {"equidistant", 4};
-  const auto& k = camera.coefficients;
-  return k[5] != 0 || k[6] != 0 || k[7] != 0 ? std::pair{"rational_polynomial", std::size_t{8}}
-                                             : std::pair{"plumb_bob", std::size_t{5}};
-}
-
 } // namespace
 
 MessageType message_type(std::string_view name) {
@@ -191,7 +182,7 @@ void encode(Bytes& bytes, const Header& header, const metric::Camera& camera) {
   put_header(out, header);
   out.u32(static_cast<std::uint32_t>(camera.height));
   out.u32(static_cast<std::uint32_t>(camera.width));
-  const auto [lens, coefficients] = lens_of(camera);
+  const auto [lens, coefficients] = metric::lens_of(camera);
   out.string(lens);
   out.count(coefficients);
   put_reals(out, std::span(camera.coefficients).first(coefficients));

@@ -469,7 +469,7 @@ TEST(Beams, AreTheLeastOfTheirColumns) {
         std::size_t told = 0;
         for (std::uint32_t beam = 0; beam < fan.beams; ++beam) {
           const double angle = fan.angle_min + beam * fan.increment;
-          EXPECT_EQ(beams.at(angle), &beams.ranges()[beam]);
+          EXPECT_EQ(beams.beam_of(angle), beam);
           float least = inf_value;
           bool unknown = true, any = false;
           for (std::size_t i = 0; i < columns; ++i)
@@ -490,8 +490,8 @@ TEST(Beams, AreTheLeastOfTheirColumns) {
         EXPECT_GE(told, columns == 321 ? 20u : columns == 20 ? 10u : 0u);
       }
       if (fan.beams < 500) {
-        EXPECT_EQ(beams.at(yaw + std::numbers::pi), nullptr) << "behind the camera";
-        EXPECT_EQ(beams.at(yaw + 0.61 + fan.increment), nullptr) << "beside it";
+        EXPECT_EQ(beams.beam_of(yaw + std::numbers::pi), std::nullopt) << "behind the camera";
+        EXPECT_EQ(beams.beam_of(yaw + 0.61 + fan.increment), std::nullopt) << "beside it";
       }
     }
 }
@@ -507,7 +507,7 @@ TEST(Beams, KeepTheirGeometryWhateverTheFrameHas) {
                          [](float r) { return std::isfinite(r); });
   };
   EXPECT_EQ(finite(), 3);
-  EXPECT_EQ(*beams.at(-0.5), 4) << "the right column";
+  EXPECT_EQ(beams.ranges()[beams.beam_of(-0.5).value()], 4) << "the right column";
   View other(0.8, -0.3, {2, 3, 4, 5});
   other.metric.fan = {-0.1, 0.5, 3, 0};
   beams.take(other.metric);
@@ -527,7 +527,7 @@ TEST(Beams, AreAllAroundWhereNoFanIsStated) {
   const View view(0.5, -0.5, {2, 3, 4});
   beams.take(view.metric);
   EXPECT_EQ(beams.fan(), whole_circle(720, view.metric.range_min));
-  EXPECT_EQ(*beams.at(0), 3);
+  EXPECT_EQ(beams.ranges()[beams.beam_of(0).value()], 3);
 }
 
 TEST(BoundaryPoints, AreWhereTheFreeSpaceEnds) {
@@ -565,7 +565,8 @@ TEST(FreeSpaceGrid, IsFreeOnlyBetweenTheNearestRowAndTheBoundary) {
       const double y = grid.y + (static_cast<double>(i / grid.width) + 0.5) * grid.resolution;
       const double range = std::hypot(x, y);
       const double ahead = x * std::cos(yaw) + y * std::sin(yaw); // metres along the camera's axis
-      const float* beam = beams.at(std::atan2(y, x));
+      const auto number = beams.beam_of(std::atan2(y, x));
+      const float* beam = number ? &beams.ranges()[*number] : nullptr;
       if (grid.cells[i] == 0) {
         ++free_cells;
         ASSERT_NE(beam, nullptr);

@@ -191,23 +191,23 @@ TEST(WellFormed, RefusesWhatLearningCannotRelyOn) {
   Terrain good;
   good.models = {model(1, 2, 3, 20, 5), {}};
   good.negative_colors.resize(color_bins);
-  EXPECT_TRUE(well_formed(good));
-  EXPECT_TRUE(well_formed(Terrain{}));
+  EXPECT_EQ(flaw_of(good), "");
+  EXPECT_EQ(flaw_of(Terrain{}), "");
   Terrain bad = good;
   bad.models.resize(max_models + 1);
-  EXPECT_FALSE(well_formed(bad));
+  EXPECT_NE(flaw_of(bad), "");
   bad = good;
   bad.models[0].variance[2] = 0;
-  EXPECT_FALSE(well_formed(bad));
+  EXPECT_NE(flaw_of(bad), "");
   bad = good;
   bad.models[0].variance[1] = (65536u << 8) + 1;
-  EXPECT_FALSE(well_formed(bad));
+  EXPECT_NE(flaw_of(bad), "");
   bad = good;
   bad.negative_colors.resize(color_bins - 1);
-  EXPECT_FALSE(well_formed(bad));
+  EXPECT_NE(flaw_of(bad), "");
   bad = good;
   bad.terrain_texture.resize(texture_bins + 1);
-  EXPECT_FALSE(well_formed(bad));
+  EXPECT_NE(flaw_of(bad), "");
 }
 
 TEST(Heaviest, IsNoneWhileAllAreNull) {
