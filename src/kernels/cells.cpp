@@ -111,7 +111,6 @@ void sums_of_rows(const std::array<const std::uint8_t*, 4>& row, int rows, int c
   with_constant<1, 2, 3, 4>(rows, [&](auto n) HWY_ATTR { sums_of<n>(row, count, sums, steps); });
 }
 
-// Auto-vectorised.
 template <int per_cell>
 void largest_steps_of(const std::uint16_t* __restrict columns, int count, std::uint16_t* __restrict out) {
   for (int i = 0; i < count; ++i) {
@@ -126,7 +125,6 @@ void largest_steps_of_cells(const std::uint16_t* columns, int per_cell, int coun
   with_constant<1, 2, 4>(per_cell, [&](auto n) HWY_ATTR { largest_steps_of<n>(columns, count, out); });
 }
 
-// Auto-vectorised.
 void upright_evidence(const std::int16_t* __restrict coherence, const std::uint16_t* __restrict contrast,
                       const std::uint8_t* __restrict ignored, const UprightRule& rule, int score_weight,
                       int count, std::int16_t* __restrict score) {
@@ -139,7 +137,6 @@ void upright_evidence(const std::int16_t* __restrict coherence, const std::uint1
   }
 }
 
-// Auto-vectorised.
 template <int per_cell>
 void add_boxes_of(const std::uint16_t* __restrict columns, int shift, int count,
                   std::uint16_t* __restrict out) {
@@ -156,22 +153,12 @@ void add_column_boxes(const std::uint16_t* columns, int per_cell, int shift, int
 }
 
 void color_steps_between(const ComponentRow& a, const ComponentRow& b, int gain, int limit, int count,
-                         std::uint16_t* out) {
-#if HWY_TARGET != HWY_SCALAR
-  const D32 d;
-  if (cover(count, static_cast<int>(hn::Lanes(d)), [&](int i) HWY_ATTR {
-        const auto difference = [&](std::size_t c)
-                                    HWY_ATTR { return hn::Sub(load_cells(a[c] + i), load_cells(b[c] + i)); };
-        const V32 far = color_distance(difference(0), difference(1), difference(2));
-        const V32 step = hn::Min(hn::ShiftRight<8>(hn::Mul(far, hn::Set(d, gain))), hn::Set(d, limit));
-        const hn::Rebind<std::uint16_t, D32> d16;
-        hn::StoreU(hn::DemoteTo(d16, step), d16, out + i);
-      }))
-    return;
-#endif
+                         std::uint16_t* __restrict out) {
+  const auto [ay, au, av] = a;
+  const auto [by, bu, bv] = b;
   for (int i = 0; i < count; ++i) {
-    const int far = color_distance(a[0][i] - b[0][i], a[1][i] - b[1][i], a[2][i] - b[2][i]);
-    out[i] = static_cast<std::uint16_t>(std::min((far * gain) >> 8, limit));
+    const int step = (color_distance(ay[i] - by[i], au[i] - bu[i], av[i] - bv[i]) * gain) >> 8;
+    out[i] = static_cast<std::uint16_t>(step < limit ? step : limit);
   }
 }
 
