@@ -234,11 +234,8 @@ void learn(std::span<TerrainModel> learned, std::span<const TerrainModel> traini
 }
 
 LearningRule learning_rule(const Settings& settings, std::size_t cells) {
-  LearningRule rule;
-  rule.match_threshold_q8 = static_cast<std::uint32_t>(settings.match_threshold_q8);
-  rule.mass_cap = static_cast<std::uint64_t>(settings.mass_cap) * cells << 8;
-  rule.forget_shift = settings.forget_shift;
-  return rule;
+  return {static_cast<std::uint32_t>(settings.match_threshold_q8),
+          static_cast<std::uint64_t>(settings.mass_cap) * cells << 8, settings.forget_shift};
 }
 
 int heaviest(std::span<const TerrainModel> learned) {

@@ -3,6 +3,8 @@
 // corridor the horizon row is no vanishing line, so no attitude is taken from it.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -13,7 +15,11 @@ namespace terrainseg::metric {
 
 /// Radians by which the camera looks lower than the mount says when a ray through the horizon row is level:
 /// positive = the picture's horizon is higher up than it should be.
-double horizon_offset(const Mount& mount, const ImagePoint& horizon_ray);
+inline double horizon_offset(const Mount& mount, const ImagePoint& horizon_ray) {
+  const GroundProjection ground(mount);
+  const double forward = std::hypot(ground.along(0, horizon_ray), ground.along(1, horizon_ray));
+  return std::atan2(ground.along(2, horizon_ray), forward);
+}
 
 /// The median of the last ten seconds.
 class HorizonMonitor {
@@ -24,12 +30,39 @@ class HorizonMonitor {
 
   /// `time` is in nanoseconds; a jump backwards clears the samples. Call it only for frames with a confident
   /// horizon.
-  void add(std::int64_t time, double offset);
+  void add(std::int64_t time, double offset) {
+    if (!samples_.empty() && time < samples_.back().time)
+      samples_.clear();
+    if (!samples_.empty() && time - samples_.back().time < step)
+      return;
+    const auto young = std::find_if(samples_.begin(), samples_.end(),
+                                    [time](const Sample& sample) { return time - sample.time <= span; });
+    samples_.erase(samples_.begin(), young);
+    samples_.push_back({time, offset});
+  }
   /// Removes all samples and reserves memory, so that add() does not allocate.
-  void clear();
+  void clear() {
+    constexpr std::size_t most_samples = span / step + 2;
+    samples_.clear();
+    samples_.reserve(most_samples);
+    sorted_.reserve(most_samples);
+  }
   /// Radians; nothing before ten seconds are nearly full.
-  std::optional<double> median() const;
-  bool disagrees() const;
+  std::optional<double> median() const {
+    constexpr std::size_t fewest = 20;
+    if (samples_.size() < fewest || samples_.back().time - samples_.front().time < span / 10 * 9)
+      return std::nullopt;
+    sorted_.clear();
+    for (const Sample& sample : samples_)
+      sorted_.push_back(sample.offset);
+    const auto middle = sorted_.begin() + static_cast<std::ptrdiff_t>(sorted_.size() / 2);
+    std::nth_element(sorted_.begin(), middle, sorted_.end());
+    return *middle;
+  }
+  bool disagrees() const {
+    const auto offset = median();
+    return offset && std::abs(*offset) > most;
+  }
 
  private:
   struct Sample {

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Maps ROS 2 names and types to those of DDS.
+// Maps names, types and environment variables of ROS 2 to those of DDS.
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "recording/ros_messages.hpp"
 
@@ -22,5 +25,21 @@ std::string dds_type(const std::string& type);
 /// Returns RIHS01_..., the hash of the type description that ROS 2 announces since Iron (REP 2011, REP 2016).
 /// It depends on the names and types of the members, not on comments or constants.
 std::string type_hash(const recording::MessageType& type);
+
+enum class DiscoveryRange : std::uint8_t { off, localhost, subnet, system_default };
+
+struct Discovery {
+  std::uint32_t domain = 0;
+  DiscoveryRange range = DiscoveryRange::localhost;
+  std::vector<std::string> peers; ///< addresses of other hosts
+};
+
+/// Reads ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and ROS_STATIC_PEERS with `get`,
+/// which works like std::getenv(). Without these variables the range is localhost. On an error it returns
+/// nothing and sets `error` to the variable and its valid values.
+std::optional<Discovery> discovery_from(const char* (*get)(const char* name), std::string& error);
+
+/// Returns the configuration as XML. It comes before the configuration of CYCLONEDDS_URI.
+std::string cyclone_config(const Discovery& discovery);
 
 } // namespace terrainseg::ros2

@@ -15,7 +15,6 @@
 #include <utility>
 
 #include "recording/cdr.hpp"
-#include "ros2/names.hpp"
 
 namespace terrainseg::ros2 {
 namespace {

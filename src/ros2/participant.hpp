@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "recording/ros_messages.hpp"
-#include "ros2/discovery.hpp"
+#include "ros2/names.hpp"
 
 struct ddsi_sertype;
 

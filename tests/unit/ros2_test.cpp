@@ -13,7 +13,6 @@
 #include "recording/ros_inputs.hpp"
 #include "recording/rotation.hpp"
 #include "recording/terrain_messages.hpp"
-#include "ros2/discovery.hpp"
 #include "ros2/names.hpp"
 
 namespace terrainseg::ros2 {
