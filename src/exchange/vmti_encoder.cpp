@@ -79,40 +79,37 @@ std::uint8_t* put_run(std::uint8_t* p, std::uint32_t start, std::uint32_t length
 }
 constexpr std::size_t largest_run = 1 + 1 + 4 + 5;
 
-struct MaskRuns {
-  std::size_t traversable_bytes = 0, doubtful_bytes = 0;
-  std::uint64_t traversable_pixels = 0, doubtful_pixels = 0;
-  bool fits = true;
+/// A target of the mask and the runs of its pixels.
+struct MaskTarget {
+  std::uint8_t id;
+  std::string_view name;
+  Bytes& room;
+  std::uint8_t* end = nullptr; ///< of the runs in `room`
+  std::uint64_t pixels = 0;
+  View runs() const { return {room.data(), end}; }
 };
 
-/// Collects the run lengths of both targets in one pass. Stops if they cannot fit into a unit.
-MaskRuns write_runs(const GrayView& mask, Bytes& traversable, Bytes& doubtful) {
-  traversable.resize(klv_unit_limit + largest_run);
-  doubtful.resize(klv_unit_limit + largest_run);
-  std::uint8_t *t = traversable.data(), *d = doubtful.data();
-  const std::uint8_t *const t_begin = t, *const d_begin = d;
-  MaskRuns result;
+/// Collects the run lengths of the traversable and the doubtful target in one pass. Returns false if they
+/// cannot fit into a unit.
+bool write_runs(const GrayView& mask, std::array<MaskTarget, 2>& targets) {
+  for (MaskTarget& target : targets) {
+    target.room.resize(klv_unit_limit + largest_run);
+    target.end = target.room.data();
+  }
   std::uint32_t at = 0;
   bool fits = true;
   for_each_run(mask, [&](std::uint8_t value, std::size_t run) {
     const auto length = static_cast<std::uint32_t>(run);
     if (value != mask_not_traversable && fits) {
-      if (value == mask_traversable) {
-        t = put_run(t, at, length);
-        result.traversable_pixels += length;
-      } else {
-        d = put_run(d, at, length);
-        result.doubtful_pixels += length;
-      }
-      fits = static_cast<std::size_t>((t - t_begin) + (d - d_begin)) <= klv_unit_limit;
+      MaskTarget& target = targets[value == mask_traversable ? 0 : 1];
+      target.end = put_run(target.end, at, length);
+      target.pixels += length;
+      fits = targets[0].runs().size() + targets[1].runs().size() <= klv_unit_limit;
     }
     at += length;
     return fits;
   });
-  result.fits = fits;
-  result.traversable_bytes = static_cast<std::size_t>(t - t_begin);
-  result.doubtful_bytes = static_cast<std::size_t>(d - d_begin);
-  return result;
+  return fits;
 }
 
 /// ST 0903 allows 1..100: a target has at least 1.
@@ -120,26 +117,26 @@ std::uint8_t percentage(std::uint64_t part, std::uint64_t whole) {
   return static_cast<std::uint8_t>(std::clamp<std::uint64_t>((part * 200 + whole) / (2 * whole), 1, 100));
 }
 
-void put_object(Bytes& target, std::string_view name) {
+/// Appends a VTarget Pack after adding its object.
+void put_pack(Bytes& series, Bytes& target, std::string_view name) {
   Bytes object;
   put_text(object, object_ontology, "urn:terrainseg:ontology:1");
   put_text(object, object_class, name);
   put_item(target, target_object, object);
-}
-
-void put_mask_target(Bytes& series, std::uint8_t id, View runs, std::uint64_t pixels, std::uint64_t grid,
-                     std::uint8_t confidence, std::string_view name) {
-  Bytes mask;
-  put_item(mask, mask_runs, runs);
-  Bytes target;
-  target.reserve(runs.size() + 128);
-  target.push_back(id);
-  put_number(target, target_confidence, (confidence * 100u + 127) / 255, 1);
-  put_number(target, target_percentage, percentage(pixels, grid), 1);
-  put_item(target, target_mask, mask);
-  put_object(target, name);
   put_length(series, target.size());
   put_bytes(series, target);
+}
+
+void put_mask_target(Bytes& series, const MaskTarget& of, std::uint64_t grid, std::uint8_t confidence) {
+  Bytes mask;
+  put_item(mask, mask_runs, of.runs());
+  Bytes target;
+  target.reserve(mask.size() + 128);
+  target.push_back(of.id);
+  put_number(target, target_confidence, (confidence * 100u + 127) / 255, 1);
+  put_number(target, target_percentage, percentage(of.pixels, grid), 1);
+  put_item(target, target_mask, mask);
+  put_pack(series, target, of.name);
 }
 
 void put_horizon_target(Bytes& series, const Estimate& e, int width, int height) {
@@ -159,9 +156,7 @@ void put_horizon_target(Bytes& series, const Estimate& e, int width, int height)
   put_number(target, target_confidence, (e.horizon_confidence * 100u + 127) / 255, 1);
   put_number(target, target_row, row + 1);
   put_number(target, target_column, half + 1);
-  put_object(target, "horizon");
-  put_length(series, target.size());
-  put_bytes(series, target);
+  put_pack(series, target, "horizon");
 }
 
 /// Maps low..high to 0..2^bits - 1.
@@ -292,23 +287,19 @@ bool KlvEncoder::halve(GrayView& mask, std::span<const std::uint16_t>& boundary)
 /// Fills unit_. Returns false if it would exceed the limit.
 bool KlvEncoder::write(const Estimate& e, const GrayView& mask, std::span<const std::uint16_t> boundary,
                        std::uint64_t time_us, const UasPlatform* platform) {
-  const MaskRuns runs = write_runs(mask, traversable_, doubtful_);
-  if (!runs.fits)
+  std::array<MaskTarget, 2> masks = {
+      {{id_traversable, "traversable", traversable_}, {id_doubtful, "doubtful", doubtful_}}};
+  if (!write_runs(mask, masks))
     return false;
   const std::uint64_t grid = static_cast<std::uint64_t>(mask.width) * static_cast<std::uint64_t>(mask.height);
   Bytes& series = extra_;
   series.clear();
   unsigned targets = 0;
-  if (runs.traversable_pixels > 0) {
-    put_mask_target(series, id_traversable, View(traversable_).first(runs.traversable_bytes),
-                    runs.traversable_pixels, grid, e.confidence, "traversable");
-    ++targets;
-  }
-  if (runs.doubtful_pixels > 0) {
-    put_mask_target(series, id_doubtful, View(doubtful_).first(runs.doubtful_bytes), runs.doubtful_pixels,
-                    grid, e.confidence, "doubtful");
-    ++targets;
-  }
+  for (const MaskTarget& target : masks)
+    if (target.pixels > 0) {
+      put_mask_target(series, target, grid, e.confidence);
+      ++targets;
+    }
   if (e.horizon_row >= 0) {
     put_horizon_target(series, e, mask.width, mask.height);
     ++targets;

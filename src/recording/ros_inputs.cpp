@@ -6,8 +6,6 @@
 #include <cmath>
 #include <string_view>
 
-#include "recording/rotation.hpp"
-
 namespace terrainseg::recording {
 namespace {
 

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -18,6 +19,28 @@
 namespace terrainseg::recording {
 
 inline constexpr std::uint64_t second = 1'000'000'000; ///< nanoseconds
+
+/// Rotation as a quaternion x, y, z, w.
+using Quaternion = std::array<double, 4>;
+
+inline Quaternion product(const Quaternion& a, const Quaternion& b) {
+  return {a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
+          a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
+          a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3],
+          a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2]};
+}
+
+/// Rotation by `angle` radians about axis 0 = x, 1 = y, 2 = z.
+inline Quaternion about(int axis, double angle) {
+  Quaternion q{0, 0, 0, std::cos(angle / 2)};
+  q[static_cast<std::size_t>(axis)] = std::sin(angle / 2);
+  return q;
+}
+
+/// Rz(yaw) Ry(pitch) Rx(roll), radians.
+inline Quaternion rotation_of(double yaw, double pitch, double roll) {
+  return product(product(about(2, yaw), about(1, pitch)), about(0, roll));
+}
 
 /// Time stamp, in nanoseconds since 1970 or since the start of the stream, and name of the coordinate frame.
 struct Header {
@@ -51,7 +74,7 @@ struct OccupancyGrid {
 struct Transform {
   std::string child;
   std::array<double, 3> translation{};
-  std::array<double, 4> rotation{0, 0, 0, 1}; ///< quaternion x, y, z, w
+  Quaternion rotation{0, 0, 0, 1};
 };
 
 /// diagnostic_msgs/msg/DiagnosticStatus, one in diagnostic_msgs/msg/DiagnosticArray.

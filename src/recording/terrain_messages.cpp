@@ -3,8 +3,6 @@
 
 #include <utility>
 
-#include "recording/rotation.hpp"
-
 namespace terrainseg::recording {
 namespace {
 

@@ -366,12 +366,12 @@ class Outdoors : public Surroundings {
           const Water water = water_at(s_, spot, foot);
           surface = mix(surface * (1 - 0.45F * water.damp), s_.place.surface * 0.5F, 0.75F * water.puddle);
           const float share = mirrored_share(-ray.y / std::sqrt(dot(ray, ray))) * water.puddle;
-          light = hazed(surface * horizontal_light_ * shadow * (1 - share), distance);
+          light = s_.hazed(surface * horizontal_light_ * shadow * (1 - share), distance);
           if (share > 0)
             light = light + mirrored(ray, elevation, at) * share;
           return;
         }
-        light = hazed(surface * horizontal_light_ * shadow * shade, distance);
+        light = s_.hazed(surface * horizontal_light_ * shadow * shade, distance);
         return;
       }
     }
@@ -429,7 +429,7 @@ class Outdoors : public Surroundings {
             0.35F * smooth(0.35F, 0.55F, s_.noise.at(b * 330, 8.5F)) * smooth(0.6F, 0.1F, elevation / top);
         const float lit = 0.55F + 0.45F * clamp01(elevation / (top + 1e-4F));
         body = mix(body * std::max(1 + 1.9F * leaves, 0.12F) * lit, Color{0.06F, 0.045F, 0.035F}, trunk);
-        body = hazed(body * s_.light.on({0, 0.6F, 0}, 0.8F), p.clearing * 1.4F);
+        body = s_.hazed(body * s_.light.on({0, 0.6F, 0}, 0.8F), p.clearing * 1.4F);
       }
       light = cover < 1 ? mix(light, body, cover) : body;
     }
@@ -452,11 +452,6 @@ class Outdoors : public Surroundings {
     const Color bright = l.haze * 0.45F + l.sun_light * 0.42F + l.ambient * 0.2F;
     const Color cloud = bright * (1 - 0.35F * smooth(0.6F - l.clouds, 1.3F - l.clouds, body));
     return mix(color, cloud, 0.85F * cover);
-  }
-
-  Color hazed(const Color& color, float distance) const {
-    const float d = distance / s_.light.haze_distance;
-    return mix(color, s_.light.haze, d / (1 + d));
   }
 
   Color horizontal_light_;
@@ -497,11 +492,6 @@ class Indoors : public Surroundings {
   float pool(float z) const {
     const float phase = std::abs(fraction(z * 0.25F) - 0.5F) * 2; // 0 under a lamp
     return 1 - 0.42F * phase * phase * (3 - 2 * phase);
-  }
-
-  Color hazed(const Color& color, float distance) const {
-    const float d = distance / s_.light.haze_distance;
-    return mix(color, s_.light.haze, d * d / (1 + d * d));
   }
 
   // Sunlight through the windows, 1.3 m wide in each stretch of 4 m.
@@ -550,11 +540,11 @@ class Indoors : public Surroundings {
       else
         color = color + seen * (strength * rough);
     }
-    return hazed(color, t);
+    return s_.hazed(color, t);
   }
 
   Color wall(const Vec3& ray, float t) const {
-    return hazed(wall_from(ray, t, s_.moment.camera.position.y), t);
+    return s_.hazed(wall_from(ray, t, s_.moment.camera.position.y), t);
   }
 
   Color wall_from(const Vec3& ray, float t, float eye) const {
@@ -620,7 +610,7 @@ class Indoors : public Surroundings {
     return sunny_ ? lamps + glow : lamps;
   }
 
-  Color ceiling(const Vec3& ray, float t) const { return hazed(ceiling_from(ray, t), t); }
+  Color ceiling(const Vec3& ray, float t) const { return s_.hazed(ceiling_from(ray, t), t); }
 
   Color ceiling_from(const Vec3& ray, float t) const {
     const Camera& c = s_.moment.camera;

@@ -17,6 +17,12 @@ struct Stage {
   const Noise& noise;
   const Lighting& light;
   const Moment& moment;
+
+  /// Light that comes from a distance in metres.
+  Color hazed(const Color& color, float distance) const {
+    const float d = distance / light.haze_distance, far = settings.kind == Kind::corridor ? d * d : d;
+    return mix(color, light.haze, far / (1 + far));
+  }
 };
 
 /// Sorts `things` from near to far and draws them.

@@ -44,11 +44,6 @@ class Painter {
   }
 
  private:
-  Color hazed(const Color& color, float distance) const {
-    const float d = distance / s_.light.haze_distance;
-    return mix(color, s_.light.haze, s_.settings.kind == Kind::corridor ? d * d / (1 + d * d) : d / (1 + d));
-  }
-
   // In a corridor light comes from above and slightly from the rover's side.
   Color lit(const Vec3& normal) const {
     if (s_.settings.kind == Kind::corridor)
@@ -80,7 +75,7 @@ class Painter {
       const float alpha = sample.alpha * clamp01(distance + 1);
       if (alpha <= 0)
         return;
-      canvas_.under(pixel, hazed(sample.light, t), alpha, label);
+      canvas_.under(pixel, s_.hazed(sample.light, t), alpha, label);
     });
   }
 

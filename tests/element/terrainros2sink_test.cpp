@@ -20,7 +20,6 @@
 #include "owned.hpp"
 #include "recording/cdr.hpp"
 #include "recording/ros_inputs.hpp"
-#include "recording/rotation.hpp"
 #include "recording/terrain_messages.hpp"
 #include "ros2/names.hpp"
 #include "ros2/participant.hpp"

@@ -11,7 +11,6 @@
 #include "metric/mount.hpp"
 #include "recording/cdr.hpp"
 #include "recording/ros_inputs.hpp"
-#include "recording/rotation.hpp"
 #include "recording/terrain_messages.hpp"
 #include "ros2/names.hpp"
 
