@@ -11,8 +11,6 @@ namespace {
 
 using namespace drawing;
 
-constexpr Ink black_rgb = {0, 0, 0};
-constexpr Ink white_rgb = {255, 255, 255};
 constexpr Ink window_rgb = {255, 214, 0};
 constexpr Ink horizon_rgb = {255, 64, 160};
 
@@ -272,9 +270,7 @@ void paint(const MutableFrame& frame, const Estimate& estimate, const PaintStyle
   const int strength = strength_of(style);
   if (strength == 0)
     return;
-  const Ink color =
-      canvas.ink({static_cast<std::uint8_t>(style.color >> 16), static_cast<std::uint8_t>(style.color >> 8),
-                  static_cast<std::uint8_t>(style.color)});
+  const Ink color = canvas.ink(style.color);
   const int line_strength = std::min(2 * strength, opaque);
   const int thickness = std::clamp((frame.height + 180) / 360, 1, 16);
 

@@ -20,19 +20,6 @@ namespace hn = hwy::HWY_NAMESPACE;
 // Number of rows that share one set of 8-bit thresholds; 255 means "in none of these rows".
 constexpr int slab_rows = 255;
 
-struct Span {
-  int least, most;
-};
-
-Span span_of(const std::uint16_t* curve, int width) {
-  std::uint16_t least = curve[0], most = curve[0];
-  for (int x = 1; x < width; ++x) {
-    least = std::min(least, curve[x]);
-    most = std::max(most, curve[x]);
-  }
-  return {least, most};
-}
-
 void relative(const std::uint16_t* curve, int width, int top, std::uint8_t* out) {
   for (int x = 0; x < width; ++x)
     out[x] = static_cast<std::uint8_t>(std::clamp(int{curve[x]} - top, 0, slab_rows));
@@ -123,8 +110,12 @@ void write_mask(const std::uint16_t* boundary, const std::uint16_t* safe, int wi
                 std::uint8_t* mask, std::ptrdiff_t stride, std::uint8_t* work) {
   if (width <= 0 || first >= end)
     return;
-  const int top = std::clamp(span_of(boundary, width).least, first, end);
-  const int bottom = std::clamp(span_of(safe, width).most, top, end);
+  std::uint16_t least = boundary[0], most = safe[0];
+  for (int x = 1; x < width; ++x) {
+    least = std::min(least, boundary[x]);
+    most = std::max(most, safe[x]);
+  }
+  const int top = std::clamp<int>(least, first, end), bottom = std::clamp<int>(most, top, end);
   fill(mask, stride, width, first, top, 0);
   std::uint8_t* near = work;
   std::uint8_t* far = work + width;

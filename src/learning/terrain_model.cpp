@@ -109,6 +109,57 @@ bool move(const Clusters& clusters, Centres& centres) {
   return centres.count != before;
 }
 
+std::uint64_t distance_between(std::uint64_t a, std::uint64_t b) {
+  return a > b ? a - b : b - a;
+}
+
+/// from + (to - from) * weight / total, with the step rounded away from zero.
+template <typename Value> Value moved(Value from, Value to, std::uint64_t weight, std::uint64_t total) {
+  const std::uint64_t step = ceiled_quotient(distance_between(from, to) * weight, total);
+  return static_cast<Value>(to > from ? from + step : from - step);
+}
+
+std::string out_of_range(const std::string& field, std::uint64_t value, std::uint64_t least,
+                         std::uint64_t most) {
+  if (value >= least && value <= most)
+    return {};
+  return field + " is " + std::to_string(value) + ", it must be " + std::to_string(least) + ".." +
+         std::to_string(most);
+}
+
+std::string flaw_of(const TerrainModel& model, std::size_t index) {
+  const std::string name = "of model " + std::to_string(index);
+  std::string flaw = out_of_range("the mass " + name, model.mass, 0, most_mass);
+  // A null model may have a variance of 0.
+  const std::uint32_t least_variance = model.mass > 0 ? 1 : 0;
+  for (std::size_t c = 0; c < 3 && flaw.empty(); ++c) {
+    flaw = out_of_range("a mean " + name, model.mean[c], 0, most_mean);
+    if (flaw.empty())
+      flaw = out_of_range("a variance " + name, model.variance[c], least_variance, most_variance);
+  }
+  return flaw;
+}
+
+std::string flaw_of(const std::vector<std::uint32_t>& histogram, const std::string& name, std::size_t bins) {
+  if (!histogram.empty() && histogram.size() != bins)
+    return "the histogram of " + name + " has " + std::to_string(histogram.size()) + " bins, it must have " +
+           std::to_string(bins) + " or none";
+  return out_of_range("the sum of the histogram of " + name,
+                      std::accumulate(histogram.begin(), histogram.end(), std::uint64_t{0}), 0,
+                      most_histogram);
+}
+
+std::string flaw_of(const KeptLine& line) {
+  constexpr std::uint64_t longest_side = 32767;
+  const std::uint64_t least = line.height > 0 ? 1 : 0, most = line.height > 0 ? longest_side : 0;
+  for (std::string flaw : {out_of_range("the height of the line's frames", line.height, 0, longest_side),
+                           out_of_range("the width of the line's frames", line.width, least, most),
+                           out_of_range("the line", line.row_q8, 0, std::uint64_t{line.height} << 8)})
+    if (!flaw.empty())
+      return flaw;
+  return {};
+}
+
 } // namespace
 
 TrainingModels cluster(const Grid& grid, std::span<const Cell> cells, const ClusterRule& rule,
@@ -147,20 +198,6 @@ TrainingModels cluster(const Grid& grid, std::span<const Cell> cells, const Clus
       found[k].variance[c] = std::max(found[k].variance[c], rule.variance_floor[c]);
   return training;
 }
-
-namespace {
-
-std::uint64_t distance_between(std::uint64_t a, std::uint64_t b) {
-  return a > b ? a - b : b - a;
-}
-
-/// from + (to - from) * weight / total, with the step rounded away from zero.
-template <typename Value> Value moved(Value from, Value to, std::uint64_t weight, std::uint64_t total) {
-  const std::uint64_t step = ceiled_quotient(distance_between(from, to) * weight, total);
-  return static_cast<Value>(to > from ? from + step : from - step);
-}
-
-} // namespace
 
 // The paper transposes twice, which would be an outer product. Implemented as the squared Mahalanobis
 // distance.
@@ -254,51 +291,6 @@ void resize_mixture(std::vector<TerrainModel>& learned, int slots) {
     learned.erase(learned.begin() + slot_to_replace(learned));
   learned.resize(slots);
 }
-
-namespace {
-
-std::string out_of_range(const std::string& field, std::uint64_t value, std::uint64_t least,
-                         std::uint64_t most) {
-  if (value >= least && value <= most)
-    return {};
-  return field + " is " + std::to_string(value) + ", it must be " + std::to_string(least) + ".." +
-         std::to_string(most);
-}
-
-std::string flaw_of(const TerrainModel& model, std::size_t index) {
-  const std::string name = "of model " + std::to_string(index);
-  std::string flaw = out_of_range("the mass " + name, model.mass, 0, most_mass);
-  // A null model may have a variance of 0.
-  const std::uint32_t least_variance = model.mass > 0 ? 1 : 0;
-  for (std::size_t c = 0; c < 3 && flaw.empty(); ++c) {
-    flaw = out_of_range("a mean " + name, model.mean[c], 0, most_mean);
-    if (flaw.empty())
-      flaw = out_of_range("a variance " + name, model.variance[c], least_variance, most_variance);
-  }
-  return flaw;
-}
-
-std::string flaw_of(const std::vector<std::uint32_t>& histogram, const std::string& name, std::size_t bins) {
-  if (!histogram.empty() && histogram.size() != bins)
-    return "the histogram of " + name + " has " + std::to_string(histogram.size()) + " bins, it must have " +
-           std::to_string(bins) + " or none";
-  return out_of_range("the sum of the histogram of " + name,
-                      std::accumulate(histogram.begin(), histogram.end(), std::uint64_t{0}), 0,
-                      most_histogram);
-}
-
-std::string flaw_of(const KeptLine& line) {
-  constexpr std::uint64_t longest_side = 32767;
-  const std::uint64_t least = line.height > 0 ? 1 : 0, most = line.height > 0 ? longest_side : 0;
-  for (std::string flaw : {out_of_range("the height of the line's frames", line.height, 0, longest_side),
-                           out_of_range("the width of the line's frames", line.width, least, most),
-                           out_of_range("the line", line.row_q8, 0, std::uint64_t{line.height} << 8)})
-    if (!flaw.empty())
-      return flaw;
-  return {};
-}
-
-} // namespace
 
 std::string flaw_of(const Terrain& terrain) {
   if (terrain.models.size() > max_models)

@@ -18,6 +18,7 @@ inline constexpr int tile_width = 2048;
 inline constexpr int opaque = 256;
 
 using Ink = std::array<std::uint8_t, 3>;
+inline constexpr Ink black_rgb = {0, 0, 0}, white_rgb = {255, 255, 255};
 using kernels::Coverage;
 
 inline Rectangle intersection(const Rectangle& a, const Rectangle& b) {
@@ -37,6 +38,11 @@ class Canvas {
   int height() const { return frame_.height; }
   bool has_colour() const { return layout_.component_count == 3; }
   Rectangle bounds() const { return {0, 0, frame_.width, frame_.height}; }
+  /// The colour of 0xAARRGGBB without its opacity.
+  Ink ink(std::uint32_t color) const {
+    return ink(Ink{static_cast<std::uint8_t>(color >> 16), static_cast<std::uint8_t>(color >> 8),
+                   static_cast<std::uint8_t>(color)});
+  }
   Ink ink(const Ink& rgb) const { return color_in(frame_.format, frame_.colorimetry, rgb); }
 
   /// Blends `ink` over an area. `cover(y, x, count, out)` writes the coverage of `count` pixels of row y,

@@ -12,8 +12,6 @@ namespace {
 
 using namespace drawing;
 
-constexpr Ink black_rgb = {0, 0, 0};
-constexpr Ink white_rgb = {255, 255, 255};
 constexpr Ink grey_rgb = {120, 120, 120};
 constexpr Ink obstacle_rgb = {255, 72, 40};
 constexpr int glyph_width = 5, glyph_height = 7, glyph_step = glyph_width + 1;
@@ -120,11 +118,7 @@ void paint_metres(const MutableFrame& frame, const MetricMarks& m, const PaintSt
     return;
   const Canvas canvas(frame);
   if (!m.map.empty())
-    paint_map(
-        canvas, m,
-        canvas.ink({static_cast<std::uint8_t>(style.color >> 16), static_cast<std::uint8_t>(style.color >> 8),
-                    static_cast<std::uint8_t>(style.color)}),
-        strength);
+    paint_map(canvas, m, canvas.ink(style.color), strength);
   for (const MetricMark& mark : m.marks)
     paint_mark(canvas, mark, scale_of(frame.height), strength);
 }

@@ -29,16 +29,6 @@ struct Footprint {
   std::array<bool, octave_count> slow{};
   std::array<float, octave_count> first{}, step{};
   float position = 0; ///< pixels from the start of the run
-
-  void set(float across, float along) {
-    x = across;
-    z = along;
-    for (int k = 0; k < octave_count; ++k) {
-      const float cx = frequencies[k] * across, cz = frequencies[k] * along;
-      const float a = 1 / std::sqrt((1 + cx * cx) * (1 + cz * cz));
-      amplitude[k] = a < 0.03F ? 0 : a;
-    }
-  }
 };
 
 /// Share of a pixel that a stripe covers; the pixel is `offset` away from the stripe's middle.
@@ -61,12 +51,18 @@ class Ground {
     Footprint foot;
     // Derivatives of the point on the ground by the pixel's column and row.
     const Vec3 ray = c.ray(static_cast<float>(x) + 0.5F * (run_length - 1), static_cast<float>(y));
-    const float drop = std::max(-ray.y, 1e-3F), t = c.position.y / drop, k = t / drop;
-    const float ax = (c.right.x * t + ray.x * c.right.y * k) / c.focal,
-                bx = (c.down.x * t + ray.x * c.down.y * k) / c.focal;
-    const float az = (c.right.z * t + ray.z * c.right.y * k) / c.focal,
-                bz = (c.down.z * t + ray.z * c.down.y * k) / c.focal;
-    foot.set(std::sqrt(ax * ax + bx * bx), std::sqrt(az * az + bz * bz));
+    const float drop = std::max(-ray.y, 1e-3F), t = c.position.y / drop, slope = t / drop;
+    const float ax = (c.right.x * t + ray.x * c.right.y * slope) / c.focal,
+                bx = (c.down.x * t + ray.x * c.down.y * slope) / c.focal;
+    const float az = (c.right.z * t + ray.z * c.right.y * slope) / c.focal,
+                bz = (c.down.z * t + ray.z * c.down.y * slope) / c.focal;
+    foot.x = std::sqrt(ax * ax + bx * bx);
+    foot.z = std::sqrt(az * az + bz * bz);
+    for (int k = 0; k < octave_count; ++k) {
+      const float cx = frequencies[k] * foot.x, cz = frequencies[k] * foot.z;
+      const float a = 1 / std::sqrt((1 + cx * cx) * (1 + cz * cz));
+      foot.amplitude[k] = a < 0.03F ? 0 : a;
+    }
     const Vec3 left = c.ray(static_cast<float>(x), static_cast<float>(y));
     const Vec3 right = c.ray(static_cast<float>(x + run_length), static_cast<float>(y));
     if (std::max(left.y, right.y) > -1e-3F)
