@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <utility>
 
 #include "exchange/bytes.hpp"
@@ -118,11 +119,15 @@ void put_runs(std::string& out, const GrayView& mask) {
   out += '}';
 }
 
+void put_signed(std::string& out, bool negative, std::uint64_t size, int decimals) {
+  if (negative)
+    out += '-';
+  put_decimal(out, size, decimals);
+}
+
 /// A number with 16 fraction bits, rounded to a thousandth.
 void put_q16(std::string& out, std::int64_t value) {
-  if (value < 0)
-    out += '-';
-  put_decimal(out, (static_cast<std::uint64_t>(value < 0 ? -value : value) * 1000 + 32768) >> 16, 3);
+  put_signed(out, value < 0, (static_cast<std::uint64_t>(std::abs(value)) * 1000 + 32768) >> 16, 3);
 }
 
 /// The vanishing row and the speed are left out if motion found neither.
@@ -144,9 +149,7 @@ void put_real(std::string& out, double value, int decimals) {
   for (int i = 0; i < decimals; ++i)
     one *= 10;
   const long long fixed = std::llround(value * one);
-  if (fixed < 0)
-    out += '-';
-  put_decimal(out, static_cast<std::uint64_t>(fixed < 0 ? -fixed : fixed), decimals);
+  put_signed(out, fixed < 0, static_cast<std::uint64_t>(std::abs(fixed)), decimals);
 }
 
 constexpr int millimetres = 3;  ///< decimals of ranges in metres

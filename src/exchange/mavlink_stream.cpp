@@ -32,10 +32,6 @@ std::uint16_t checksum(std::span<const std::uint8_t> bytes, std::uint16_t crc = 
   return crc;
 }
 
-std::uint16_t checksum_of(std::span<const std::uint8_t> header_and_payload, std::uint8_t crc_extra) {
-  return checksum({&crc_extra, 1}, checksum(header_and_payload));
-}
-
 void put_float(std::vector<std::uint8_t>& out, float value) {
   put_integer(out, std::bit_cast<std::uint32_t>(value));
 }
@@ -54,7 +50,7 @@ void append_frame(std::vector<std::uint8_t>& out, MessageKind kind, const Mavlin
   while (out.size() > start + header_size + 1 && out.back() == 0)
     out.pop_back();
   out[start + 1] = static_cast<std::uint8_t>(out.size() - start - header_size);
-  put_integer(out, checksum_of(std::span(out).subspan(start + 1), kind.crc_extra));
+  put_integer(out, checksum({&kind.crc_extra, 1}, checksum(std::span(out).subspan(start + 1))));
 }
 
 double degrees(double radians) {

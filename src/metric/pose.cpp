@@ -12,8 +12,7 @@ constexpr double pi = std::numbers::pi;
 
 /// Angles the short way round.
 double angle_between(double a, double b, double part) {
-  const double turned = std::remainder(a + std::remainder(b - a, 2 * pi) * part, 2 * pi);
-  return turned;
+  return std::remainder(a + std::remainder(b - a, 2 * pi) * part, 2 * pi);
 }
 /// Of any two times: a frame's may be what no clock shows.
 std::uint64_t distance(std::int64_t a, std::int64_t b) {
@@ -39,8 +38,7 @@ const char* flaw_of(const Pose& pose) {
 }
 
 bool PoseTrack::add(const Pose& pose) {
-  const auto place = std::lower_bound(poses_.begin(), poses_.end(), pose.time,
-                                      [](const Pose& kept, std::int64_t time) { return kept.time < time; });
+  const auto place = std::ranges::lower_bound(poses_, pose.time, {}, &Pose::time);
   if (place != poses_.end() && place->time == pose.time) {
     *place = pose;
     return true;
@@ -65,8 +63,7 @@ bool PoseTrack::forget_future(std::int64_t time) {
 }
 
 std::optional<Pose> PoseTrack::at(std::int64_t time) const {
-  const auto after = std::lower_bound(poses_.begin(), poses_.end(), time,
-                                      [](const Pose& kept, std::int64_t t) { return kept.time < t; });
+  const auto after = std::ranges::lower_bound(poses_, time, {}, &Pose::time);
   const Pose* const next = after == poses_.end() ? nullptr : &*after;
   const Pose* const last = after == poses_.begin() ? nullptr : &*(after - 1);
   const auto near = [time](const Pose* pose) {

@@ -98,17 +98,13 @@ void FreeSpaceGrid::lay_out(const Box& box, const Beams& beams) {
     }
 }
 
-void FreeSpaceGrid::turn(double yaw) {
-  yaw_ = yaw;
-  for (Place& place : places_)
-    place.across = std::cos(place.angle - yaw);
-}
-
 void FreeSpaceGrid::draw(const MetricEstimate& m, const Beams& beams, double cell) {
   if (const Box box = box_of(beams.fan(), m.range_max, cell); !(box == box_ && beams.fan() == fan_))
     lay_out(box, beams);
   if (yaw_ != m.yaw)
-    turn(m.yaw);
+    for (Place& place : places_)
+      place.across = std::cos(place.angle - m.yaw);
+  yaw_ = m.yaw;
   const double thickness = 1.5 * box_.resolution; // no gap on a diagonal
   cells_.assign(static_cast<std::size_t>(box_.width) * static_cast<std::size_t>(box_.height), cell_unknown);
   for (const Place& place : places_) {

@@ -56,7 +56,6 @@ class FreeSpaceGrid {
   };
   static Box box_of(const ScanFan& fan, double range_max, double cell);
   void lay_out(const Box& box, const Beams& beams);
-  void turn(double yaw);
   void stamp_boundary(const MetricEstimate& metric);
 
   Box box_;

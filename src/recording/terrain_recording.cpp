@@ -41,10 +41,6 @@ std::string quoted_yaml(const std::string& text) {
   return quoted += '"';
 }
 
-std::string number(std::uint64_t value) {
-  return std::to_string(value);
-}
-
 } // namespace
 
 TerrainRecording::TerrainRecording(ByteSink sink, MessageOptions options)
@@ -58,9 +54,9 @@ TerrainRecording::TerrainRecording(ByteSink sink, MessageOptions options)
 }
 
 std::string TerrainRecording::bag_metadata(const std::string& name) const {
-  const std::string start = number(writer_.start_time());
-  const std::string duration = number(writer_.end_time() - writer_.start_time());
-  const std::string messages = number(writer_.messages());
+  const std::string start = std::to_string(writer_.start_time());
+  const std::string duration = std::to_string(writer_.end_time() - writer_.start_time());
+  const std::string messages = std::to_string(writer_.messages());
   std::string text = "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: mcap\n  duration:\n"
                      "    nanoseconds: " +
                      duration + "\n  starting_time:\n    nanoseconds_since_epoch: " + start +
@@ -70,7 +66,7 @@ std::string TerrainRecording::bag_metadata(const std::string& name) const {
       text +=
           "    - topic_metadata:\n        name: " + channel.topic + "\n        type: " + channel.schema +
           "\n        serialization_format: cdr\n        offered_qos_profiles: \"\"\n      message_count: " +
-          number(channel.messages) + "\n";
+          std::to_string(channel.messages) + "\n";
   const std::string quoted = quoted_yaml(name);
   text += "  compression_format: \"\"\n  compression_mode: \"\"\n  relative_file_paths:\n    - " + quoted +
           "\n  files:\n    - path: " + quoted +

@@ -151,7 +151,31 @@ const ddsi_sertype_ops& type_operations() {
   return operations;
 }
 
-/// Creates a topic of a type without a key.
+/// Writes a complete message with its 4-byte encapsulation header. Returns 0 or an error code of DDS.
+dds_return_t write_raw(dds_entity_t writer, const RawTopic& topic, recording::ByteView message) {
+  RawData* data = new_data(topic.type, SDK_DATA, message.size());
+  if (!data)
+    return DDS_RETCODE_OUT_OF_RESOURCES;
+  std::copy(message.begin(), message.end(), data->bytes());
+  // NOLINTNEXTLINE(clang-analyzer-unix.Malloc): dds_writecdr takes the reference
+  return dds_writecdr(writer, data);
+}
+
+std::string failed(const std::string& what, dds_return_t code) {
+  return what + ": " + dds_strretcode(code);
+}
+
+using Qos = std::unique_ptr<dds_qos_t, decltype([](dds_qos_t* qos) { dds_delete_qos(qos); })>;
+using Listener = std::unique_ptr<dds_listener_t,
+                                 decltype([](dds_listener_t* listener) { dds_delete_listener(listener); })>;
+
+/// The user data of an endpoint that ROS 2 announces since Iron.
+std::string user_data_of(const recording::MessageType& type) {
+  return "typehash=" + type_hash(type) + ";";
+}
+
+} // namespace
+
 RawTopic create_raw_topic(dds_entity_t participant, const std::string& name, const std::string& type_name) {
   auto* type = static_cast<ddsi_sertype*>(std::calloc(1, sizeof(ddsi_sertype)));
   if (!type)
@@ -166,18 +190,6 @@ RawTopic create_raw_topic(dds_entity_t participant, const std::string& name, con
   return {topic, topic < 0 ? nullptr : type};
 }
 
-/// Writes a complete message with its 4-byte encapsulation header. Returns 0 or an error code of DDS.
-dds_return_t write_raw(dds_entity_t writer, const RawTopic& topic, recording::ByteView message) {
-  RawData* data = new_data(topic.type, SDK_DATA, message.size());
-  if (!data)
-    return DDS_RETCODE_OUT_OF_RESOURCES;
-  std::copy(message.begin(), message.end(), data->bytes());
-  // NOLINTNEXTLINE(clang-analyzer-unix.Malloc): dds_writecdr takes the reference
-  return dds_writecdr(writer, data);
-}
-
-/// Takes the next message; returns false if there is none. The message is empty if it has no data or is
-/// longer than `longest`.
 bool take_raw(dds_entity_t reader, recording::Bytes& message, std::size_t longest) {
   ddsi_serdata* data = nullptr;
   dds_sample_info_t info;
@@ -189,27 +201,6 @@ bool take_raw(dds_entity_t reader, recording::Bytes& message, std::size_t longes
   ddsi_serdata_unref(data);
   return true;
 }
-
-std::string failed(const std::string& what, dds_return_t code) {
-  return what + ": " + dds_strretcode(code);
-}
-
-struct QosDeleter {
-  void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
-};
-using Qos = std::unique_ptr<dds_qos_t, QosDeleter>;
-
-struct ListenerDeleter {
-  void operator()(dds_listener_t* listener) const { dds_delete_listener(listener); }
-};
-using Listener = std::unique_ptr<dds_listener_t, ListenerDeleter>;
-
-/// The user data of an endpoint that ROS 2 announces since Iron.
-std::string user_data_of(const recording::MessageType& type) {
-  return "typehash=" + type_hash(type) + ";";
-}
-
-} // namespace
 
 /// If other code of the process has already created the domain, it is used as it is.
 class Domain {

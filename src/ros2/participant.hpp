@@ -22,6 +22,12 @@ struct RawTopic {
   dds_entity_t entity; ///< negative = an error code of DDS
   const ddsi_sertype* type;
 };
+/// Creates a topic of a type without a key.
+RawTopic create_raw_topic(dds_entity_t participant, const std::string& name, const std::string& type);
+
+/// Takes the next message; returns false if there is none. The message is empty if it has no data or is
+/// longer than `longest`.
+bool take_raw(dds_entity_t reader, recording::Bytes& message, std::size_t longest);
 
 /// The configuration of a domain exists as long as the process has a user of it.
 class Domain;
