@@ -1,15 +1,87 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Records the messages of a stream: MCAP with ROS 2 topics.
+// Records the messages of a stream: MCAP files (https://mcap.dev/spec) with ROS 2 topics. Time-stamped
+// messages are in indexed chunks with zstd compression; chunks, data and summary have checksums.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
-#include "recording/mcap_writer.hpp"
 #include "recording/terrain_messages.hpp"
 
+struct ZSTD_CCtx_s;
+
 namespace terrainseg::recording {
+
+/// Writes the next bytes of the file; returns false on an error.
+using ByteSink = std::function<bool(ByteView)>;
+
+/// After a function has returned false, the writer must not be used. The file is then incomplete; its
+/// finished chunks can be read.
+class McapWriter {
+ public:
+  struct Channel {
+    std::string topic;
+    std::string encoding;        ///< of the messages, such as cdr
+    std::string schema;          ///< name of the message type, such as sensor_msgs/msg/LaserScan
+    std::string schema_encoding; ///< such as ros2msg
+    std::string schema_text;
+    std::map<std::string, std::string> metadata;
+    std::uint64_t messages = 0; ///< written so far
+  };
+  /// A chunk ends with the message that exceeds this size or duration.
+  static constexpr std::size_t chunk_bytes = 1 << 20;
+  static constexpr std::uint64_t chunk_nanoseconds = 1'000'000'000;
+
+  McapWriter(ByteSink sink, const std::string& profile, const std::string& library);
+  ~McapWriter();
+
+  /// Adds a channel and returns its number for write(). It is written to the file, with its schema, with its
+  /// first message.
+  std::uint16_t add_channel(Channel channel);
+  /// Adds a message. `time` is in nanoseconds; times may be in any order.
+  [[nodiscard]] bool write(std::uint16_t channel, std::uint64_t time, ByteView data);
+  /// Ends the chunk, so that all messages so far are in the file.
+  [[nodiscard]] bool flush();
+  /// Writes the summary and ends the file. No other call may follow.
+  [[nodiscard]] bool finish();
+
+  const std::vector<Channel>& channels() const { return channels_; }
+  std::uint64_t messages() const { return messages_; }
+  std::uint64_t start_time() const { return start_time_; } ///< of the earliest message, 0 = no message
+  std::uint64_t end_time() const { return end_time_; }     ///< of the latest
+  std::uint64_t size() const { return position_; }         ///< bytes given to the sink
+
+ private:
+  using Index = std::vector<std::pair<std::uint64_t, std::uint64_t>>; ///< time, offset in the chunk
+  struct ChunkIndex {
+    std::uint64_t start_time, end_time, position, length, index_length, compressed, uncompressed;
+    std::map<std::uint16_t, std::uint64_t> index_positions;
+  };
+  bool put(ByteView bytes);
+  void append_schema(Bytes& out, std::uint16_t channel) const;
+  void append_channel(Bytes& out, std::uint16_t channel) const;
+  void append_statistics(Bytes& out) const;
+  void append_chunk_indexes(Bytes& out) const;
+  ByteView compress();
+  bool write_indexes(ChunkIndex& chunk);
+
+  ByteSink sink_;
+  std::unique_ptr<ZSTD_CCtx_s, std::size_t (*)(ZSTD_CCtx_s*)> compressor_;
+  std::vector<Channel> channels_; ///< element 0 has number 1
+  std::vector<ChunkIndex> chunk_indexes_;
+  Bytes header_; ///< written with the first message
+  Bytes chunk_, compressed_, record_;
+  std::map<std::uint16_t, Index> indexes_; ///< of the current chunk, by channel
+  std::uint64_t chunk_start_ = 0, chunk_end_ = 0;
+  std::uint64_t position_ = 0, messages_ = 0, start_time_ = 0, end_time_ = 0;
+  std::uint32_t data_crc_ = 0;
+};
 
 class TerrainRecording : private MessageOutlet {
  public:

@@ -15,7 +15,6 @@
 
 #include "recording/free_space_shapes.hpp"
 #include "recording/h264_unit.hpp"
-#include "recording/mcap_writer.hpp"
 #include "recording/ros_messages.hpp"
 #include "recording/terrain_recording.hpp"
 
