@@ -29,15 +29,10 @@
 #include "elements/terraincombine/matcher.hpp"
 #include "elements/terraincombine/unit_attacher.hpp"
 #include "exchange/vmti_klv.hpp"
-#include "support/elements.hpp"
-#include "support/guarded.hpp"
-#include "support/instance_state.hpp"
+#include "support/element.hpp"
 #include "support/mapped_buffer.hpp"
 #include "support/mutex.hpp"
-#include "support/object.hpp"
-#include "support/plugin_api.hpp"
 #include "support/precision_time.hpp"
-#include "support/properties.hpp"
 #include "support/segment_time.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terraincombine_debug);
@@ -48,37 +43,19 @@ namespace {
 
 using Clock = Matcher::Clock;
 
-constexpr guint default_latency = 200;
-
 struct CombineSettings {
-  Match match = Match::automatic;
-};
-
-GType match_type() {
-  static const GEnumValue values[] = {
-      {static_cast<int>(Match::automatic),
-       "By precision time, to the microsecond, if frames carry a stamp (terrainstamp), else by time stamps",
-       "auto"},
-      {static_cast<int>(Match::time_stamps), "By time stamps only", "time-stamps"},
-      {0, nullptr, nullptr}};
-  static const GType type = g_enum_register_static("GstTerrainMatch", values);
-  return type;
-}
-
-const Property<CombineSettings> combine_table[] = {
-    {"match", "Match", "How KLV units are matched to frames", property_playing,
-     TERRAINSEG_CHOICE(CombineSettings, match, match_type)},
+  std::atomic<guint> latency_ms = 200;
+  std::atomic<Match> match = Match::automatic;
 };
 
 } // namespace
 
 /// Everything behind the instance.
 struct CombineState {
-  std::atomic<guint> latency_ms = default_latency;
+  CombineSettings settings; ///< read by any thread
 
   Mutex mutex;                     ///< held for moments only, never while a frame is processed
   std::condition_variable changed; ///< any of what follows
-  CombineSettings settings TERRAINSEG_GUARDED_BY(mutex);
   FrameQueue queue TERRAINSEG_GUARDED_BY(mutex);
   Matcher matcher TERRAINSEG_GUARDED_BY(mutex);
   bool live_is_old TERRAINSEG_GUARDED_BY(mutex) = true;      ///< to be asked before the next frame waits
@@ -103,13 +80,13 @@ struct CombineState {
     gst_segment_init(&video_segment, GST_FORMAT_TIME);
     gst_segment_init(&meta_segment, GST_FORMAT_TIME);
   }
-  Clock::duration latency() const { return std::chrono::milliseconds(latency_ms); }
+  Clock::duration latency() const { return std::chrono::milliseconds(settings.latency_ms); }
   /// Why nothing more is taken; OK when it is.
   GstFlowReturn state_of_flow() const TERRAINSEG_REQUIRES(mutex) {
     return flushing ? GST_FLOW_FLUSHING : flow;
   }
   bool takes_frames() const TERRAINSEG_REQUIRES(mutex) {
-    return !queue.is_full(static_cast<Time>(latency_ms) * GST_MSECOND, frame_duration);
+    return !queue.is_full(static_cast<Time>(settings.latency_ms) * GST_MSECOND, frame_duration);
   }
   bool takes_events() const TERRAINSEG_REQUIRES(mutex) { return queue.has_room(); }
   bool is_drained() const TERRAINSEG_REQUIRES(mutex) { return queue.empty() && !pushing; }
@@ -167,16 +144,12 @@ struct GstTerrainCombine {
   GstPad *sink, *meta, *src;
   InstanceState<CombineState> state;
 };
-struct GstTerrainCombineClass {
-  GstElementClass parent_class;
-};
+using GstTerrainCombineClass = GstElementClass;
 
 G_DEFINE_TYPE(GstTerrainCombine, gst_terrain_combine, GST_TYPE_ELEMENT)
 GST_ELEMENT_REGISTER_DEFINE(terraincombine, "terraincombine", GST_RANK_NONE, gst_terrain_combine_get_type())
 
 namespace {
-
-enum { property_latency = 1, property_stats, property_match };
 
 GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("video/x-raw(ANY)"));
@@ -576,7 +549,7 @@ gboolean query_allocation(GstTerrainCombine* self, GstQuery* query) {
   GstVideoInfo info;
   const bool known = caps && gst_video_info_from_caps(&info, caps);
   const Time duration = known ? duration_of(info) : 0;
-  const auto held = static_cast<guint>(static_cast<Time>(self->state->latency_ms) * GST_MSECOND /
+  const auto held = static_cast<guint>(static_cast<Time>(self->state->settings.latency_ms) * GST_MSECOND /
                                            (duration > 0 ? duration : 2 * default_tolerance) +
                                        2);
   const guint pools = gst_query_get_n_allocation_pools(query);
@@ -781,7 +754,7 @@ gboolean query_latency(GstTerrainCombine* self, GstQuery* query) {
   Upstream all = ask_upstream(self);
   if (!all.answered)
     return FALSE;
-  const GstClockTime own = self->state->latency_ms * GST_MSECOND;
+  const GstClockTime own = self->state->settings.latency_ms * GST_MSECOND;
   if (all.live) {
     all.least += own;
     if (GST_CLOCK_TIME_IS_VALID(all.most))
@@ -842,78 +815,55 @@ GstStateChangeReturn change_state(GstElement* element, GstStateChange transition
   return result;
 }
 
-void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  if (id == property_match) {
-    CombineState& s = *self_of(object)->state;
-    const Lock lock(s.mutex);
-    set_field(combine_table[0], s.settings, value);
-    return;
-  }
-  if (id != property_latency) {
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-    return;
-  }
-  self_of(object)->state->latency_ms = g_value_get_uint(value);
-  gst_element_post_message(GST_ELEMENT(object), gst_message_new_latency(GST_OBJECT(object)));
+GstStructure* statistics_of(gpointer object) {
+  CombineState& s = *self_of(object)->state;
+  Lock lock(s.mutex);
+  const Matcher::Counts counts = s.matcher.counts();
+  lock.unlock();
+  return gst_structure_new(
+      "terraincombine-stats", "matched", G_TYPE_UINT64, static_cast<guint64>(counts.matched),
+      "matched-precisely", G_TYPE_UINT64, static_cast<guint64>(counts.precise), "lost", G_TYPE_UINT64,
+      static_cast<guint64>(counts.lost), "rejected", G_TYPE_UINT64, static_cast<guint64>(counts.rejected),
+      "unused", G_TYPE_UINT64, static_cast<guint64>(counts.unused), nullptr);
 }
 
-void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  CombineState& s = *self_of(object)->state;
-  if (id == property_latency)
-    g_value_set_uint(value, s.latency_ms);
-  else if (id == property_stats) {
-    Matcher::Counts counts;
-    {
-      const Lock lock(s.mutex);
-      counts = s.matcher.counts();
-    }
-    g_value_take_boxed(value,
-                       gst_structure_new("terraincombine-stats", "matched", G_TYPE_UINT64,
-                                         static_cast<guint64>(counts.matched), "matched-precisely",
-                                         G_TYPE_UINT64, static_cast<guint64>(counts.precise), "lost",
-                                         G_TYPE_UINT64, static_cast<guint64>(counts.lost), "rejected",
-                                         G_TYPE_UINT64, static_cast<guint64>(counts.rejected), "unused",
-                                         G_TYPE_UINT64, static_cast<guint64>(counts.unused), nullptr));
-  } else if (id == property_match) {
-    const Lock lock(s.mutex);
-    get_field(combine_table[0], s.settings, value);
-  } else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+constexpr Choice matches[] = {
+    {"auto",
+     "By precision time, to the microsecond, if frames carry a stamp (terrainstamp), else by time stamps"},
+    {"time-stamps", "By time stamps only"},
+};
+
+const Property<CombineSettings> table[] = {
+    {"latency", "Latency",
+     "Longest time in milliseconds that a frame of a live pipeline waits for its KLV unit, which adds this "
+     "latency; in other pipelines the amount of video that may wait",
+     property_playing, field<&CombineSettings::latency_ms>(0, 60000)},
+    stats_row<CombineSettings>("Counts since the start: frames matched (matched-precisely: by precision "
+                               "time) and lost, KLV units rejected and unused",
+                               statistics_of),
+    {"match", "Match", "How KLV units are matched to frames", property_playing,
+     field<&CombineSettings::match>("GstTerrainMatch", matches)},
+};
+
+void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  set_in_table<GstTerrainCombine, table>(object, id, value, spec);
+  if (g_str_equal(spec->name, "latency"))
+    gst_element_post_message(GST_ELEMENT(object), gst_message_new_latency(GST_OBJECT(object)));
 }
 
 } // namespace
 
 static void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terraincombine_debug, "terraincombine", 0, "terrain metadata from KLV");
-  GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = set_property;
-  object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainCombine, gst_terrain_combine_parent_class>;
-  g_object_class_install_property(
-      object_class, property_latency,
-      g_param_spec_uint(
-          "latency", "Latency",
-          "Longest time in milliseconds that a frame of a live pipeline waits for its KLV unit, which adds "
-          "this latency; in other pipelines the amount of video that may wait",
-          0, 60000, default_latency,
-          static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
-  g_object_class_install_property(
-      object_class, property_stats,
-      g_param_spec_boxed("stats", "Statistics",
-                         "Counts since the start: frames matched (matched-precisely: by precision time) and "
-                         "lost, KLV units rejected and unused",
-                         GST_TYPE_STRUCTURE,
-                         static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
-  install_properties<CombineSettings>(object_class, property_match, combine_table);
-  mark_enums_as_plugin_api(object_class);
+  init_class<GstTerrainCombine, gst_terrain_combine_parent_class, table>(
+      klass, {"Terrain combiner", "Combiner/Metadata/Video",
+              "Attaches the terrain metadata in KLV units to the video they belong to"});
+  G_OBJECT_CLASS(klass)->set_property = set_property;
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = change_state;
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &meta_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
-  gst_element_class_set_static_metadata(
-      element_class, "Terrain combiner", "Combiner/Metadata/Video",
-      "Attaches the terrain metadata in KLV units to the video they belong to", "The terrainseg developers");
 }
 
 static void gst_terrain_combine_init(GstTerrainCombine* self) {

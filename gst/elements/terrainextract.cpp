@@ -15,18 +15,12 @@
 #include "exchange/mavlink_stream.hpp"
 #include "exchange/uas_datalink.hpp"
 #include "exchange/vmti_klv.hpp"
-#include "support/elements.hpp"
+#include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/guarded.hpp"
-#include "support/instance_state.hpp"
 #include "support/metadata_watch.hpp"
 #include "support/metric_meta.hpp"
-#include "support/name_property.hpp"
-#include "support/object.hpp"
 #include "support/once.hpp"
-#include "support/plugin_api.hpp"
 #include "support/precision_time.hpp"
-#include "support/properties.hpp"
 #include "support/wall_clock.hpp"
 #include "support/warning.hpp"
 
@@ -54,6 +48,8 @@ enum class KlvForm : std::uint8_t { vmti, uas_datalink };
 
 /// Properties of one output.
 struct ExtractSettings {
+  bool json_mask = false;
+  InternedName source;
   KlvForm klv_form = KlvForm::vmti;
   std::string klv_position;
   MavlinkLayout mavlink_layout = MavlinkLayout::portable;
@@ -61,57 +57,40 @@ struct ExtractSettings {
   std::uint32_t system_id = 1, component_id = 196;
 };
 
-GType form_type() {
-  static const GEnumValue values[] = {
-      {static_cast<int>(KlvForm::vmti), "A VMTI Local Set (ST 0903) alone", "vmti"},
-      {static_cast<int>(KlvForm::uas_datalink),
-       "A VMTI Local Set in a UAS Datalink Local Set (ST 0601), with attitude and position if known",
-       "uas-datalink"},
-      {0, nullptr, nullptr}};
-  static const GType type = g_enum_register_static("GstTerrainKlvForm", values);
-  return type;
-}
+constexpr Choice forms[] = {
+    {"vmti", "A VMTI Local Set (ST 0903) alone"},
+    {"uas-datalink",
+     "A VMTI Local Set in a UAS Datalink Local Set (ST 0601), with attitude and position if known"},
+};
+constexpr Choice layouts[] = {
+    {"portable", "72 sectors of 5 degrees, all around the vehicle: ArduPilot and PX4"},
+    {"fine", "72 sectors across the field of view: ArduPilot only"},
+};
+constexpr Choice unknowns[] = {
+    {"obstacle", "Sent as an obstacle at the minimum distance"},
+    {"nothing", "Sent as no value (65535), which ArduPilot treats as free"},
+};
 
-GType layout_type() {
-  static const GEnumValue values[] = {
-      {static_cast<int>(MavlinkLayout::portable),
-       "72 sectors of 5 degrees, all around the vehicle: ArduPilot and PX4", "portable"},
-      {static_cast<int>(MavlinkLayout::fine), "72 sectors across the field of view: ArduPilot only", "fine"},
-      {0, nullptr, nullptr}};
-  static const GType type = g_enum_register_static("GstTerrainMavlinkLayout", values);
-  return type;
-}
-
-GType unknown_type() {
-  static const GEnumValue values[] = {
-      {static_cast<int>(MavlinkUnknown::obstacle), "Sent as an obstacle at the minimum distance", "obstacle"},
-      {static_cast<int>(MavlinkUnknown::nothing), "Sent as no value (65535), which ArduPilot treats as free",
-       "nothing"},
-      {0, nullptr, nullptr}};
-  static const GType type = g_enum_register_static("GstTerrainMavlinkUnknown", values);
-  return type;
-}
-
-const Property<ExtractSettings> output_table[] = {
+const Property<ExtractSettings> table[] = {
+    {"json-mask", "JSON mask", "Add the mask as run lengths to the lines of application/x-ndjson",
+     property_playing, field<&ExtractSettings::json_mask>()},
+    source_row<&ExtractSettings::source>(),
     {"klv-form", "KLV form", "Form of the units of meta/x-klv", property_playing,
-     TERRAINSEG_CHOICE(ExtractSettings, klv_form, form_type)},
+     field<&ExtractSettings::klv_form>("GstTerrainKlvForm", forms)},
     {"klv-position", "KLV position",
      "Position of the camera for klv-form=uas-datalink: latitude,longitude,altitude in degrees and metres "
      "above mean sea level, optionally followed by the vehicle's heading in degrees",
-     property_playing,
-     PlainField<ExtractSettings, std::string>{TERRAINSEG_FIELD(ExtractSettings, klv_position)}},
+     property_playing, field<&ExtractSettings::klv_position>()},
     {"mavlink-layout", "MAVLink layout", "Layout of the 72 sectors of application/x-mavlink",
-     property_playing, TERRAINSEG_CHOICE(ExtractSettings, mavlink_layout, layout_type)},
+     property_playing, field<&ExtractSettings::mavlink_layout>("GstTerrainMavlinkLayout", layouts)},
     {"mavlink-unknown", "MAVLink unknown",
      "How application/x-mavlink reports visible directions whose range is unknown", property_playing,
-     TERRAINSEG_CHOICE(ExtractSettings, mavlink_unknown, unknown_type)},
+     field<&ExtractSettings::mavlink_unknown>("GstTerrainMavlinkUnknown", unknowns)},
     {"system-id", "System id", "MAVLink system id of the sender of application/x-mavlink: the vehicle's",
-     property_playing,
-     NumberField<ExtractSettings, std::uint32_t>{TERRAINSEG_FIELD(ExtractSettings, system_id), 1, 255}},
+     property_playing, field<&ExtractSettings::system_id>(1, 255)},
     {"component-id", "Component id",
      "MAVLink component id of the sender of application/x-mavlink, 196 = obstacle avoidance",
-     property_playing,
-     NumberField<ExtractSettings, std::uint32_t>{TERRAINSEG_FIELD(ExtractSettings, component_id), 1, 255}},
+     property_playing, field<&ExtractSettings::component_id>(1, 255)},
 };
 
 } // namespace
@@ -119,9 +98,6 @@ const Property<ExtractSettings> output_table[] = {
 /// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
 /// none.
 struct ExtractState {
-  std::atomic<bool> json_mask = false;
-  NameProperty source;
-
   Video video;                      // streaming
   GstSegment segment;               // streaming
   bool negotiated = false;          // streaming
@@ -192,16 +168,12 @@ struct GstTerrainExtract {
   GstPad *sink, *src;
   InstanceState<ExtractState> state;
 };
-struct GstTerrainExtractClass {
-  GstElementClass parent_class;
-};
+using GstTerrainExtractClass = GstElementClass;
 
 G_DEFINE_TYPE(GstTerrainExtract, gst_terrain_extract, GST_TYPE_ELEMENT)
 GST_ELEMENT_REGISTER_DEFINE(terrainextract, "terrainextract", GST_RANK_NONE, gst_terrain_extract_get_type())
 
 namespace {
-
-enum { property_json_mask = 1, property_source, property_output };
 
 GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS_ANY);
@@ -449,7 +421,7 @@ ExtractSettings settings_of(GstTerrainExtract* self) {
 GstBuffer* make_messages(GstTerrainExtract* self, GstBuffer* frame) {
   ExtractState& s = *self->state;
   const ExtractSettings set = settings_of(self);
-  const MetricReader metres(frame, s.source.name());
+  const MetricReader metres(frame, s.settings.source.c_str());
   if (!metres)
     warn_unmeasured(self, metres.error());
   const std::int64_t time = GST_BUFFER_PTS_IS_VALID(frame) ? static_cast<std::int64_t>(GST_BUFFER_PTS(frame))
@@ -487,7 +459,7 @@ UasPlatform platform_of(GstTerrainExtract* self, GstBuffer* frame, const std::st
   ExtractState& s = *self->state;
   read_place(self, position);
   UasPlatform platform = s.place;
-  const MetricReader metres(frame, s.source.name());
+  const MetricReader metres(frame, s.settings.source.c_str());
   if (metres.error())
     warn_once(self, metres.error());
   if (!metres)
@@ -522,13 +494,13 @@ GstBuffer* make_unit(GstTerrainExtract* self, GstBuffer* frame, const EstimateRe
   s.line.clear();
   const std::int64_t pts =
       GST_BUFFER_PTS_IS_VALID(frame) ? static_cast<std::int64_t>(GST_BUFFER_PTS(frame)) : -1;
-  const MetricReader metres(frame, s.source.name());
+  const MetricReader metres(frame, s.settings.source.c_str());
   if (metres.error())
     warn_once(self, metres.error());
   LineExtras extras;
   extras.metric = metres ? &metres.metric() : nullptr;
   extras.utc = utc_of(frame);
-  append_json_line(s.line, reader.estimate(), pts, s.json_mask, extras);
+  append_json_line(s.line, reader.estimate(), pts, settings_of(self).json_mask, extras);
   return copy_of(s.line.data(), s.line.size());
 }
 
@@ -543,13 +515,14 @@ GstFlowReturn push_gap(GstTerrainExtract* self, GstBuffer* frame) {
 /// Says that nothing can come out, when no frame had metadata.
 void warn_bare(GstTerrainExtract* self) {
   const ExtractState& s = *self->state;
-  TERRAINSEG_POST_WARNING(self, STREAM, FAILED,
-                          s.metadata.warning("terrainextract", "nothing is written", s.source.name()));
+  TERRAINSEG_POST_WARNING(
+      self, STREAM, FAILED,
+      s.metadata.warning("terrainextract", "nothing is written", s.settings.source.c_str()));
 }
 
 GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
   ExtractState& s = *self->state;
-  const EstimateReader reader(frame, s.source.name());
+  const EstimateReader reader(frame, s.settings.source.c_str());
   const Estimate& e = reader.estimate();
   if (s.metadata.see(reader || reader.error()))
     warn_bare(self);
@@ -716,55 +689,19 @@ GstStateChangeReturn change_state(GstElement* element, GstStateChange transition
   return result;
 }
 
-void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  if (id == property_json_mask)
-    self_of(object)->state->json_mask = g_value_get_boolean(value);
-  else if (id == property_source)
-    self_of(object)->state->source.set(value);
-  else if (id < property_output + std::size(output_table)) {
-    ObjectLock lock(object);
-    set_field(output_table[id - property_output], self_of(object)->state->settings, value);
-  } else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-}
-
-void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  if (id == property_json_mask)
-    g_value_set_boolean(value, self_of(object)->state->json_mask);
-  else if (id == property_source)
-    self_of(object)->state->source.get(value);
-  else if (id < property_output + std::size(output_table)) {
-    ObjectLock lock(object);
-    get_field(output_table[id - property_output], self_of(object)->state->settings, value);
-  } else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-}
-
 } // namespace
 
 static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainextract_debug, "terrainextract", 0,
                           "terrain masks, lines, KLV and MAVLink from metadata");
-  GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = set_property;
-  object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainExtract, gst_terrain_extract_parent_class>;
-  g_object_class_install_property(
-      object_class, property_json_mask,
-      g_param_spec_boolean(
-          "json-mask", "JSON mask", "Add the mask as run lengths to the lines of application/x-ndjson", FALSE,
-          static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
-  NameProperty::install_source(object_class, property_source);
-  install_properties<ExtractSettings>(object_class, property_output, output_table);
-  mark_enums_as_plugin_api(object_class);
+  init_class<GstTerrainExtract, gst_terrain_extract_parent_class, table>(
+      klass, {"Terrain extractor", "Formatter/Metadata/Video",
+              "Turns the terrain metadata of video into mask pictures, JSON lines, MISB ST 0903 KLV or "
+              "MAVLink"});
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = change_state;
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
-  gst_element_class_set_static_metadata(element_class, "Terrain extractor", "Formatter/Metadata/Video",
-                                        "Turns the terrain metadata of video into mask pictures, JSON lines, "
-                                        "MISB ST 0903 KLV or MAVLink",
-                                        "The terrainseg developers");
 }
 
 static void gst_terrain_extract_init(GstTerrainExtract* self) {

@@ -2,18 +2,13 @@
 
 #include <gst/base/gstbasetransform.h>
 
-#include "support/elements.hpp"
+#include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/guarded.hpp"
-#include "support/instance_state.hpp"
 #include "support/metadata_watch.hpp"
 #include "support/metric_drawing.hpp"
 #include "support/metric_meta.hpp"
-#include "support/name_property.hpp"
-#include "support/object.hpp"
 #include "support/once.hpp"
 #include "support/overlay_properties.hpp"
-#include "support/plugin_api.hpp"
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
 #include "support/warning.hpp"
@@ -23,15 +18,27 @@ GST_DEBUG_CATEGORY_STATIC(terrainoverlay_debug);
 
 namespace terrainseg {
 
+namespace {
+
+struct OverlayElementSettings {
+  OverlaySettings drawing;
+  InternedName source;
+};
+
+constexpr auto drawing = overlay_rows<&OverlayElementSettings::drawing>();
+const Property<OverlayElementSettings> table[] = {drawing[0], drawing[1], drawing[2],
+                                                  source_row<&OverlayElementSettings::source>()};
+
+} // namespace
+
 /// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
 /// none.
 struct OverlayState {
-  OverlaySettings settings; // object lock
-  NameProperty source;
-  GstVideoInfo info;      // streaming
-  Once<> damaged;         // streaming
-  MetadataWatch metadata; // streaming
-  MetricDrawing drawing;  // streaming
+  OverlayElementSettings settings; // object lock
+  GstVideoInfo info;               // streaming
+  Once<> damaged;                  // streaming
+  MetadataWatch metadata;          // streaming
+  MetricDrawing drawing;           // streaming
 
   OverlayState() noexcept { gst_video_info_init(&info); }
 };
@@ -56,49 +63,16 @@ using namespace terrainseg;
  *
  * Since: 0.1
  */
-struct GstTerrainOverlay {
-  GstBaseTransform parent;
-  InstanceState<OverlayState> state;
-};
-struct GstTerrainOverlayClass {
-  GstBaseTransformClass parent_class;
-};
+using GstTerrainOverlay = Instance<GstBaseTransform, OverlayState>;
+using GstTerrainOverlayClass = GstBaseTransformClass;
 
 G_DEFINE_TYPE(GstTerrainOverlay, gst_terrain_overlay, GST_TYPE_BASE_TRANSFORM)
 GST_ELEMENT_REGISTER_DEFINE(terrainoverlay, "terrainoverlay", GST_RANK_NONE, gst_terrain_overlay_get_type())
 
 namespace {
 
-constexpr guint first_property = 1, property_source = first_property + overlay_property_count;
-
 GstTerrainOverlay* self_of(gpointer object) {
   return reinterpret_cast<GstTerrainOverlay*>(object);
-}
-
-void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  if (id == property_source) {
-    self_of(object)->state->source.set(value);
-    return;
-  }
-  if (id < first_property || id >= first_property + overlay_property_count) {
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-    return;
-  }
-  ObjectLock lock(object);
-  set_overlay_property(self_of(object)->state->settings, id - first_property, value);
-}
-
-void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  if (id == property_source) {
-    self_of(object)->state->source.get(value);
-    return;
-  }
-  if (id < first_property || id >= first_property + overlay_property_count) {
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-    return;
-  }
-  ObjectLock lock(object);
-  get_overlay_property(self_of(object)->state->settings, id - first_property, value);
 }
 
 gboolean start(GstBaseTransform* transform) {
@@ -120,23 +94,16 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   return TRUE;
 }
 
-gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query, GstQuery* query) {
-  return propose_video_allocation(gst_terrain_overlay_parent_class, transform, decide_query, query);
-}
-
-void before_transform(GstBaseTransform* transform, GstBuffer* buffer) {
-  sync_controlled(transform, buffer);
-}
-
 PaintStyle style_of(gpointer object, const OverlayState& s) {
   ObjectLock lock(object);
-  return s.settings.paint();
+  return s.settings.drawing.paint();
 }
 
 /// Says that nothing can be seen, when no frame had metadata.
 void warn_bare(GstBaseTransform* transform, const OverlayState& s) {
-  TERRAINSEG_POST_WARNING(transform, STREAM, FAILED,
-                          s.metadata.warning("terrainoverlay", "nothing is drawn", s.source.name()));
+  TERRAINSEG_POST_WARNING(
+      transform, STREAM, FAILED,
+      s.metadata.warning("terrainoverlay", "nothing is drawn", s.settings.source.c_str()));
 }
 
 gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
@@ -148,7 +115,7 @@ gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
 
 GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buffer) {
   const PaintStyle style = style_of(transform, s);
-  const EstimateReader reader(buffer, s.source.name());
+  const EstimateReader reader(buffer, s.settings.source.c_str());
   GST_LOG_OBJECT(transform, "%s: %" GST_PTR_FORMAT,
                  reader           ? "draws on"
                  : reader.error() ? reader.error()
@@ -175,7 +142,7 @@ GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buff
   }
   const MutableFrame view = frame.mutable_view();
   paint(view, reader.estimate(), style);
-  if (const MetricReader metres(buffer, s.source.name()); metres)
+  if (const MetricReader metres(buffer, s.settings.source.c_str()); metres)
     paint_metres(view,
                  s.drawing.make(reader.estimate(), metres.metric(), style.style, view.width, view.height),
                  style);
@@ -199,26 +166,15 @@ static void gst_terrain_overlay_init(GstTerrainOverlay* self) {
 static void gst_terrain_overlay_class_init(GstTerrainOverlayClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainoverlay_debug, "terrainoverlay", 0,
                           "Draws traversable terrain from metadata");
-  auto* object_class = G_OBJECT_CLASS(klass);
-  auto* element_class = GST_ELEMENT_CLASS(klass);
+  init_class<GstTerrainOverlay, gst_terrain_overlay_parent_class, table>(
+      klass, {"Traversable terrain overlay", "Filter/Editor/Video",
+              "Draws the metadata of terrainseg onto the frames that carry it"});
+  add_video_pad_templates(GST_ELEMENT_CLASS(klass));
   auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
-
-  object_class->set_property = set_property;
-  object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainOverlay, gst_terrain_overlay_parent_class>;
-  install_overlay_properties(object_class, first_property);
-  NameProperty::install_source(object_class, property_source);
-
-  mark_enums_as_plugin_api(object_class);
-  gst_element_class_set_static_metadata(element_class, "Traversable terrain overlay", "Filter/Editor/Video",
-                                        "Draws the metadata of terrainseg onto the frames that carry it",
-                                        "The terrainseg developers");
-  add_video_pad_templates(element_class);
-
   transform_class->start = start;
   transform_class->set_caps = set_caps;
   transform_class->sink_event = sink_event;
-  transform_class->propose_allocation = propose_allocation;
-  transform_class->before_transform = before_transform;
+  transform_class->propose_allocation = propose_video_allocation<gst_terrain_overlay_parent_class>;
+  transform_class->before_transform = sync_controlled;
   transform_class->transform_ip = transform_ip;
 }

@@ -7,13 +7,8 @@
 #include <memory>
 
 #include "scene/scene.hpp"
-#include "support/elements.hpp"
+#include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/guarded.hpp"
-#include "support/instance_state.hpp"
-#include "support/object.hpp"
-#include "support/plugin_api.hpp"
-#include "support/properties.hpp"
 #include "support/video_frame.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainscenesrc_debug);
@@ -65,13 +60,8 @@ using namespace terrainseg;
  *
  * Since: 0.1
  */
-struct GstTerrainSceneSrc {
-  GstPushSrc parent;
-  InstanceState<SceneSourceState> state;
-};
-struct GstTerrainSceneSrcClass {
-  GstPushSrcClass parent_class;
-};
+using GstTerrainSceneSrc = Instance<GstPushSrc, SceneSourceState>;
+using GstTerrainSceneSrcClass = GstPushSrcClass;
 
 G_DEFINE_TYPE(GstTerrainSceneSrc, gst_terrain_scene_src, GST_TYPE_PUSH_SRC)
 GST_ELEMENT_REGISTER_DEFINE(terrainscenesrc, "terrainscenesrc", GST_RANK_NONE,
@@ -85,94 +75,59 @@ SceneSourceState& state_of(gpointer object) {
   return *reinterpret_cast<GstTerrainSceneSrc*>(object)->state;
 }
 
-template <class E> constexpr int number_of(E value) {
-  return static_cast<int>(value);
-}
-
-GType plugin_enum(const char* name, const GEnumValue* values) {
-  const GType type = g_enum_register_static(name, values);
-  gst_type_mark_as_plugin_api(type, static_cast<GstPluginAPIFlags>(0));
-  return type;
-}
-
-GType scene_type() {
-  static const GEnumValue values[] = {
-      {number_of(scene::Kind::road), "Asphalt with markings, cars, houses or verges", "road"},
-      {number_of(scene::Kind::trail), "A dirt path through grass, bushes and trees", "trail"},
-      {number_of(scene::Kind::corridor), "Floor, walls, doors and furniture", "corridor"},
-      {number_of(scene::Kind::plain), "Sand or regolith with rocks and far hills", "plain"},
-      {0, nullptr, nullptr}};
-  static const GType type = plugin_enum("GstTerrainSceneSrcScene", values);
-  return type;
-}
-
-GType light_type() {
-  static const GEnumValue values[] = {
-      {number_of(scene::Light::day), "Sun or bright lamps", "day"},
-      {number_of(scene::Light::dusk), "Low light and a noisy sensor", "dusk"},
-      {number_of(scene::Light::drift), "Day, with drifting exposure and white balance", "drift"},
-      {number_of(scene::Light::sun), "A low sun in a clear sky, with hard shadows, including the rover's own",
-       "sun"},
-      {0, nullptr, nullptr}};
-  static const GType type = plugin_enum("GstTerrainSceneSrcLight", values);
-  return type;
-}
-
-GType motion_type() {
-  static const GEnumValue values[] = {
-      {number_of(scene::Motion::straight), "Along a straight path", "straight"},
-      {number_of(scene::Motion::turn), "Along a winding path, sometimes turning in place", "turn"},
-      {number_of(scene::Motion::bumpy), "Over rough ground: the horizon pitches and rolls", "bumpy"},
-      {number_of(scene::Motion::still), "The rover stands still", "still"},
-      {0, nullptr, nullptr}};
-  static const GType type = plugin_enum("GstTerrainSceneSrcMotion", values);
-  return type;
-}
-
 // ---- properties ------------------------------------------------------------------------------------------
 
+constexpr Choice scenes[] = {
+    {"road", "Asphalt with markings, cars, houses or verges"},
+    {"trail", "A dirt path through grass, bushes and trees"},
+    {"corridor", "Floor, walls, doors and furniture"},
+    {"plain", "Sand or regolith with rocks and far hills"},
+};
+constexpr Choice lights[] = {
+    {"day", "Sun or bright lamps"},
+    {"dusk", "Low light and a noisy sensor"},
+    {"drift", "Day, with drifting exposure and white balance"},
+    {"sun", "A low sun in a clear sky, with hard shadows, including the rover's own"},
+};
+constexpr Choice motions[] = {
+    {"straight", "Along a straight path"},
+    {"turn", "Along a winding path, sometimes turning in place"},
+    {"bumpy", "Over rough ground: the horizon pitches and rolls"},
+    {"still", "The rover stands still"},
+};
 const Property<scene::Settings> table[] = {
     {"scene", "Scene", "Kind of place that the rover drives through", property_playing,
-     TERRAINSEG_CHOICE(scene::Settings, kind, scene_type)},
+     field<&scene::Settings::kind>("GstTerrainSceneSrcScene", scenes)},
     {"light", "Light", "Kind of light, and stability of exposure and white balance", property_playing,
-     TERRAINSEG_CHOICE(scene::Settings, light, light_type)},
+     field<&scene::Settings::light>("GstTerrainSceneSrcLight", lights)},
     {"motion", "Motion", "How the rover moves; each frame advances the world by 1/30 s at any frame rate",
-     property_playing, TERRAINSEG_CHOICE(scene::Settings, motion, motion_type)},
+     property_playing, field<&scene::Settings::motion>("GstTerrainSceneSrcMotion", motions)},
     {"seed", "Seed", "Seed of the place: each number gives a different road, trail, corridor or plain",
-     property_playing,
-     NumberField<scene::Settings, std::uint32_t>{TERRAINSEG_FIELD(scene::Settings, seed), 0, G_MAXUINT32}},
+     property_playing, field<&scene::Settings::seed>(0, G_MAXUINT32)},
     {"obstacles", "Obstacles", "Share of the possible obstacle positions that have an obstacle, in percent",
-     property_playing,
-     NumberField<scene::Settings, int>{TERRAINSEG_FIELD(scene::Settings, obstacles), 0, 100}},
+     property_playing, field<&scene::Settings::obstacles>(0, 100)},
     {"wet", "Wet", "Add puddles that mirror sky and objects; their true label is ground", property_playing,
-     PlainField<scene::Settings, bool>{TERRAINSEG_FIELD(scene::Settings, wet)}},
+     field<&scene::Settings::wet>()},
 };
 constexpr guint id_is_live = std::size(table) + 1;
 
 void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  if (id == id_is_live) {
+  if (id == id_is_live)
     gst_base_src_set_live(GST_BASE_SRC(object), g_value_get_boolean(value));
-    return;
-  }
-  ObjectLock lock(object);
-  if (id >= 1 && id < id_is_live)
-    set_field(table[id - 1], state_of(object).settings, value);
   else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-}
-
-scene::Settings settings_of(gpointer object) {
-  ObjectLock lock(object);
-  return state_of(object).settings;
+    set_in_table<GstTerrainSceneSrc, table>(object, id, value, spec);
 }
 
 void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
   if (id == id_is_live)
     g_value_set_boolean(value, gst_base_src_is_live(GST_BASE_SRC(object)));
-  else if (id >= 1 && id < id_is_live)
-    get_field(table[id - 1], settings_of(object), value);
   else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+    get_in_table<GstTerrainSceneSrc, table>(object, id, value, spec);
+}
+
+scene::Settings settings_of(gpointer object) {
+  ObjectLock lock(object);
+  return state_of(object).settings;
 }
 
 // ---- negotiation -----------------------------------------------------------------------------------------
@@ -473,29 +428,22 @@ static void gst_terrain_scene_src_init(GstTerrainSceneSrc* self) {
 static void gst_terrain_scene_src_class_init(GstTerrainSceneSrcClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainscenesrc_debug, "terrainscenesrc", 0,
                           "A rover's view, rendered, with its ground truth");
+  init_class<GstTerrainSceneSrc, gst_terrain_scene_src_parent_class, table>(
+      klass, {"Rover scene source", "Source/Video",
+              "Renders a moving rover's view, with the true label of every pixel as metadata"});
   auto* object_class = G_OBJECT_CLASS(klass);
-  auto* element_class = GST_ELEMENT_CLASS(klass);
-  auto* source_class = GST_BASE_SRC_CLASS(klass);
-
   object_class->set_property = set_property;
   object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainSceneSrc, gst_terrain_scene_src_parent_class>;
-  install_properties<scene::Settings>(object_class, 1, table);
   g_object_class_install_property(
       object_class, id_is_live,
       g_param_spec_boolean(
           "is-live", "Is live",
           "Produce frames in real time like a camera; frames are dropped if downstream is too slow", FALSE,
           property_before_start));
-
-  mark_enums_as_plugin_api(object_class);
-  gst_element_class_set_static_metadata(
-      element_class, "Rover scene source", "Source/Video",
-      "Renders a moving rover's view, with the true label of every pixel as metadata",
-      "The terrainseg developers");
   static GstStaticPadTemplate pad =
       GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
-  gst_element_class_add_static_pad_template(element_class, &pad);
+  gst_element_class_add_static_pad_template(GST_ELEMENT_CLASS(klass), &pad);
+  auto* source_class = GST_BASE_SRC_CLASS(klass);
 
   source_class->start = start;
   source_class->stop = stop;

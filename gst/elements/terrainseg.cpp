@@ -21,17 +21,13 @@
 #include "exchange/model_file.hpp"
 #include "support/buffer_pool.hpp"
 #include "support/colour_watch.hpp"
-#include "support/elements.hpp"
+#include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/guarded.hpp"
-#include "support/instance_state.hpp"
 #include "support/mapped_buffer.hpp"
 #include "support/meta.hpp"
 #include "support/metric_drawing.hpp"
 #include "support/metric_meta.hpp"
-#include "support/object.hpp"
 #include "support/pixel_metas.hpp"
-#include "support/plugin_api.hpp"
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
 #include "support/wall_clock.hpp"
@@ -95,13 +91,8 @@ using namespace terrainseg;
  *
  * Since: 0.1
  */
-struct GstTerrainSeg {
-  GstBaseTransform parent;
-  InstanceState<ElementState> state;
-};
-struct GstTerrainSegClass {
-  GstBaseTransformClass parent_class;
-};
+using GstTerrainSeg = Instance<GstBaseTransform, ElementState>;
+using GstTerrainSegClass = GstBaseTransformClass;
 G_DEFINE_TYPE(GstTerrainSeg, gst_terrain_seg, GST_TYPE_BASE_TRANSFORM)
 GST_ELEMENT_REGISTER_DEFINE(terrainseg, "terrainseg", GST_RANK_NONE, gst_terrain_seg_get_type())
 
@@ -122,65 +113,65 @@ ColorSpace space_of(const GstVideoInfo& info) {
 
 // ---- properties and signals ------------------------------------------------------------------------------
 
+GstStructure* statistics_of(gpointer object) {
+  Shared& shared = shared_of(object);
+  const auto copy = std::make_unique<Statistics>(); // may fail, and not under the lock
+  Lock lock(shared.mutex);
+  *copy = shared.statistics;
+  lock.unlock();
+  return copy->structure();
+}
+
 /// Properties that are no settings of the filter; their ids follow.
-guint stats_id() {
-  return SettingsBook::last_id() + 1;
-}
-guint instance_id() {
-  return stats_id() + 1;
-}
-guint navigation_id() {
-  return stats_id() + 2;
+const Property<Shared> table[] = {
+    stats_row<Shared>("Number of frames, of skipped updates by cause, and the median and 99th percentile of "
+                      "the time of each stage in microseconds",
+                      statistics_of),
+    {"instance", "Instance",
+     "Name stored in the metadata, which tells several terrainseg elements in one chain apart; none = "
+     "replaces other metadata without a name",
+     property_playing, field<&Shared::instance>()},
+    {"navigation", "Navigation",
+     "Let the pointer in a video window downstream edit rectangles: the left button draws the training "
+     "window, the right button ignored regions",
+     property_playing, field<&Shared::navigation>()},
+};
+/// Nothing for a setting of the filter.
+const Field<Shared>* field_of(guint id) {
+  return id > SettingsBook::last_id() ? &table[id - SettingsBook::last_id() - 1].field : nullptr;
 }
 
 void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  guarded(object, false, [&] {
+  guarded(object, [&] {
     Shared& shared = shared_of(object);
+    if (const Field<Shared>* own = field_of(id))
+      return own->set(shared, value);
     SettingsBook::Ids changed;
-    bool known = true;
-    if (id == instance_id()) {
-      shared.instance.set(value);
-    } else if (id == navigation_id()) {
-      shared.navigation = g_value_get_boolean(value);
-    } else {
-      const Lock lock(shared.mutex);
-      known = shared.book.set(id, value, changed);
-    }
+    Lock lock(shared.mutex);
+    const bool known = shared.book.set(id, value, changed);
+    lock.unlock();
     if (!known)
       G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
     SettingsBook::notify(object, changed);
-    return true;
   });
 }
 
 void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  guarded(object, false, [&] {
+  guarded(object, [&] {
     Shared& shared = shared_of(object);
-    if (id == instance_id()) {
-      shared.instance.get(value);
-    } else if (id == navigation_id()) {
-      g_value_set_boolean(value, shared.navigation);
-    } else if (id == stats_id()) {
-      const auto copy = std::make_unique<Statistics>(); // may fail, and not under the lock
-      {
-        const Lock lock(shared.mutex);
-        *copy = shared.statistics;
-      }
-      g_value_take_boxed(value, copy->structure());
-    } else {
-      const Lock lock(shared.mutex);
-      if (!shared.book.get(id, value))
-        G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-    }
-    return true;
+    const Field<Shared>* own = field_of(id);
+    if (own && own->make)
+      return g_value_take_boxed(value, own->make(object));
+    if (own)
+      return own->get(shared, value);
+    const Lock lock(shared.mutex);
+    if (!shared.book.get(id, value))
+      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
   });
 }
 
 void on_reset(GstTerrainSeg* self) {
-  guarded(self, false, [&] {
-    shared_of(self).learned.reset();
-    return true;
-  });
+  guarded(self, [&] { shared_of(self).learned.reset(); });
 }
 
 gboolean on_save_model(GstTerrainSeg* self, const gchar* path) {
@@ -381,10 +372,6 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   });
 }
 
-gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query, GstQuery* query) {
-  return propose_video_allocation(gst_terrain_seg_parent_class, transform, decide_query, query);
-}
-
 // ---- events ----------------------------------------------------------------------------------------------
 
 bool take_custom_event(gpointer object, GstEvent* event) {
@@ -430,10 +417,7 @@ gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
 
 gboolean src_event(GstBaseTransform* transform, GstEvent* event) {
   if (GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION && shared_of(transform).navigation)
-    guarded(transform, false, [&] {
-      edit_regions(GST_ELEMENT(transform), shared_of(transform), event);
-      return true;
-    });
+    guarded(transform, [&] { edit_regions(GST_ELEMENT(transform), shared_of(transform), event); });
   if (stops_qos(transform, event)) {
     GST_LOG_OBJECT(transform, "stopped, qos is off: %" GST_PTR_FORMAT, printable(event));
     gst_event_unref(event);
@@ -444,10 +428,6 @@ gboolean src_event(GstBaseTransform* transform, GstEvent* event) {
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
-
-void before_transform(GstBaseTransform* transform, GstBuffer* buffer) {
-  sync_controlled(transform, buffer);
-}
 
 /// What one frame gave. The buffers go with the frame; the estimate's mask points into the first.
 struct Outcome {
@@ -606,7 +586,7 @@ void post_message(GstBaseTransform* transform, Streaming& s, GstBuffer* buffer, 
 /// Attaches the boundary in metres where there are any, and the wall clock where start-time gives it.
 void attach_metres(GstBaseTransform* transform, Streaming& s, GstBuffer* buffer,
                    const MetricEstimate* metric) {
-  const char* name = shared_of(transform).instance.name();
+  const char* name = shared_of(transform).instance.c_str();
   if (s.start_utc)
     stamp_utc(buffer, *s.start_utc);
   if (!metric) // those of a filter before this one belonged to the estimate that was replaced
@@ -670,7 +650,7 @@ GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
         return GST_FLOW_ERROR;
     }
     if (!attach(buffer, outcome.estimate, outcome.mask.get(), outcome.boundary.get(),
-                shared_of(transform).instance.name(), outcome.confidence_map.get()))
+                shared_of(transform).instance.c_str(), outcome.confidence_map.get()))
       GST_WARNING_OBJECT(transform, "the metadata could not be attached");
     attach_metres(transform, s, buffer, outcome.metric);
     post_message(transform, s, buffer, outcome.estimate);
@@ -692,35 +672,14 @@ static void gst_terrain_seg_init(GstTerrainSeg* self) {
 static void gst_terrain_seg_class_init(GstTerrainSegClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainseg_debug, "terrainseg", 0,
                           "Traversable ground from a self-supervised colour model");
+  init_class<GstTerrainSeg, gst_terrain_seg_parent_class>(
+      klass, {"Traversable terrain", "Filter/Analyzer/Video",
+              "Learns the appearance of the ground in front of a rover and labels what is traversable"});
   auto* object_class = G_OBJECT_CLASS(klass);
-  auto* element_class = GST_ELEMENT_CLASS(klass);
-  auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
-
   object_class->set_property = set_property;
   object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainSeg, gst_terrain_seg_parent_class>;
   SettingsBook::install(object_class);
-  g_object_class_install_property(
-      object_class, stats_id(),
-      g_param_spec_boxed("stats", "Statistics",
-                         "Number of frames, of skipped updates by cause, and the median and 99th percentile "
-                         "of the time of each stage in microseconds",
-                         GST_TYPE_STRUCTURE,
-                         static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
-
-  NameProperty::install(object_class, instance_id(), "instance", "Instance",
-                        "Name stored in the metadata, which tells several terrainseg elements in one chain "
-                        "apart; none = replaces other metadata without a name");
-  g_object_class_install_property(
-      object_class, navigation_id(),
-      g_param_spec_boolean(
-          "navigation", "Navigation",
-          "Let the pointer in a video window downstream edit rectangles: the left button draws the training "
-          "window, the right button ignored regions",
-          FALSE,
-          static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
-
-  mark_enums_as_plugin_api(object_class);
+  install_table(object_class, SettingsBook::last_id() + 1, table);
 
   const auto add_action = [&](const char* name, GCallback handler, GType result, auto... arguments) {
     g_signal_new_class_handler(name, G_TYPE_FROM_CLASS(klass),
@@ -732,18 +691,14 @@ static void gst_terrain_seg_class_init(GstTerrainSegClass* klass) {
   add_action("load-model", G_CALLBACK(on_load_model), G_TYPE_BOOLEAN, G_TYPE_STRING);
   add_action("unset-property", G_CALLBACK(on_unset_property), G_TYPE_BOOLEAN, G_TYPE_STRING);
 
-  gst_element_class_set_static_metadata(
-      element_class, "Traversable terrain", "Filter/Analyzer/Video",
-      "Learns the appearance of the ground in front of a rover and labels what is traversable",
-      "The terrainseg developers");
-  add_video_pad_templates(element_class);
-
+  add_video_pad_templates(GST_ELEMENT_CLASS(klass));
+  auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
   transform_class->start = start;
   transform_class->stop = stop;
   transform_class->set_caps = set_caps;
-  transform_class->propose_allocation = propose_allocation;
+  transform_class->propose_allocation = propose_video_allocation<gst_terrain_seg_parent_class>;
   transform_class->sink_event = sink_event;
   transform_class->src_event = src_event;
-  transform_class->before_transform = before_transform;
+  transform_class->before_transform = sync_controlled;
   transform_class->transform_ip = transform_ip;
 }

@@ -8,14 +8,9 @@
 
 #include "exchange/precision_stamp.hpp"
 #include "support/buffer_pool.hpp"
-#include "support/elements.hpp"
-#include "support/guarded.hpp"
-#include "support/instance_state.hpp"
-#include "support/object.hpp"
+#include "support/element.hpp"
 #include "support/once.hpp"
-#include "support/plugin_api.hpp"
 #include "support/precision_time.hpp"
-#include "support/properties.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainstamp_debug);
 #define GST_CAT_DEFAULT terrainstamp_debug
@@ -29,20 +24,14 @@ struct StampSettings {
   StampMode mode = StampMode::write;
 };
 
-GType mode_type() {
-  static const GEnumValue values[] = {
-      {static_cast<int>(StampMode::write), "Write the time into pictures without a stamp", "write"},
-      {static_cast<int>(StampMode::read),
-       "Only read stamps, for the decoder to pass on; the stamp of a picture directly after a gap is ignored",
-       "read"},
-      {0, nullptr, nullptr}};
-  static const GType type = g_enum_register_static("GstTerrainStampMode", values);
-  return type;
-}
-
+constexpr Choice modes[] = {
+    {"write", "Write the time into pictures without a stamp"},
+    {"read",
+     "Only read stamps, for the decoder to pass on; the stamp of a picture directly after a gap is ignored"},
+};
 const Property<StampSettings> stamp_table[] = {
     {"mode", "Mode", "Write the time (after an encoder) or read it (before a decoder)", property_playing,
-     TERRAINSEG_CHOICE(StampSettings, mode, mode_type)},
+     field<&StampSettings::mode>("GstTerrainStampMode", modes)},
 };
 
 } // namespace
@@ -84,20 +73,13 @@ using namespace terrainseg;
  *
  * Since: 0.1
  */
-struct GstTerrainStamp {
-  GstBaseTransform parent;
-  InstanceState<StampState> state;
-};
-struct GstTerrainStampClass {
-  GstBaseTransformClass parent_class;
-};
+using GstTerrainStamp = Instance<GstBaseTransform, StampState>;
+using GstTerrainStampClass = GstBaseTransformClass;
 
 G_DEFINE_TYPE(GstTerrainStamp, gst_terrain_stamp, GST_TYPE_BASE_TRANSFORM)
 GST_ELEMENT_REGISTER_DEFINE(terrainstamp, "terrainstamp", GST_RANK_NONE, gst_terrain_stamp_get_type())
 
 namespace {
-
-enum { property_mode = 1 };
 
 #define STAMP_CAPS                                                                                           \
   "video/x-h264, stream-format = (string) { byte-stream, avc, avc3 }, alignment = (string) au; "             \
@@ -115,24 +97,6 @@ GstTerrainStamp* self_of(gpointer object) {
 StampMode mode_of(gpointer object) {
   ObjectLock lock(object);
   return self_of(object)->state->settings.mode;
-}
-
-void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  if (id != property_mode) {
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-    return;
-  }
-  ObjectLock lock(object);
-  set_field(stamp_table[0], self_of(object)->state->settings, value);
-}
-
-void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  if (id != property_mode) {
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-    return;
-  }
-  ObjectLock lock(object);
-  get_field(stamp_table[0], self_of(object)->state->settings, value);
 }
 
 gboolean start(GstBaseTransform* transform) {
@@ -307,21 +271,13 @@ static void gst_terrain_stamp_init(GstTerrainStamp* self) {
 static void gst_terrain_stamp_class_init(GstTerrainStampClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainstamp_debug, "terrainstamp", 0,
                           "The precision time of pictures in H.264 and H.265");
-  auto* object_class = G_OBJECT_CLASS(klass);
+  init_class<GstTerrainStamp, gst_terrain_stamp_parent_class, stamp_table>(
+      klass, {"Terrain stamp", "Codec/Metadata/Video",
+              "Writes and reads the precision time of each picture in H.264 and H.265"});
   auto* element_class = GST_ELEMENT_CLASS(klass);
-  auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
-
-  object_class->set_property = set_property;
-  object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainStamp, gst_terrain_stamp_parent_class>;
-  install_properties<StampSettings>(object_class, property_mode, stamp_table);
-  mark_enums_as_plugin_api(object_class);
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
-  gst_element_class_set_static_metadata(
-      element_class, "Terrain stamp", "Codec/Metadata/Video",
-      "Writes and reads the precision time of each picture in H.264 and H.265", "The terrainseg developers");
-
+  auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
   transform_class->start = start;
   transform_class->set_caps = set_caps;
   transform_class->sink_event = sink_event;

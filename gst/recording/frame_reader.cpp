@@ -3,7 +3,7 @@
 
 #include <gst/video/video.h>
 
-#include "support/name_property.hpp"
+#include "support/calibration_files.hpp"
 
 namespace terrainseg {
 namespace {
@@ -20,17 +20,8 @@ gboolean propose_allocation(GstBaseSink*, GstQuery* query) {
 
 } // namespace
 
-void init_message_sink_class(gpointer klass, const MessageSinkFunctions& functions, const char* name,
-                             const char* classification, const char* description, guint source_id) {
-  GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = functions.set_property;
-  object_class->get_property = functions.get_property;
-  object_class->finalize = functions.finalize;
-  NameProperty::install_source(object_class, source_id);
-  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  gst_element_class_add_static_pad_template(element_class, &sink_template);
-  gst_element_class_set_static_metadata(element_class, name, classification, description,
-                                        "The terrainseg developers");
+void init_message_sink_class(gpointer klass, const MessageSinkFunctions& functions) {
+  gst_element_class_add_static_pad_template(GST_ELEMENT_CLASS(klass), &sink_template);
   GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
   sink_class->start = functions.start;
   sink_class->stop = functions.stop;
@@ -46,23 +37,29 @@ PictureKind kind_of(const GstCaps* caps) {
   return gst_structure_has_name(structure, "image/jpeg") ? PictureKind::jpeg : PictureKind::raw;
 }
 
-FrameReader::FrameReader(GstBuffer* buffer, PictureKind kind, const char* source)
-    : buffer_(buffer), kind_(kind), estimate_(buffer, source), metric_(buffer, source) {
-  mapped_ = kind != PictureKind::raw && gst_buffer_map(buffer, &map_, GST_MAP_READ);
+std::optional<recording::MessageOptions> read_options(GstElement* element, const MessageSettings& settings) {
+  recording::MessageOptions options;
+  options.body_frame = settings.frame_id;
+  options.camera_frame = settings.camera_frame_id;
+  options.grid_resolution = settings.grid_resolution;
+  const auto flaw = read_calibration(settings.camera_info, settings.mount, options.camera, options.mount);
+  if (!flaw)
+    return options;
+  post_error(element, *flaw);
+  return std::nullopt;
 }
 
-FrameReader::~FrameReader() {
-  if (mapped_)
-    gst_buffer_unmap(buffer_, &map_);
-}
+FrameReader::FrameReader(GstBuffer* buffer, PictureKind kind, const char* source)
+    : kind_(kind), picture_(kind == PictureKind::raw ? nullptr : buffer, GST_MAP_READ),
+      estimate_(buffer, source), metric_(buffer, source) {}
 
 recording::MessageFrame FrameReader::frame(std::uint64_t time) const {
   recording::MessageFrame frame;
   frame.time = time;
   frame.estimate = estimate_ ? &estimate_.estimate() : nullptr;
   frame.metric = metric_ ? &metric_.metric() : nullptr;
-  if (mapped_)
-    (kind_ == PictureKind::h264 ? frame.video : frame.picture) = {map_.data, map_.size};
+  if (picture_.data())
+    (kind_ == PictureKind::h264 ? frame.video : frame.picture) = {picture_.data(), picture_.size()};
   return frame;
 }
 

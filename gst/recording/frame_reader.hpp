@@ -5,8 +5,14 @@
 
 #include <gst/base/gstbasesink.h>
 
+#include <array>
+#include <optional>
+#include <string>
+
 #include "recording/terrain_messages.hpp"
+#include "support/element.hpp"
 #include "support/estimate_meta.hpp"
+#include "support/mapped_buffer.hpp"
 #include "support/metric_meta.hpp"
 
 namespace terrainseg {
@@ -16,26 +22,47 @@ PictureKind kind_of(const GstCaps* caps);
 
 /// Virtual functions of such a sink.
 struct MessageSinkFunctions {
-  void (*set_property)(GObject*, guint, const GValue*, GParamSpec*);
-  void (*get_property)(GObject*, guint, GValue*, GParamSpec*);
-  void (*finalize)(GObject*);
   gboolean (*start)(GstBaseSink*);
   gboolean (*stop)(GstBaseSink*);
   gboolean (*set_caps)(GstBaseSink*, GstCaps*);
   GstFlowReturn (*render)(GstBaseSink*, GstBuffer*);
 };
-/// Sets the functions, the pad for raw, H.264 and JPEG video, the metadata of the element (static strings),
-/// and the property `source` with the id `source_id`. Upstream need not map or copy pixels: none are read.
-void init_message_sink_class(gpointer klass, const MessageSinkFunctions& functions, const char* name,
-                             const char* classification, const char* description, guint source_id);
+/// Sets the functions, and the pad for raw, H.264 and JPEG video. Upstream need not map or copy pixels: none
+/// are read.
+void init_message_sink_class(gpointer klass, const MessageSinkFunctions& functions);
+
+/// The settings of both sinks.
+struct MessageSettings {
+  InternedName source;
+  std::string camera_info, mount;
+  std::string frame_id = recording::MessageOptions().body_frame;
+  std::string camera_frame_id = recording::MessageOptions().camera_frame;
+  double grid_resolution = recording::MessageOptions().grid_resolution;
+};
+/// The rows of a table whose struct has MessageSettings at the end of the path, with the blurbs that differ.
+template <auto... path>
+constexpr std::array<Property<OwnerOf<path...>>, 6> message_rows(const char* camera_info, const char* mount,
+                                                                 const char* grid_resolution) {
+  return {{
+      source_row<path..., &MessageSettings::source>(),
+      {"camera-info", "Camera info", camera_info, property_before_start,
+       field<path..., &MessageSettings::camera_info>()},
+      {"mount", "Mount", mount, property_before_start, field<path..., &MessageSettings::mount>()},
+      {"frame-id", "Frame id", "Name of the vehicle's coordinate frame in the messages",
+       property_before_start, field<path..., &MessageSettings::frame_id>()},
+      {"camera-frame-id", "Camera frame id", "Name of the camera's optical coordinate frame in the messages",
+       property_before_start, field<path..., &MessageSettings::camera_frame_id>()},
+      {"grid-resolution", "Grid resolution", grid_resolution, property_before_start,
+       field<path..., &MessageSettings::grid_resolution>(0.01, 10)},
+  }};
+}
+/// What messages are made with, calibration included. Returns nothing after posting an error.
+std::optional<recording::MessageOptions> read_options(GstElement* element, const MessageSettings& settings);
 
 /// Reads a buffer. The data is valid until the reader is destroyed.
 class FrameReader {
  public:
   FrameReader(GstBuffer* buffer, PictureKind kind, const char* source);
-  ~FrameReader();
-  FrameReader(const FrameReader&) = delete;
-  FrameReader& operator=(const FrameReader&) = delete;
 
   /// The error in the metadata, or nullptr.
   const char* flaw() const { return estimate_.error() ? estimate_.error() : metric_.error(); }
@@ -46,10 +73,8 @@ class FrameReader {
   recording::MessageFrame frame(std::uint64_t time) const;
 
  private:
-  GstBuffer* buffer_;
   PictureKind kind_;
-  GstMapInfo map_{};
-  bool mapped_ = false;
+  MappedBuffer picture_; ///< not mapped if it is raw
   EstimateReader estimate_;
   MetricReader metric_;
 };

@@ -11,13 +11,7 @@
 #include "recording/frame_reader.hpp"
 #include "recording/recording_file.hpp"
 #include "recording/terrain_recording.hpp"
-#include "support/calibration_files.hpp"
-#include "support/elements.hpp"
-#include "support/guarded.hpp"
-#include "support/instance_state.hpp"
-#include "support/name_property.hpp"
-#include "support/object.hpp"
-#include "support/properties.hpp"
+#include "support/element.hpp"
 #include "support/segment_time.hpp"
 #include "support/wall_clock.hpp"
 
@@ -28,38 +22,34 @@ namespace terrainseg {
 namespace {
 
 struct SinkSettings {
+  MessageSettings messages;
   std::string location;
   int fd = -1;
-  std::string camera_info, mount;
-  std::string frame_id = recording::MessageOptions().body_frame;
-  std::string camera_frame_id = recording::MessageOptions().camera_frame;
-  double grid_resolution = recording::MessageOptions().grid_resolution;
+  std::string bag_metadata; ///< of the last finished recording
 };
 
+constexpr auto common = message_rows<&SinkSettings::messages>(
+    "Calibration file of the camera (ROS, Kalibr or OpenCV YAML) for the topic /camera/camera_info, none = "
+    "without this topic",
+    "Pose of the camera over the ground (a file, or height=..,pitch=..) for the topic /tf, none = without "
+    "this topic",
+    "Size of a cell of /terrain/grid in metres, doubled until a side has at most 512 cells");
 const Property<SinkSettings> table[] = {
+    common[0],
+    common[1],
+    common[2],
+    common[3],
+    common[4],
+    common[5],
     {"location", "Location",
      "File NAME.mcap, or a folder for a ROS 2 bag (NAME_0.mcap, metadata.yaml); named *.part until complete",
-     property_before_start, PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, location)}},
+     property_before_start, field<&SinkSettings::location>()},
     {"fd", "File descriptor", "Open descriptor to write to instead of a location, -1 = none",
-     property_before_start, NumberField<SinkSettings, int>{TERRAINSEG_FIELD(SinkSettings, fd), -1, G_MAXINT}},
-    {"camera-info", "Camera info",
-     "Calibration file of the camera (ROS, Kalibr or OpenCV YAML) for the topic /camera/camera_info, none = "
-     "without this topic",
-     property_before_start,
-     PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, camera_info)}},
-    {"mount", "Mount",
-     "Pose of the camera over the ground (a file, or height=..,pitch=..) for the topic /tf, none = without "
-     "this topic",
-     property_before_start, PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, mount)}},
-    {"frame-id", "Frame id", "Name of the vehicle's coordinate frame in the messages", property_before_start,
-     PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, frame_id)}},
-    {"camera-frame-id", "Camera frame id", "Name of the camera's optical coordinate frame in the messages",
-     property_before_start,
-     PlainField<SinkSettings, std::string>{TERRAINSEG_FIELD(SinkSettings, camera_frame_id)}},
-    {"grid-resolution", "Grid resolution",
-     "Size of a cell of /terrain/grid in metres, doubled until a side has at most 512 cells",
-     property_before_start,
-     NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, grid_resolution), 0.01, 10}},
+     property_before_start, field<&SinkSettings::fd>(-1, G_MAXINT)},
+    {"bag-metadata", "Bag metadata",
+     "Content of metadata.yaml for the last complete recording; if it was written to fd, its file is named "
+     "terrain.mcap",
+     property_readable, field<&SinkSettings::bag_metadata>()},
 };
 
 /// One clock for a whole recording: that of its first frame. Its times never fall, and rise as the stream's
@@ -115,9 +105,7 @@ class RecordingClock {
 
 /// The state of an element. "streaming": used only by the streaming thread, or while it does not run.
 struct SinkState {
-  NameProperty source;
   SinkSettings settings; // under the object lock
-  std::string metadata;  // under the object lock; of the last finished recording
 
   RecordingFile file;                                   // streaming
   std::optional<recording::TerrainRecording> recording; // streaming; nothing after the end
@@ -150,21 +138,14 @@ using namespace terrainseg;
  *
  * Since: 0.1
  */
-struct GstTerrainMcapSink {
-  GstBaseSink parent;
-  InstanceState<SinkState> state;
-};
-struct GstTerrainMcapSinkClass {
-  GstBaseSinkClass parent_class;
-};
+using GstTerrainMcapSink = Instance<GstBaseSink, SinkState>;
+using GstTerrainMcapSinkClass = GstBaseSinkClass;
 
 G_DEFINE_TYPE(GstTerrainMcapSink, gst_terrain_mcap_sink, GST_TYPE_BASE_SINK)
 GST_ELEMENT_REGISTER_DEFINE(terrainmcapsink, "terrainmcapsink", GST_RANK_NONE,
                             gst_terrain_mcap_sink_get_type())
 
 namespace {
-
-enum { property_source = 1, property_metadata, property_table };
 
 GstTerrainMcapSink* self_of(gpointer object) {
   return reinterpret_cast<GstTerrainMcapSink*>(object);
@@ -191,7 +172,7 @@ bool open_recording(GstTerrainMcapSink* self) {
   {
     ObjectLock lock(self);
     set = s.settings;
-    s.metadata.clear();
+    s.settings.bag_metadata.clear();
   }
   if (set.location.empty() == (set.fd < 0)) {
     GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND,
@@ -200,14 +181,9 @@ bool open_recording(GstTerrainMcapSink* self) {
                       ("location \"%s\", fd %d", set.location.c_str(), set.fd));
     return false;
   }
-  recording::MessageOptions options;
-  options.body_frame = set.frame_id;
-  options.camera_frame = set.camera_frame_id;
-  options.grid_resolution = set.grid_resolution;
-  if (const auto flaw = read_calibration(set.camera_info, set.mount, options.camera, options.mount)) {
-    post_error(GST_ELEMENT(self), *flaw);
+  auto options = read_options(GST_ELEMENT(self), set.messages);
+  if (!options)
     return false;
-  }
   if (set.location.empty()) {
     s.file.open(set.fd);
   } else if (const auto problem = s.file.open(set.location)) {
@@ -218,7 +194,7 @@ bool open_recording(GstTerrainMcapSink* self) {
   s.frames = s.labelled = 0;
   s.warned_metadata = s.warned_clock = s.warned_step = false;
   s.recording.emplace([self](recording::ByteView bytes) { return self->state->file.write(bytes); },
-                      std::move(options));
+                      std::move(*options));
   return true;
 }
 
@@ -257,7 +233,7 @@ bool finish(GstTerrainMcapSink* self) {
                    "\"%s\" is complete: %" G_GUINT64_FORMAT " frames, %" G_GUINT64_FORMAT " with terrain",
                    name.c_str(), static_cast<guint64>(s.frames), static_cast<guint64>(s.labelled));
   ObjectLock lock(self);
-  s.metadata = std::move(metadata);
+  s.settings.bag_metadata = std::move(metadata);
   return true;
 }
 
@@ -307,7 +283,7 @@ GstFlowReturn record(GstTerrainMcapSink* self, GstBuffer* buffer) {
   const auto time = time_of(self, buffer);
   if (!time)
     return GST_FLOW_ERROR;
-  const FrameReader reader(buffer, s.kind, s.source.name());
+  const FrameReader reader(buffer, s.kind, s.settings.messages.source.c_str());
   if (reader.has_b_frame()) {
     GST_ELEMENT_ERROR(self, STREAM, FORMAT,
                       ("The H.264 video has B-frames, which players of recordings do not show. Set bframes=0 "
@@ -357,51 +333,14 @@ gboolean take_event(GstBaseSink* sink, GstEvent* event) {
   return GST_BASE_SINK_CLASS(gst_terrain_mcap_sink_parent_class)->event(sink, event);
 }
 
-// ---- the object ------------------------------------------------------------------------------------------
-
-void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  if (id == property_source)
-    self_of(object)->state->source.set(value);
-  else if (id >= property_table && id < property_table + std::size(table)) {
-    ObjectLock lock(object);
-    set_field(table[id - property_table], self_of(object)->state->settings, value);
-  } else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-}
-
-void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  SinkState& s = *self_of(object)->state;
-  if (id == property_source)
-    s.source.get(value);
-  else if (id == property_metadata) {
-    ObjectLock lock(object);
-    g_value_set_string(value, s.metadata.empty() ? nullptr : s.metadata.c_str());
-  } else if (id >= property_table && id < property_table + std::size(table)) {
-    ObjectLock lock(object);
-    get_field(table[id - property_table], s.settings, value);
-  } else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-}
-
 } // namespace
 
 static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainmcapsink_debug, "terrainmcapsink", 0, "recordings of terrain metadata");
-  GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  init_message_sink_class(
-      klass,
-      {set_property, get_property, finalize_state<GstTerrainMcapSink, gst_terrain_mcap_sink_parent_class>,
-       start, stop, set_caps, render},
-      "Terrain recorder", "Sink/File/Metadata/Video",
-      "Records video and terrain metadata as MCAP, for Foxglove and ROS 2", property_source);
-  g_object_class_install_property(
-      object_class, property_metadata,
-      g_param_spec_string(
-          "bag-metadata", "Bag metadata",
-          "Content of metadata.yaml for the last complete recording; if it was written to fd, its file is "
-          "named terrain.mcap",
-          nullptr, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
-  install_properties<SinkSettings>(object_class, property_table, table);
+  init_class<GstTerrainMcapSink, gst_terrain_mcap_sink_parent_class, table>(
+      klass, {"Terrain recorder", "Sink/File/Metadata/Video",
+              "Records video and terrain metadata as MCAP, for Foxglove and ROS 2"});
+  init_message_sink_class(klass, {start, stop, set_caps, render});
   GST_BASE_SINK_CLASS(klass)->event = take_event;
 }
 

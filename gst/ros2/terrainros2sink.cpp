@@ -16,13 +16,7 @@
 #include "ros2/names.hpp"
 #include "ros2/outlet.hpp"
 #include "ros2/participant.hpp"
-#include "support/calibration_files.hpp"
-#include "support/elements.hpp"
-#include "support/guarded.hpp"
-#include "support/instance_state.hpp"
-#include "support/name_property.hpp"
-#include "support/object.hpp"
-#include "support/properties.hpp"
+#include "support/element.hpp"
 #include "support/segment_time.hpp"
 #include "support/wall_clock.hpp"
 
@@ -39,94 +33,31 @@ enum class Distribution : std::uint8_t { none, humble, jazzy };
 enum class PoseType : std::uint8_t { odometry, pose_stamped, imu };
 enum class NearType : std::uint8_t { boolean, range };
 
-GType distribution_type() {
-  static const GEnumValue values[] = {
-      {static_cast<int>(Distribution::none), "No node is announced: topics only", "none"},
-      {static_cast<int>(Distribution::humble), "A node as ROS 2 Humble lists it", "humble"},
-      {static_cast<int>(Distribution::jazzy), "A node as ROS 2 Iron, Jazzy and later list it", "jazzy"},
-      {0, nullptr, nullptr},
-  };
-  static const GType type = g_enum_register_static("GstTerrainRos2Distribution", values);
-  return type;
-}
-
-GType pose_type() {
-  static const GEnumValue values[] = {
-      {static_cast<int>(PoseType::odometry), "nav_msgs/msg/Odometry", "odometry"},
-      {static_cast<int>(PoseType::pose_stamped), "geometry_msgs/msg/PoseStamped", "pose-stamped"},
-      {static_cast<int>(PoseType::imu), "sensor_msgs/msg/Imu", "imu"},
-      {0, nullptr, nullptr},
-  };
-  static const GType type = g_enum_register_static("GstTerrainRos2PoseType", values);
-  return type;
-}
-
-GType near_type() {
-  static const GEnumValue values[] = {
-      {static_cast<int>(NearType::boolean), "std_msgs/msg/Bool: true = clear", "bool"},
-      {static_cast<int>(NearType::range), "sensor_msgs/msg/Range: clear beyond near-clear-distance", "range"},
-      {0, nullptr, nullptr},
-  };
-  static const GType type = g_enum_register_static("GstTerrainRos2NearType", values);
-  return type;
-}
+constexpr Choice distributions[] = {
+    {"none", "No node is announced: topics only"},
+    {"humble", "A node as ROS 2 Humble lists it"},
+    {"jazzy", "A node as ROS 2 Iron, Jazzy and later list it"},
+};
+constexpr Choice pose_types[] = {
+    {"odometry", "nav_msgs/msg/Odometry"},
+    {"pose-stamped", "geometry_msgs/msg/PoseStamped"},
+    {"imu", "sensor_msgs/msg/Imu"},
+};
+constexpr Choice near_types[] = {
+    {"bool", "std_msgs/msg/Bool: true = clear"},
+    {"range", "sensor_msgs/msg/Range: clear beyond near-clear-distance"},
+};
 
 struct SinkSettings {
+  MessageSettings messages;
   std::string name_space;
   std::string node_name = "terrainseg";
   Distribution distribution = Distribution::none;
-  std::string camera_info, mount;
-  std::string frame_id = recording::MessageOptions().body_frame;
-  std::string camera_frame_id = recording::MessageOptions().camera_frame;
-  double grid_resolution = recording::MessageOptions().grid_resolution;
   std::string pose_topic;
   PoseType pose = PoseType::odometry;
   std::string near_topic;
   NearType near = NearType::boolean;
   double near_distance = 0.5;
-};
-
-using TextField = PlainField<SinkSettings, std::string>;
-
-const Property<SinkSettings> table[] = {
-    {"namespace", "Namespace", "Prefix of the node name and of topic names that do not begin with a slash",
-     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, name_space)}},
-    {"node-name", "Node name", "Name of the node that ROS 2 lists if distribution is set",
-     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, node_name)}},
-    {"distribution", "Distribution",
-     "ROS 2 distribution for which the topics are announced as those of a node (ros_discovery_info)",
-     property_before_start, TERRAINSEG_CHOICE(SinkSettings, distribution, distribution_type)},
-    {"camera-info", "Camera info",
-     "Calibration file of the camera (ROS, Kalibr or OpenCV YAML) for the topic of camera-info-topic, none = "
-     "without this topic",
-     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, camera_info)}},
-    {"mount", "Mount",
-     "Pose of the camera over the ground (a file, or height=..,pitch=..) for the transform, and added to the "
-     "poses of pose-topic; none = without a transform, and poses are those of the camera",
-     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, mount)}},
-    {"frame-id", "Frame id", "Name of the vehicle's coordinate frame in the messages", property_before_start,
-     TextField{TERRAINSEG_FIELD(SinkSettings, frame_id)}},
-    {"camera-frame-id", "Camera frame id", "Name of the camera's optical coordinate frame in the messages",
-     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, camera_frame_id)}},
-    {"grid-resolution", "Grid resolution",
-     "Size of a cell of the grid in metres, doubled until a side has at most 512 cells",
-     property_before_start,
-     NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, grid_resolution), 0.01, 10}},
-    {"pose-topic", "Pose topic",
-     "Topic whose messages are sent upstream as terrainseg-pose events, none = poses are not read",
-     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, pose_topic)}},
-    {"pose-type", "Pose type", "Type of the messages on pose-topic", property_before_start,
-     TERRAINSEG_CHOICE(SinkSettings, pose, pose_type)},
-    {"near-clear-topic", "Near-clear topic",
-     "Topic whose messages are sent upstream as terrainseg-near events, none = the near-range sensor is not "
-     "read",
-     property_before_start, TextField{TERRAINSEG_FIELD(SinkSettings, near_topic)}},
-    {"near-clear-type", "Near-clear type", "Type of the messages on near-clear-topic", property_before_start,
-     TERRAINSEG_CHOICE(SinkSettings, near, near_type)},
-    {"near-clear-distance", "Near-clear distance",
-     "Range in metres from which the training window is clear, for near-clear-type=range",
-     property_before_start,
-     NumberField<SinkSettings, double>{TERRAINSEG_FIELD(SinkSettings, near_distance), 0, 1000}},
 };
 
 /// A published topic: its property and its name.
@@ -152,9 +83,8 @@ static_assert(std::size(topics) == topic_count);
 
 /// The state of an element. "streaming": used only by the streaming thread, or while it does not run.
 struct Ros2State {
-  NameProperty source;
-  SinkSettings settings;                      // under the object lock
-  std::array<const char*, topic_count> names; // under the object lock; interned
+  SinkSettings settings;                       // under the object lock
+  std::array<InternedName, topic_count> names; // of the topics
 
   std::mutex mutex; // guards what `stats` reads during construction and destruction
   std::unique_ptr<ros2::Participant> participant;     // streaming
@@ -196,21 +126,14 @@ using namespace terrainseg;
  *
  * Since: 0.2
  */
-struct GstTerrainRos2Sink {
-  GstBaseSink parent;
-  InstanceState<Ros2State> state;
-};
-struct GstTerrainRos2SinkClass {
-  GstBaseSinkClass parent_class;
-};
+using GstTerrainRos2Sink = Instance<GstBaseSink, Ros2State>;
+using GstTerrainRos2SinkClass = GstBaseSinkClass;
 
 G_DEFINE_TYPE(GstTerrainRos2Sink, gst_terrain_ros2_sink, GST_TYPE_BASE_SINK)
 GST_ELEMENT_REGISTER_DEFINE(terrainros2sink, "terrainros2sink", GST_RANK_NONE,
                             gst_terrain_ros2_sink_get_type())
 
 namespace {
-
-enum { property_source = 1, property_stats, property_topic, property_table = property_topic + topic_count };
 
 GstTerrainRos2Sink* self_of(gpointer object) {
   return reinterpret_cast<GstTerrainRos2Sink*>(object);
@@ -337,7 +260,7 @@ bool open_topic(GstTerrainRos2Sink* self, Topic topic, std::string& error) {
   std::string name;
   {
     ObjectLock lock(self);
-    const char* chosen = s.names[static_cast<std::size_t>(topic)];
+    const char* chosen = s.names[static_cast<std::size_t>(topic)].c_str();
     if (!*chosen || s.outlet->writer(topic))
       return true;
     name = ros2::full_name(s.settings.name_space, chosen);
@@ -405,25 +328,20 @@ bool make_topics(GstTerrainRos2Sink* self, const SinkSettings& set, const ros2::
 bool open_topics(GstTerrainRos2Sink* self) {
   Ros2State& s = *self->state;
   const SinkSettings set = settings_of(self);
-  recording::MessageOptions options;
-  options.body_frame = set.frame_id;
-  options.camera_frame = set.camera_frame_id;
-  options.grid_resolution = set.grid_resolution;
-  if (const auto flaw = read_calibration(set.camera_info, set.mount, options.camera, options.mount)) {
-    post_error(GST_ELEMENT(self), *flaw);
+  auto options = read_options(GST_ELEMENT(self), set.messages);
+  if (!options)
     return false;
-  }
   const auto get = +[](const char* name) -> const char* { return std::getenv(name); };
   std::string error;
   const auto discovery = ros2::discovery_from(get, error);
   if (!discovery)
     return report(self, error);
-  s.mount = options.mount.value_or(metric::Mount{});
+  s.mount = options->mount.value_or(metric::Mount{});
   s.frames = s.taken = s.refused = 0;
   s.near_state = Ros2State::near_unknown;
   s.warned_metadata = s.warned_input = false;
   std::unique_lock lock(s.mutex);
-  const bool made = make_topics(self, set, *discovery, std::move(options), error);
+  const bool made = make_topics(self, set, *discovery, std::move(*options), error);
   lock.unlock(); // a handler of the message may read `stats`
   return made || report(self, error);
 }
@@ -448,7 +366,7 @@ std::uint64_t time_of(GstTerrainRos2Sink* self, GstBuffer* buffer) {
 
 GstFlowReturn send(GstTerrainRos2Sink* self, GstBuffer* buffer) {
   Ros2State& s = *self->state;
-  const FrameReader reader(buffer, s.kind, s.source.name());
+  const FrameReader reader(buffer, s.kind, s.settings.messages.source.c_str());
   if (reader.has_b_frame()) {
     GST_ELEMENT_ERROR(
         self, STREAM, FORMAT,
@@ -511,8 +429,8 @@ gboolean stop(GstBaseSink* sink) {
 
 // ---- the object ------------------------------------------------------------------------------------------
 
-GstStructure* statistics_of(GstTerrainRos2Sink* self) {
-  Ros2State& s = *self->state;
+GstStructure* statistics_of(gpointer object) {
+  Ros2State& s = *self_of(object)->state;
   const std::lock_guard lock(s.mutex);
   GstStructure* all = gst_structure_new("terrainros2sink-stats", "frames", G_TYPE_UINT64, s.frames.load(),
                                         "messages-taken", G_TYPE_UINT64, s.taken.load(), "messages-refused",
@@ -528,38 +446,62 @@ GstStructure* statistics_of(GstTerrainRos2Sink* self) {
   return all;
 }
 
+constexpr auto common = message_rows<&SinkSettings::messages>(
+    "Calibration file of the camera (ROS, Kalibr or OpenCV YAML) for the topic of camera-info-topic, none = "
+    "without this topic",
+    "Pose of the camera over the ground (a file, or height=..,pitch=..) for the transform, and added to the "
+    "poses of pose-topic; none = without a transform, and poses are those of the camera",
+    "Size of a cell of the grid in metres, doubled until a side has at most 512 cells");
+const Property<SinkSettings> table[] = {
+    common[0],
+    common[1],
+    common[2],
+    common[3],
+    common[4],
+    common[5],
+    stats_row<SinkSettings>(
+        "Counts since the start: frames, messages-taken and messages-refused; for each open topic readers "
+        "(connected now), written and dropped (not accepted by DDS within 5 ms)",
+        statistics_of),
+    {"namespace", "Namespace", "Prefix of the node name and of topic names that do not begin with a slash",
+     property_before_start, field<&SinkSettings::name_space>()},
+    {"node-name", "Node name", "Name of the node that ROS 2 lists if distribution is set",
+     property_before_start, field<&SinkSettings::node_name>()},
+    {"distribution", "Distribution",
+     "ROS 2 distribution for which the topics are announced as those of a node (ros_discovery_info)",
+     property_before_start, field<&SinkSettings::distribution>("GstTerrainRos2Distribution", distributions)},
+    {"pose-topic", "Pose topic",
+     "Topic whose messages are sent upstream as terrainseg-pose events, none = poses are not read",
+     property_before_start, field<&SinkSettings::pose_topic>()},
+    {"pose-type", "Pose type", "Type of the messages on pose-topic", property_before_start,
+     field<&SinkSettings::pose>("GstTerrainRos2PoseType", pose_types)},
+    {"near-clear-topic", "Near-clear topic",
+     "Topic whose messages are sent upstream as terrainseg-near events, none = the near-range sensor is not "
+     "read",
+     property_before_start, field<&SinkSettings::near_topic>()},
+    {"near-clear-type", "Near-clear type", "Type of the messages on near-clear-topic", property_before_start,
+     field<&SinkSettings::near>("GstTerrainRos2NearType", near_types)},
+    {"near-clear-distance", "Near-clear distance",
+     "Range in metres from which the training window is clear, for near-clear-type=range",
+     property_before_start, field<&SinkSettings::near_distance>(0, 1000)},
+};
+
+constexpr guint first_topic_id = std::size(table) + 1;
+
 void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  Ros2State& s = *self_of(object)->state;
-  if (id == property_source) {
-    s.source.set(value);
-  } else if (id >= property_topic && id < property_table) {
-    const gchar* text = g_value_get_string(value);
-    ObjectLock lock(object);
-    s.names[id - property_topic] = g_intern_string(text ? text : "");
-  } else if (id >= property_table && id < property_table + std::size(table)) {
-    ObjectLock lock(object);
-    set_field(table[id - property_table], s.settings, value);
-  } else {
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-  }
+  if (id < first_topic_id)
+    return set_in_table<GstTerrainRos2Sink, table>(object, id, value, spec);
+  const gchar* text = g_value_get_string(value);
+  ObjectLock lock(object);
+  self_of(object)->state->names.at(id - first_topic_id) = text ? text : "";
 }
 
 void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  Ros2State& s = *self_of(object)->state;
-  if (id == property_source) {
-    s.source.get(value);
-  } else if (id == property_stats) {
-    g_value_take_boxed(value, statistics_of(self_of(object)));
-  } else if (id >= property_topic && id < property_table) {
-    ObjectLock lock(object);
-    const char* name = s.names[id - property_topic];
-    g_value_set_static_string(value, *name ? name : nullptr);
-  } else if (id >= property_table && id < property_table + std::size(table)) {
-    ObjectLock lock(object);
-    get_field(table[id - property_table], s.settings, value);
-  } else {
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-  }
+  if (id < first_topic_id)
+    return get_in_table<GstTerrainRos2Sink, table>(object, id, value, spec);
+  ObjectLock lock(object);
+  const char* name = self_of(object)->state->names.at(id - first_topic_id).c_str();
+  g_value_set_static_string(value, *name ? name : nullptr);
 }
 
 void install_topics(GObjectClass* object_class) {
@@ -568,7 +510,7 @@ void install_topics(GObjectClass* object_class) {
     const std::string name = std::string(topic.stem) + "-topic";
     const std::string blurb = std::string("Name of the topic of the ") + topic.what + ", none = not sent";
     g_object_class_install_property(
-        object_class, property_topic + i,
+        object_class, first_topic_id + i,
         g_param_spec_string(name.c_str(), topic.nick, blurb.c_str(), topic.default_name,
                             static_cast<GParamFlags>(G_PARAM_READWRITE | GST_PARAM_MUTABLE_READY)));
   }
@@ -578,22 +520,14 @@ void install_topics(GObjectClass* object_class) {
 
 static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainros2sink_debug, "terrainros2sink", 0, "terrain metadata as ROS 2 topics");
+  init_class<GstTerrainRos2Sink, gst_terrain_ros2_sink_parent_class, table>(
+      klass, {"ROS 2 sink", "Sink/Network/Metadata/Video",
+              "Sends terrain metadata and video as ROS 2 topics over DDS"});
+  init_message_sink_class(klass, {start, stop, set_caps, render});
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  init_message_sink_class(klass,
-                          {set_property, get_property,
-                           finalize_state<GstTerrainRos2Sink, gst_terrain_ros2_sink_parent_class>, start,
-                           stop, set_caps, render},
-                          "ROS 2 sink", "Sink/Network/Metadata/Video",
-                          "Sends terrain metadata and video as ROS 2 topics over DDS", property_source);
-  g_object_class_install_property(
-      object_class, property_stats,
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "Counts since the start: frames, messages-taken and messages-refused; for each open topic readers "
-          "(connected now), written and dropped (not accepted by DDS within 5 ms)",
-          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  object_class->set_property = set_property;
+  object_class->get_property = get_property;
   install_topics(object_class);
-  install_properties<SinkSettings>(object_class, property_table, table);
 }
 
 static void gst_terrain_ros2_sink_init(GstTerrainRos2Sink* self) {

@@ -4,16 +4,20 @@
 
 #include <gst/gst.h>
 
+#include <atomic>
 #include <cstdint>
 #include <span>
 #include <string>
 #include <type_traits>
-#include <variant>
+#include <utility>
+
+#include "terrainseg/settings_table.hpp"
 
 namespace terrainseg {
 
 /// Can be set in any state; `controllable` can also be bound to a controller; `before_start` can be set up to
-/// READY.
+/// READY; `readable` cannot be set.
+inline constexpr auto property_readable = static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS);
 inline constexpr auto property_playing =
     static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
 inline constexpr auto property_controllable =
@@ -21,20 +25,47 @@ inline constexpr auto property_controllable =
 inline constexpr auto property_before_start =
     static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
 
-/// A numeric field with its range.
-template <class S, class Number> struct NumberField {
-  Number& (*of)(S&);
-  Number low, high;
+/// The name of a terrainseg instance as an interned string, which any thread may read without a lock; "" =
+/// none. Interned names are never freed; programs set only a few.
+class InternedName {
+ public:
+  InternedName() = default;
+  InternedName(const InternedName& other) : text_(other.c_str()) {}
+  InternedName& operator=(const InternedName& other) { return *this = other.c_str(); }
+  InternedName& operator=(const char* text) {
+    text_ = *text ? g_intern_string(text) : "";
+    return *this;
+  }
+  const char* c_str() const { return text_; }
+
+ private:
+  std::atomic<const char*> text_ = "";
 };
-template <class S, class Value> struct PlainField { Value& (*of)(S&); };
-template <class S> struct ChoiceField {
-  GType (*type)();
-  int (*get)(const S&);
-  void (*set)(S&, int);
+
+/// Registers an enumeration with the values 0, 1, ... unless it is registered: two plugins contain this code.
+inline GType choice_type(const char* name, std::span<const Choice> choices) {
+  if (const GType known = g_type_from_name(name))
+    return known;
+  auto* values = g_new0(GEnumValue, choices.size() + 1); // a type lives as long as the process
+  for (std::size_t i = 0; i < choices.size(); ++i)
+    values[i] = {static_cast<gint>(i), choices[i].meaning, choices[i].nick};
+  const GType type = g_enum_register_static(name, values);
+  gst_type_mark_as_plugin_api(type, static_cast<GstPluginAPIFlags>(0)); // so that it is documented
+  return type;                                                          // NOLINT(clang-analyzer-unix.Malloc)
+}
+
+template <class S> struct Property;
+
+/// Where S keeps a property.
+template <class S> struct Field {
+  GParamSpec* (*spec)(const Property<S>&) = nullptr;
+  void (*set)(S&, const GValue*) = nullptr;
+  void (*get)(const S&, GValue*) = nullptr;
+  GstStructure* (*make)(gpointer object) = nullptr; ///< instead of both, where the value is made to be read
+  double low = 0, high = 0;                         ///< of a number
+  const char* type = nullptr;                       ///< of an enumeration
+  std::span<const Choice> choices = {};             ///< of it, from 0 on
 };
-template <class S>
-using Field = std::variant<NumberField<S, int>, NumberField<S, std::uint32_t>, NumberField<S, double>,
-                           PlainField<S, bool>, PlainField<S, std::string>, ChoiceField<S>>;
 
 template <class S> struct Property {
   const char *name, *nick, *blurb;
@@ -42,87 +73,120 @@ template <class S> struct Property {
   Field<S> field;
 };
 
-template <class... Lambdas> struct Overloaded : Lambdas... { using Lambdas::operator()...; };
-template <class... Lambdas> Overloaded(Lambdas...) -> Overloaded<Lambdas...>;
+/// The functions of GObject for the values of a number.
+template <class Number> struct NumberFunctions;
+template <> struct NumberFunctions<int> {
+  static constexpr auto spec = g_param_spec_int;
+  static constexpr auto get = g_value_get_int;
+  static constexpr auto set = g_value_set_int;
+};
+template <> struct NumberFunctions<std::uint32_t> {
+  static constexpr auto spec = g_param_spec_uint;
+  static constexpr auto get = g_value_get_uint;
+  static constexpr auto set = g_value_set_uint;
+};
+template <> struct NumberFunctions<double> {
+  static constexpr auto spec = g_param_spec_double;
+  static constexpr auto get = g_value_get_double;
+  static constexpr auto set = g_value_set_double;
+};
 
-/// Creates a GParamSpec. The default is the value in a default-constructed S.
-template <class S> GParamSpec* spec_of(const Property<S>& p) {
-  S d;
-  return std::visit(Overloaded{
-                        [&](const NumberField<S, int>& f) {
-                          return g_param_spec_int(p.name, p.nick, p.blurb, f.low, f.high, f.of(d), p.flags);
-                        },
-                        [&](const NumberField<S, std::uint32_t>& f) {
-                          return g_param_spec_uint(p.name, p.nick, p.blurb, f.low, f.high, f.of(d), p.flags);
-                        },
-                        [&](const NumberField<S, double>& f) {
-                          return g_param_spec_double(p.name, p.nick, p.blurb, f.low, f.high, f.of(d),
-                                                     p.flags);
-                        },
-                        [&](const PlainField<S, bool>& f) {
-                          return g_param_spec_boolean(p.name, p.nick, p.blurb, f.of(d), p.flags);
-                        },
-                        [&](const PlainField<S, std::string>&) {
-                          return g_param_spec_string(p.name, p.nick, p.blurb, nullptr, p.flags);
-                        },
-                        [&](const ChoiceField<S>& f) {
-                          return g_param_spec_enum(p.name, p.nick, p.blurb, f.type(), f.get(d), p.flags);
-                        },
-                    },
-                    p.field);
+/// The end of a path of member pointers, such as &Settings::window, &Window::width.
+template <auto... path> auto& member(auto& start) {
+  return (start.*....*path);
 }
+template <class S, class T, class... Rest> S owner_of(T S::*, Rest...);
+template <auto... path> using OwnerOf = decltype(owner_of(path...));
 
-/// Installs the table with the ids first_id, first_id + 1, ...
-template <class S>
-void install_properties(GObjectClass* object_class, guint first_id, std::span<const Property<S>> table) {
-  for (const Property<S>& property : table)
-    g_object_class_install_property(object_class, first_id++, spec_of(property));
-}
+/// What a member holds.
+template <class T> struct Held { using Type = T; };
+template <class T> struct Held<std::atomic<T>> { using Type = T; };
 
-/// The caller holds the object lock.
-template <class S> void set_field(const Property<S>& property, S& settings, const GValue* value) {
-  std::visit(Overloaded{
-                 [&](const NumberField<S, int>& f) { f.of(settings) = g_value_get_int(value); },
-                 [&](const NumberField<S, std::uint32_t>& f) { f.of(settings) = g_value_get_uint(value); },
-                 [&](const NumberField<S, double>& f) { f.of(settings) = g_value_get_double(value); },
-                 [&](const PlainField<S, bool>& f) { f.of(settings) = g_value_get_boolean(value); },
-                 [&](const PlainField<S, std::string>& f) {
-                   const gchar* text = g_value_get_string(value);
-                   f.of(settings) = text ? text : "";
-                 },
-                 [&](const ChoiceField<S>& f) { f.set(settings, g_value_get_enum(value)); },
-             },
-             property.field);
-}
-
-/// Empty text is returned as NULL. The caller holds the object lock.
-template <class S> void get_field(const Property<S>& property, const S& from, GValue* value) {
-  auto& settings = const_cast<S&>(from); // one accessor for reading and writing; this function only reads
-  std::visit(Overloaded{
-                 [&](const NumberField<S, int>& f) { g_value_set_int(value, f.of(settings)); },
-                 [&](const NumberField<S, std::uint32_t>& f) { g_value_set_uint(value, f.of(settings)); },
-                 [&](const NumberField<S, double>& f) { g_value_set_double(value, f.of(settings)); },
-                 [&](const PlainField<S, bool>& f) { g_value_set_boolean(value, f.of(settings)); },
-                 [&](const PlainField<S, std::string>& f) {
-                   const std::string& text = f.of(settings);
-                   g_value_set_string(value, text.empty() ? nullptr : text.c_str());
-                 },
-                 [&](const ChoiceField<S>& f) { g_value_set_enum(value, f.get(from)); },
-             },
-             property.field);
-}
-
-/// The field FIELD (such as settings.window.width) of S.
-// Names of members and types, which must not be in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
-#define TERRAINSEG_FIELD(S, FIELD)                                                                           \
-  [](S& settings) -> std::remove_reference_t<decltype((settings.FIELD))>& { return settings.FIELD; }
-/// A ChoiceField for an enumeration.
-#define TERRAINSEG_CHOICE(S, FIELD, TYPE)                                                                    \
-  ChoiceField<S> {                                                                                           \
-    TYPE, [](const S& settings) { return static_cast<int>(settings.FIELD); }, [](S& settings, int value) {   \
-      settings.FIELD = static_cast<std::remove_reference_t<decltype((settings.FIELD))>>(value);              \
-    }                                                                                                        \
+/// The field at the end of a path. The default of the property is the value in a default-constructed S; text
+/// has none, and empty text is NULL.
+template <auto... path> constexpr Field<OwnerOf<path...>> field(double low = 0, double high = 0) {
+  using S = OwnerOf<path...>;
+  using Value = typename Held<std::remove_cvref_t<decltype(member<path...>(std::declval<S&>()))>>::Type;
+  Field<S> made;
+  made.low = low;
+  made.high = high;
+  if constexpr (std::is_enum_v<Value>) {
+    made.spec = [](const Property<S>& p) {
+      const S standard;
+      const Value value = member<path...>(standard);
+      return g_param_spec_enum(p.name, p.nick, p.blurb, choice_type(p.field.type, p.field.choices),
+                               static_cast<int>(value), p.flags);
+    };
+    made.set = [](S& s, const GValue* value) {
+      member<path...>(s) = static_cast<Value>(g_value_get_enum(value));
+    };
+    made.get = [](const S& s, GValue* value) {
+      const Value kept = member<path...>(s);
+      g_value_set_enum(value, static_cast<int>(kept));
+    };
+  } else if constexpr (std::is_same_v<Value, bool>) {
+    made.spec = [](const Property<S>& p) {
+      const S standard;
+      return g_param_spec_boolean(p.name, p.nick, p.blurb, member<path...>(standard), p.flags);
+    };
+    made.set = [](S& s, const GValue* value) { member<path...>(s) = g_value_get_boolean(value); };
+    made.get = [](const S& s, GValue* value) { g_value_set_boolean(value, member<path...>(s)); };
+  } else if constexpr (std::is_arithmetic_v<Value>) {
+    using Number = NumberFunctions<Value>;
+    made.spec = [](const Property<S>& p) {
+      const S standard;
+      return Number::spec(p.name, p.nick, p.blurb, static_cast<Value>(p.field.low),
+                          static_cast<Value>(p.field.high), member<path...>(standard), p.flags);
+    };
+    made.set = [](S& s, const GValue* value) { member<path...>(s) = Number::get(value); };
+    made.get = [](const S& s, GValue* value) { Number::set(value, member<path...>(s)); };
+  } else {
+    made.spec = [](const Property<S>& p) {
+      return g_param_spec_string(p.name, p.nick, p.blurb, nullptr, p.flags);
+    };
+    made.set = [](S& s, const GValue* value) {
+      const gchar* text = g_value_get_string(value);
+      member<path...>(s) = text ? text : "";
+    };
+    made.get = [](const S& s, GValue* value) {
+      const char* text = member<path...>(s).c_str();
+      g_value_set_string(value, *text ? text : nullptr);
+    };
   }
-// NOLINTEND(bugprone-macro-parentheses)
+  return made;
+}
+/// A field that is an enumeration: its type, and its values in the order of the enumeration.
+template <auto... path>
+constexpr Field<OwnerOf<path...>> field(const char* type, std::span<const Choice> choices) {
+  auto made = field<path...>();
+  made.type = type;
+  made.choices = choices;
+  return made;
+}
+
+/// The row `stats` of a table: a structure that is made when it is read.
+template <class S>
+constexpr Property<S> stats_row(const char* blurb, GstStructure* (*make)(gpointer object)) {
+  Field<S> made;
+  made.spec = [](const Property<S>& p) {
+    return g_param_spec_boxed(p.name, p.nick, p.blurb, GST_TYPE_STRUCTURE, p.flags);
+  };
+  made.make = make;
+  return {"stats", "Statistics", blurb, property_readable, made};
+}
+
+/// The row `source` of a table: an InternedName.
+template <auto... path> constexpr Property<OwnerOf<path...>> source_row() {
+  return {"source", "Source",
+          "Name (property instance) of the terrainseg element whose metadata is used; none = the metadata "
+          "attached last",
+          property_playing, field<path...>()};
+}
+
+/// Installs the rows with the ids first_id, first_id + 1, ...
+inline void install_table(GObjectClass* object_class, guint first_id, const auto& table) {
+  for (const auto& row : table)
+    g_object_class_install_property(object_class, first_id++, row.field.spec(row));
+}
 
 } // namespace terrainseg

@@ -15,8 +15,9 @@ inline bool stops_qos(GstBaseTransform* transform, const GstEvent* event) {
   return GST_EVENT_TYPE(event) == GST_EVENT_QOS && !gst_base_transform_is_qos_enabled(transform);
 }
 
-/// Sets the controlled properties to their values at the time of `buffer`.
-inline void sync_controlled(GstBaseTransform* transform, const GstBuffer* buffer) {
+/// GstBaseTransform::before_transform: sets the controlled properties to their values at the time of
+/// `buffer`.
+inline void sync_controlled(GstBaseTransform* transform, GstBuffer* buffer) {
   const GstClockTime time = stream_time_of(transform->segment, GST_BUFFER_PTS(buffer));
   if (GST_CLOCK_TIME_IS_VALID(time))
     gst_object_sync_values(GST_OBJECT(transform), time);

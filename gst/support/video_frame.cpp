@@ -5,8 +5,7 @@
 #include <cstdlib>
 #include <iterator>
 
-#include "support/guarded.hpp"
-#include "support/object.hpp"
+#include "support/element.hpp"
 
 namespace terrainseg {
 namespace {
@@ -195,18 +194,6 @@ void report_interlaced(gpointer element, const char* where) {
       GST_ELEMENT(element), STREAM, WRONG_TYPE,
       ("%s needs progressive video: put \"deinterlace\" before it.", name_of_kind(GST_ELEMENT(element))),
       ("%s", where));
-}
-
-gboolean propose_video_allocation(gpointer parent_class, GstBaseTransform* transform, GstQuery* decide_query,
-                                  GstQuery* query) {
-  if (!GST_BASE_TRANSFORM_CLASS(parent_class)->propose_allocation(transform, decide_query, query))
-    return FALSE;
-  guint index = 0;
-  while (gst_query_find_allocation_meta(query, GST_VIDEO_CROP_META_API_TYPE, &index))
-    gst_query_remove_nth_allocation_meta(query, index);
-  if (!gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr))
-    gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
-  return TRUE;
 }
 
 MappedFrame::MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlags flags)

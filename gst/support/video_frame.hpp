@@ -44,8 +44,17 @@ void report_interlaced(gpointer element, const char* where);
 
 /// GstBaseTransform::propose_allocation: the answer of the base class, which asks downstream. Any stride and
 /// offset are supported. Crops must be in the pixels, because GstVideoCropMeta is not supported.
-gboolean propose_video_allocation(gpointer parent_class, GstBaseTransform* transform, GstQuery* decide_query,
-                                  GstQuery* query);
+template <gpointer& parent_class>
+gboolean propose_video_allocation(GstBaseTransform* transform, GstQuery* decide_query, GstQuery* query) {
+  if (!GST_BASE_TRANSFORM_CLASS(parent_class)->propose_allocation(transform, decide_query, query))
+    return FALSE;
+  guint index = 0;
+  while (gst_query_find_allocation_meta(query, GST_VIDEO_CROP_META_API_TYPE, &index))
+    gst_query_remove_nth_allocation_meta(query, index);
+  if (!gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr))
+    gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+  return TRUE;
+}
 
 /// Maps a frame for its lifetime. Validates caps and GstVideoMeta against the mapped memory. The frame has
 /// the size of `info`; if a GstVideoMeta describes a larger picture, it is the upper left part.

@@ -16,15 +16,11 @@
 #include "lab/reference/reference_estimate.hpp"
 #include "support/buffer_pool.hpp"
 #include "support/colour_watch.hpp"
+#include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/guarded.hpp"
-#include "support/instance_state.hpp"
-#include "support/object.hpp"
 #include "support/once.hpp"
 #include "support/overlay_properties.hpp"
 #include "support/pixel_metas.hpp"
-#include "support/plugin_api.hpp"
-#include "support/properties.hpp"
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
 #include "support/window_request.hpp"
@@ -48,7 +44,7 @@ struct ElementSettings {
   ReferenceSettings engine;
   bool near_clear = true;
   bool overlay = false;
-  OverlaySettings overlay_settings;
+  OverlaySettings drawing;
 };
 
 } // namespace
@@ -102,13 +98,8 @@ using namespace terrainseg;
  *
  * Since: 0.1
  */
-struct GstTerrainReference {
-  GstBaseTransform parent;
-  InstanceState<ReferenceState> state;
-};
-struct GstTerrainReferenceClass {
-  GstBaseTransformClass parent_class;
-};
+using GstTerrainReference = Instance<GstBaseTransform, ReferenceState>;
+using GstTerrainReferenceClass = GstBaseTransformClass;
 
 G_DEFINE_TYPE(GstTerrainReference, gst_terrain_reference, GST_TYPE_BASE_TRANSFORM)
 GST_ELEMENT_REGISTER_DEFINE(terrainreference, "terrainreference", GST_RANK_NONE,
@@ -122,90 +113,71 @@ ReferenceState& state_of(gpointer object) {
 
 // ---- properties ------------------------------------------------------------------------------------------
 
-template <class Number> using Ranged = NumberField<ElementSettings, Number>;
-using Switch = PlainField<ElementSettings, bool>;
-#define FIELD(NAME) TERRAINSEG_FIELD(ElementSettings, NAME)
+#define FIELD(NAME) field<&ElementSettings::engine, &ReferenceSettings::NAME>
+#define WINDOW_FIELD(NAME) field<&ElementSettings::engine, &ReferenceSettings::window, &WindowPlace::NAME>
 
 constexpr int side = 32767;
+constexpr auto drawing = overlay_rows<&ElementSettings::drawing>();
 const Property<ElementSettings> table[] = {
     {"window-width", "Window width",
      "Width of the training window in pixels, 0 = the largest power of two up to a fifth of the frame width",
-     property_controllable, Ranged<int>{FIELD(engine.window.width), 0, side}},
+     property_controllable, WINDOW_FIELD(width)(0, side)},
     {"window-height", "Window height",
      "Height of the training window in pixels, 0 = half the width that window-width=0 gives",
-     property_controllable, Ranged<int>{FIELD(engine.window.height), 0, side}},
+     property_controllable, WINDOW_FIELD(height)(0, side)},
     {"window-bottom", "Window bottom",
      "Distance in pixels from the bottom edge of the frame to the training window; raise it when a bonnet is "
      "in view",
-     property_controllable, Ranged<int>{FIELD(engine.window.bottom), 0, side}},
+     property_controllable, WINDOW_FIELD(bottom)(0, side)},
     {"window-x", "Window x", "Left edge of the training window in pixels; -1 = centred",
-     property_controllable, Ranged<int>{FIELD(engine.window.x), -1, side}},
+     property_controllable, WINDOW_FIELD(x)(-1, side)},
     {"window-sigma", "Window sigma",
      "Exclude window pixels that are more than this many standard deviations from the window's mean, 0 = "
      "none",
-     property_controllable, Ranged<double>{FIELD(engine.window_sigma), 0, 4}},
+     property_controllable, FIELD(window_sigma)(0, 4)},
     {"training-models", "Training models",
      "Number K of clusters of a frame's training pixels; must be less than learned-models",
-     property_controllable, Ranged<int>{FIELD(engine.training_models), 1, max_models}},
+     property_controllable, FIELD(training_models)(1, max_models)},
     {"learned-models", "Learned models",
      "Number N of Gaussians that are kept; must be greater than training-models", property_controllable,
-     Ranged<int>{FIELD(engine.learned_models), 1, max_models}},
+     FIELD(learned_models)(1, max_models)},
     {"match-threshold", "Match threshold",
      "Largest squared distance, in summed covariances, at which a cluster updates a learned model",
-     property_controllable, Ranged<double>{FIELD(engine.match_threshold), 0, 16}},
+     property_controllable, FIELD(match_threshold)(0, 16)},
     {"mass-cap", "Mass cap",
      "Largest mass of a model, in frames of training pixels; lower values adapt faster",
-     property_controllable, Ranged<int>{FIELD(engine.mass_cap), 1, 1 << 20}},
+     property_controllable, FIELD(mass_cap)(1, 1 << 20)},
     {"mass-share", "Mass share",
      "Smallest mass of a model that is used for labelling, as a share of the largest mass",
-     property_controllable, Ranged<double>{FIELD(engine.mass_share), 0, 1}},
+     property_controllable, FIELD(mass_share)(0, 1)},
     {"threshold", "Threshold",
      "Largest Mahalanobis distance in standard deviations at which a pixel is terrain", property_controllable,
-     Ranged<double>{FIELD(engine.threshold), 0, 16}},
+     FIELD(threshold)(0, 16)},
     {"variance-floor", "Variance floor",
      "Value added to the variances of every model, in squared 8-bit steps, so that a model of one colour can "
      "be inverted",
-     property_controllable, Ranged<double>{FIELD(engine.variance_floor), 1e-3, 1e4}},
+     property_controllable, FIELD(variance_floor)(1e-3, 1e4)},
     {"dilations", "Dilations", "Number of dilations of the mask by a square of 3x3 pixels",
-     property_controllable, Ranged<int>{FIELD(engine.dilations), 0, 16}},
+     property_controllable, FIELD(dilations)(0, 16)},
     {"erosions", "Erosions", "Number of erosions of the mask by a square of 3x3 pixels, after the dilations",
-     property_controllable, Ranged<int>{FIELD(engine.erosions), 0, 16}},
+     property_controllable, FIELD(erosions)(0, 16)},
     {"connected", "Connected", "Keep only terrain that is connected to the training pixels",
-     property_controllable, Switch{FIELD(engine.connected)}},
+     property_controllable, FIELD(connected)()},
     {"seed", "Seed", "Seed of the random cluster centres; the same seed gives the same masks",
-     property_controllable, Ranged<std::uint32_t>{FIELD(engine.seed), 0, G_MAXUINT32}},
+     property_controllable, FIELD(seed)(0, G_MAXUINT32)},
     {"learning", "Learning", "Learn from frames; false freezes the learned terrain", property_controllable,
-     Switch{FIELD(engine.learning)}},
+     FIELD(learning)()},
     {"near-clear", "Near clear",
      "Set to false while a near-range sensor reports an obstacle in the training window; learning pauses",
-     property_controllable, Switch{FIELD(near_clear)}},
-    {"overlay", "Overlay", "Draw the result onto the frame", property_controllable, Switch{FIELD(overlay)}},
+     property_controllable, field<&ElementSettings::near_clear>()},
+    {"overlay", "Overlay", "Draw the result onto the frame", property_controllable,
+     field<&ElementSettings::overlay>()},
+    drawing[0],
+    drawing[1],
+    drawing[2],
 };
 #undef FIELD
-constexpr guint first_overlay_id = std::size(table) + 1;
-
-void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  ObjectLock lock(object);
-  ElementSettings& settings = state_of(object).settings;
-  if (id >= 1 && id < first_overlay_id)
-    set_field(table[id - 1], settings, value);
-  else if (id < first_overlay_id + overlay_property_count)
-    set_overlay_property(settings.overlay_settings, id - first_overlay_id, value);
-  else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-}
-
-void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  ObjectLock lock(object);
-  const ElementSettings& settings = state_of(object).settings;
-  if (id >= 1 && id < first_overlay_id)
-    get_field(table[id - 1], settings, value);
-  else if (id < first_overlay_id + overlay_property_count)
-    get_overlay_property(settings.overlay_settings, id - first_overlay_id, value);
-  else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-}
-
+#undef WINDOW_FIELD
 // ---- start, caps, events ---------------------------------------------------------------------------------
 
 gboolean start(GstBaseTransform* transform) {
@@ -275,10 +247,6 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
     GST_DEBUG_OBJECT(transform, "caps %" GST_PTR_FORMAT, printable(caps));
     return TRUE;
   });
-}
-
-gboolean propose_allocation(GstBaseTransform* transform, GstQuery* decide_query, GstQuery* query) {
-  return propose_video_allocation(gst_terrain_reference_parent_class, transform, decide_query, query);
 }
 
 gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
@@ -412,10 +380,6 @@ void prepare(GstBaseTransform* object, ReferenceState& s, GstBuffer* buffer, Ele
   configure(object, s, settings.engine);
 }
 
-void before_transform(GstBaseTransform* transform, GstBuffer* buffer) {
-  sync_controlled(transform, buffer);
-}
-
 GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
   if (GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_GAP | GST_BUFFER_FLAG_CORRUPTED))
     return GST_FLOW_OK;
@@ -457,7 +421,7 @@ GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
                                       : "not learned",
                      estimate.traversable_permille);
       if (settings.overlay)
-        paint(frame.mutable_view(), estimate, settings.overlay_settings.paint());
+        paint(frame.mutable_view(), estimate, settings.drawing.paint());
     }
     if (!attach(buffer, estimate, buffers.mask.get(), buffers.boundary.get()))
       GST_WARNING_OBJECT(transform, "the metadata could not be attached");
@@ -475,28 +439,19 @@ static void gst_terrain_reference_init(GstTerrainReference* self) {
 }
 
 static void gst_terrain_reference_class_init(GstTerrainReferenceClass* klass) {
-  auto* object_class = G_OBJECT_CLASS(klass);
-  auto* element_class = GST_ELEMENT_CLASS(klass);
+  init_class<GstTerrainReference, gst_terrain_reference_parent_class, table>(
+      klass, {"Terrain learning, unmodified algorithm", "Filter/Analyzer/Video",
+              "Labels traversable ground as Dahlkamp et al. 2006 did: full resolution, full covariances, "
+              "floating point"});
+  add_video_pad_templates(GST_ELEMENT_CLASS(klass));
   auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
-  object_class->set_property = set_property;
-  object_class->get_property = get_property;
-  object_class->finalize = finalize_state<GstTerrainReference, gst_terrain_reference_parent_class>;
-  install_properties<ElementSettings>(object_class, 1, table);
-  install_overlay_properties(object_class, first_overlay_id);
-  mark_enums_as_plugin_api(object_class);
-  add_video_pad_templates(element_class);
-  gst_element_class_set_static_metadata(element_class, "Terrain learning, unmodified algorithm",
-                                        "Filter/Analyzer/Video",
-                                        "Labels traversable ground as Dahlkamp et al. 2006 did: full "
-                                        "resolution, full covariances, floating point",
-                                        "The terrainseg developers");
   transform_class->start = start;
   transform_class->stop = stop;
   transform_class->set_caps = set_caps;
-  transform_class->propose_allocation = propose_allocation;
+  transform_class->propose_allocation = propose_video_allocation<gst_terrain_reference_parent_class>;
   transform_class->sink_event = sink_event;
   transform_class->src_event = src_event;
-  transform_class->before_transform = before_transform;
+  transform_class->before_transform = sync_controlled;
   transform_class->transform_ip = transform_ip;
   GST_DEBUG_CATEGORY_INIT(terrainreference_debug, "terrainreference", 0, "unmodified terrain learning");
 }

@@ -6,7 +6,7 @@
 #include "elements/terrainseg/debug.hpp"
 #include "elements/terrainseg/metric_stage.hpp"
 #include "elements/terrainseg/shared.hpp"
-#include "support/object.hpp"
+#include "support/element.hpp"
 
 namespace terrainseg {
 namespace {

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <iterator>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -15,33 +14,16 @@ namespace {
 
 // ---- enumerations ----------------------------------------------------------------------------------------
 
-constexpr GEnumValue enum_end = {0, nullptr, nullptr};
-
-GType registered(GType type) {
-  gst_type_mark_as_plugin_api(type, static_cast<GstPluginAPIFlags>(0));
-  return type;
-}
-
-GType preset_type() {
-  static const GEnumValue values[] = {
-      {static_cast<int>(Preset::standard), "The default pipeline with all stages", "default"},
-      {static_cast<int>(Preset::paper), "The paper's algorithm and parameters only", "paper"},
-      enum_end};
-  static const GType type = registered(g_enum_register_static("GstTerrainSegPreset", values));
-  return type;
-}
-
-GType reset_on_type() {
-  static const GEnumValue values[] = {
-      {static_cast<int>(ResetOn::never), "Only by the reset signal or a change of colour space", "never"},
-      {static_cast<int>(ResetOn::stream), "At a new stream, and when the element goes to READY", "stream"},
-      {static_cast<int>(ResetOn::discont), "As stream, and at every discontinuity", "discont"},
-      {static_cast<int>(ResetOn::per_stream), "Never: a separate terrain is kept for each stream id",
-       "per-stream"},
-      enum_end};
-  static const GType type = registered(g_enum_register_static("GstTerrainSegResetOn", values));
-  return type;
-}
+constexpr Choice presets[] = {
+    {"default", "The default pipeline with all stages"},
+    {"paper", "The paper's algorithm and parameters only"},
+};
+constexpr Choice resets[] = {
+    {"never", "Only by the reset signal or a change of colour space"},
+    {"stream", "At a new stream, and when the element goes to READY"},
+    {"discont", "As stream, and at every discontinuity"},
+    {"per-stream", "Never: a separate terrain is kept for each stream id"},
+};
 
 /// "row-prior" -> "GstTerrainSegRowPrior".
 std::string type_name_of(const char* name) {
@@ -55,18 +37,6 @@ std::string type_name_of(const char* name) {
   return text;
 }
 
-/// The enumeration of a row of the core's table.
-GType choice_type(const Setting& setting) {
-  const std::string name = type_name_of(setting.name);
-  if (const GType known = g_type_from_name(name.c_str()))
-    return known;
-  auto* values = g_new0(GEnumValue, setting.choices.size() + 1); // a type lives as long as the process
-  for (std::size_t i = 0; i < setting.choices.size(); ++i)
-    values[i] = {static_cast<gint>(i), setting.choices[i].meaning, setting.choices[i].nick};
-  // NOLINTNEXTLINE(clang-analyzer-unix.Malloc)
-  return registered(g_enum_register_static(name.c_str(), values));
-}
-
 /// The stages of the core's table as flags, one bit a stage in the table's order.
 GType stages_type() {
   static const GType type = [] {
@@ -75,7 +45,9 @@ GType stages_type() {
       if (setting.stage)
         values.push_back({1u << values.size(), setting.name, setting.name}); // GStreamer writes the first
     values.push_back({0, nullptr, nullptr});
-    return registered(g_flags_register_static("GstTerrainSegStages", values.data()));
+    const GType made = g_flags_register_static("GstTerrainSegStages", values.data());
+    gst_type_mark_as_plugin_api(made, static_cast<GstPluginAPIFlags>(0));
+    return made;
   }();
   return type;
 }
@@ -83,52 +55,49 @@ GType stages_type() {
 // ---- the tables ------------------------------------------------------------------------------------------
 
 /// The element's own, which no preset touches.
+constexpr auto drawing = overlay_rows<&ElementSettings::drawing>();
 const Property<ElementSettings> own_table[] = {
+    drawing[0],
+    drawing[1],
+    drawing[2],
     {"reset-on", "Reset on", "When the learned terrain is reset automatically", property_playing,
-     TERRAINSEG_CHOICE(ElementSettings, reset_on, reset_on_type)},
+     field<&ElementSettings::reset_on>("GstTerrainSegResetOn", resets)},
     {"overlay", "Overlay", "Draw the result onto the frame; the frame is then written to",
-     property_controllable, PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, overlay)}},
+     property_controllable, field<&ElementSettings::overlay>()},
     {"post-messages", "Post messages",
      "Post an element message 'terrainseg' on the bus when the result changes, and once a second",
-     property_playing, PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, post_messages)}},
+     property_playing, field<&ElementSettings::post_messages>()},
     {"model-location", "Model location",
      "Path of a learned-terrain file to read at start; a missing or damaged file is an error",
-     property_before_start,
-     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, model_location)}},
+     property_before_start, field<&ElementSettings::model_location>()},
     {"settings-location", "Settings location",
      "Path of a key file whose group [terrainseg] sets properties at start, except those set explicitly; a "
      "missing or invalid file is an error",
-     property_before_start,
-     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, settings_location)}},
+     property_before_start, field<&ElementSettings::settings_location>()},
     {"camera-info", "Camera info",
      "Path of the camera's calibration file (ROS camera_info, Kalibr or OpenCV YAML); with mount it enables "
      "ranges in metres. A missing or invalid file is an error",
-     property_before_start,
-     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, camera_info)}},
+     property_before_start, field<&ElementSettings::camera_info>()},
     {"mount", "Mount",
      "Pose of the camera over the ground: the path of a YAML file, or text such as height=0.5,pitch=10deg "
      "(also roll, yaw, x, y, pitch-error) in metres, and in radians or degrees",
-     property_before_start,
-     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, mount)}},
+     property_before_start, field<&ElementSettings::mount>()},
     {"range-max", "Range maximum",
      "Largest range in metres; a column that is free beyond it is reported as free, 0 = the distance at "
      "which the expected error reaches 20 %",
-     property_controllable,
-     NumberField<ElementSettings, double>{TERRAINSEG_FIELD(ElementSettings, range_max), 0, 10000}},
+     property_controllable, field<&ElementSettings::range_max>(0, 10000)},
     {"start-time", "Start time",
      "Time of day of PTS 0, as ISO 8601 (2026-11-21T20:00:00Z) or nanoseconds since 1970; frames without a "
      "time of day get it as a reference time stamp",
-     property_before_start,
-     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, start_time)}},
+     property_before_start, field<&ElementSettings::start_time>()},
     {"veto-roi-types", "Veto ROI types",
      "Types of GstVideoRegionOfInterestMeta whose rectangles are never traversable and are not learned, such "
      "as "
      "person,car; * = all types",
-     property_playing,
-     PlainField<ElementSettings, std::string>{TERRAINSEG_FIELD(ElementSettings, veto_roi_types)}},
+     property_playing, field<&ElementSettings::veto_roi_types>()},
 #ifdef TERRAINSEG_ANALYTICS
     {"analytics-meta", "Analytics metadata", "Also attach the standard GstAnalytics segmentation metadata",
-     property_playing, PlainField<ElementSettings, bool>{TERRAINSEG_FIELD(ElementSettings, analytics)}},
+     property_playing, field<&ElementSettings::analytics>()},
 #endif
 };
 
@@ -136,7 +105,7 @@ std::span<const Setting> rows() {
   return setting_table();
 }
 
-/// Ids in this order: the core's rows, these, the drawing's, the element's own.
+/// Ids in this order: the core's rows, these, the element's own.
 enum Special : guint {
   special_preset,
   special_stages,
@@ -150,17 +119,11 @@ guint row_count() {
 guint id_of(Special special) {
   return row_count() + 1 + special;
 }
-guint first_overlay_id() {
-  return row_count() + 1 + specials;
-}
 guint first_own_id() {
-  return first_overlay_id() + overlay_property_count;
+  return row_count() + 1 + specials;
 }
 bool is_row(guint id) {
   return id >= 1 && id <= row_count();
-}
-bool is_overlay(guint id) {
-  return id >= first_overlay_id() && id < first_own_id();
 }
 bool is_own(guint id) {
   return id >= first_own_id() && id <= SettingsBook::last_id();
@@ -168,8 +131,8 @@ bool is_own(guint id) {
 const Setting& row_of(guint id) {
   return rows()[id - 1];
 }
-const Property<ElementSettings>& own_of(guint id) {
-  return own_table[id - first_own_id()];
+const Field<ElementSettings>& own_of(guint id) {
+  return own_table[id - first_own_id()].field;
 }
 
 // Ids begin at 1, and a release of GStreamer with GstAnalytics has one property more.
@@ -178,8 +141,7 @@ constexpr int one_for_each_row[] = {
 #include "terrainseg/settings.def"
 };
 #undef TERRAINSEG_SETTING
-static_assert(std::size(one_for_each_row) + specials + overlay_property_count + std::size(own_table) <
-              SettingsBook::capacity);
+static_assert(std::size(one_for_each_row) + specials + std::size(own_table) < SettingsBook::capacity);
 
 /// By id; filled once, when the class is made.
 std::array<GParamSpec*, SettingsBook::capacity> specs;
@@ -224,8 +186,9 @@ GParamSpec* spec_of(const Setting& s) {
                                static_cast<double>(s.high) / s.scale,
                                static_cast<double>(s.standard) / s.scale, flags);
   case SettingKind::choice:
-    return g_param_spec_enum(s.name, s.nick, blurb.c_str(), choice_type(s), static_cast<gint>(s.standard),
-                             flags);
+    return g_param_spec_enum(s.name, s.nick, blurb.c_str(),
+                             choice_type(type_name_of(s.name).c_str(), s.choices),
+                             static_cast<gint>(s.standard), flags);
   default:
     return g_param_spec_int(s.name, s.nick, blurb.c_str(), static_cast<gint>(s.low),
                             static_cast<gint>(s.high), static_cast<gint>(s.standard), flags);
@@ -285,27 +248,12 @@ bool numbers_of(const GValue* array, std::vector<int>& numbers) {
 }
 
 std::string text_of(const GValue* value) {
-  gchar* text = gst_value_serialize(value);
-  std::string result = text ? text : "(unreadable)";
-  g_free(text);
-  return result;
+  g_autofree gchar* text = gst_value_serialize(value);
+  return text ? text : "(unreadable)";
 }
 
 constexpr const char* regions_rule =
     "must be <<x, y, width, height>, ...> in pixels, x and y from 0, sizes from 1";
-
-/// A GValue that is let go.
-class ScopedValue {
- public:
-  explicit ScopedValue(GType type) { g_value_init(&value_, type); }
-  ~ScopedValue() { g_value_unset(&value_); }
-  ScopedValue(const ScopedValue&) = delete;
-  ScopedValue& operator=(const ScopedValue&) = delete;
-  GValue* get() { return &value_; }
-
- private:
-  GValue value_ = G_VALUE_INIT;
-};
 
 } // namespace
 
@@ -335,7 +283,8 @@ void SettingsBook::install(GObjectClass* object_class) {
       g_param_spec_enum("preset", "Preset",
                         "Chooses the pipeline and the values of all settings that are not set explicitly "
                         "(not of drawing, ranges and files)",
-                        preset_type(), static_cast<int>(Preset::standard), property_playing));
+                        choice_type("GstTerrainSegPreset", presets), static_cast<int>(Preset::standard),
+                        property_playing));
   add(id_of(special_stages),
       g_param_spec_flags("stages", "Stages",
                          "Stages of the default pipeline that run (not used with preset=paper)",
@@ -350,14 +299,12 @@ void SettingsBook::install(GObjectClass* object_class) {
                            "Rectangles <<x, y, width, height>, ...> in pixels to exclude from learning and "
                            "scoring, such as a bonnet or burnt-in text",
                            nullptr, property_playing));
-  install_overlay_properties(object_class, first_overlay_id());
-  install_properties<ElementSettings>(object_class, first_own_id(), own_table);
+  install_table(object_class, first_own_id(), own_table);
 
   guint count = 0;
-  const std::unique_ptr<GParamSpec*, decltype(&g_free)> all(
-      g_object_class_list_properties(object_class, &count), g_free);
+  g_autofree GParamSpec** all = g_object_class_list_properties(object_class, &count);
   for (guint i = 0; i < count; ++i)
-    if (GParamSpec* spec = all.get()[i]; spec->owner_type == G_OBJECT_CLASS_TYPE(object_class))
+    if (GParamSpec* spec = all[i]; spec->owner_type == G_OBJECT_CLASS_TYPE(object_class))
       specs.at(spec->param_id) = spec;
 }
 
@@ -419,10 +366,8 @@ void SettingsBook::apply(guint id, const GValue* value, Layer layer) {
     set_window_rect(g_value_get_string(value));
   else if (id == id_of(special_ignore_regions))
     set_ignore_regions(value);
-  else if (is_overlay(id))
-    set_overlay_property(settings_.drawing, id - first_overlay_id(), value);
   else
-    set_field(own_of(id), settings_, value);
+    own_of(id).set(settings_, value);
 }
 
 void SettingsBook::apply_row(guint id, const GValue* value, Layer layer) {
@@ -436,12 +381,13 @@ void SettingsBook::apply_row(guint id, const GValue* value, Layer layer) {
 }
 
 void SettingsBook::apply_stages(guint flags, Layer layer) {
-  ScopedValue value(G_TYPE_BOOLEAN);
+  GValue value = G_VALUE_INIT;
+  g_value_init(&value, G_TYPE_BOOLEAN);
   guint bit = 1;
   for (guint id = 1; id <= row_count(); ++id)
     if (row_of(id).stage) {
-      g_value_set_boolean(value.get(), (flags & bit) != 0);
-      apply_row(id, value.get(), layer);
+      g_value_set_boolean(&value, (flags & bit) != 0);
+      apply_row(id, &value, layer);
       bit <<= 1;
     }
 }
@@ -522,14 +468,10 @@ void SettingsBook::give_back(guint id) {
     settings_.core.ignore_regions.clear();
     regions_error_.reset();
   } else {
-    ScopedValue value(specs[id]->value_type);
-    if (is_overlay(id)) {
-      get_overlay_property(fresh.drawing, id - first_overlay_id(), value.get());
-      set_overlay_property(settings_.drawing, id - first_overlay_id(), value.get());
-    } else {
-      get_field(own_of(id), fresh, value.get());
-      set_field(own_of(id), settings_, value.get());
-    }
+    g_auto(GValue) value = G_VALUE_INIT;
+    g_value_init(&value, specs[id]->value_type);
+    own_of(id).get(fresh, &value);
+    own_of(id).set(settings_, &value);
   }
 }
 
@@ -567,13 +509,14 @@ std::optional<SettingsError> SettingsBook::apply_entry(const SettingsFile::Entry
     if (auto error = set_from_text(trial, entry.name, entry.value))
       return error;
   }
-  ScopedValue value(specs[id]->value_type);
-  if (!gst_value_deserialize_with_pspec(value.get(), entry.value.c_str(), specs[id]))
+  g_auto(GValue) value = G_VALUE_INIT;
+  g_value_init(&value, specs[id]->value_type);
+  if (!gst_value_deserialize_with_pspec(&value, entry.value.c_str(), specs[id]))
     return SettingsError{entry.name, entry.value,
                          std::string("cannot be read as ") + g_type_name(specs[id]->value_type)};
-  if (g_param_value_validate(specs[id], value.get()))
+  if (g_param_value_validate(specs[id], &value))
     return SettingsError{entry.name, entry.value, "is out of range"};
-  apply(id, value.get(), Layer::file);
+  apply(id, &value, Layer::file);
   return regions_error_;
 }
 
@@ -601,10 +544,8 @@ bool SettingsBook::get(guint id, GValue* value) const {
     g_value_set_string(value, window_rect_.empty() ? nullptr : window_rect_.c_str());
   } else if (id == id_of(special_ignore_regions)) {
     put_regions(settings_.core.ignore_regions, value);
-  } else if (is_overlay(id)) {
-    get_overlay_property(settings_.drawing, id - first_overlay_id(), value);
   } else if (is_own(id)) {
-    get_field(own_of(id), settings_, value);
+    own_of(id).get(settings_, value);
   } else {
     return false;
   }

@@ -9,13 +9,13 @@
 #include "elements/terrainseg/settings_book.hpp"
 #include "elements/terrainseg/statistics.hpp"
 #include "support/mutex.hpp"
-#include "support/name_property.hpp"
 #include "support/once.hpp"
+#include "support/properties.hpp"
 
 namespace terrainseg {
 
 struct Shared {
-  NameProperty instance;
+  InternedName instance;
   std::atomic<bool> navigation = false;
   std::atomic<int> frame_width = 0, frame_height = 0; ///< of the caps
   LearnedTerrain learned;                             ///< locks by itself

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Buffers of the metadata that hold one little-endian number (uint16 or float) after the other.
+#pragma once
+
+#include <gst/gst.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <cstring>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "support/buffer_pool.hpp"
+#include "support/mapped_buffer.hpp"
+
+namespace terrainseg {
+
+/// From the byte order of this machine to little-endian, and back.
+template <class Number> void swap_for_little_endian(Number& number) {
+  auto* bytes = reinterpret_cast<std::uint8_t*>(&number);
+  if (std::endian::native == std::endian::big)
+    std::reverse(bytes, bytes + sizeof number);
+}
+
+template <class Number> void write_values(std::span<const Number> values, guint8* bytes) {
+  for (Number value : values) {
+    swap_for_little_endian(value);
+    std::memcpy(bytes, &value, sizeof value);
+    bytes += sizeof value;
+  }
+}
+
+/// `buffer` with these values, which fill it; nullptr if there is no buffer, or it cannot be written to.
+template <class Number> OwnedBuffer filled(OwnedBuffer buffer, std::span<const Number> values) {
+  const MappedBuffer bytes(buffer.get(), GST_MAP_WRITE);
+  if (!bytes)
+    return nullptr;
+  write_values(values, bytes.data());
+  return buffer;
+}
+
+/// Holds a reference and a mapping of such a buffer, which any program can have written.
+template <class Number> class ValueReader {
+ public:
+  /// Returns false if the buffer cannot be mapped.
+  bool map(GstBuffer* buffer) {
+    buffer_.reset(gst_buffer_ref(buffer));
+    bytes_.emplace(buffer, GST_MAP_READ);
+    const std::size_t count = bytes_->size() / sizeof(Number);
+    if (std::endian::native == std::endian::little &&
+        reinterpret_cast<std::uintptr_t>(bytes_->data()) % alignof(Number) == 0) {
+      values_ = {reinterpret_cast<const Number*>(bytes_->data()), count};
+      return static_cast<bool>(*bytes_);
+    }
+    host_order_.resize(count);
+    std::memcpy(host_order_.data(), bytes_->data(), count * sizeof(Number));
+    std::for_each(host_order_.begin(), host_order_.end(), swap_for_little_endian<Number>);
+    values_ = host_order_;
+    return static_cast<bool>(*bytes_);
+  }
+  /// Whether the buffer ends with a whole value.
+  bool is_whole() const { return bytes_->size() % sizeof(Number) == 0; }
+  std::span<const Number> values() const { return values_; }
+  GstBuffer* buffer() const { return buffer_.get(); }
+
+ private:
+  OwnedBuffer buffer_;
+  std::optional<MappedBuffer> bytes_;
+  std::vector<Number> host_order_; ///< used if the values cannot be read in place
+  std::span<const Number> values_;
+};
+
+} // namespace terrainseg
