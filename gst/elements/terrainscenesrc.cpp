@@ -9,6 +9,7 @@
 #include "scene/scene.hpp"
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
+#include "support/mapped_buffer.hpp"
 #include "support/video_frame.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainscenesrc_debug);
@@ -342,7 +343,6 @@ void skip_missed(GstBaseSrc* source, SceneSourceState& s) {
 
 // ---- frames ----------------------------------------------------------------------------------------------
 
-/// Renders the next frame. False after an error was posted.
 void set_truth(GstStructure* truth, GstBuffer* labels, int horizon, const scene::View& view) {
   gst_structure_set(truth, "labels", GST_TYPE_BUFFER, labels, "horizon-row", G_TYPE_INT, horizon,
                     "camera-height", G_TYPE_DOUBLE, view.height, "focal-length", G_TYPE_DOUBLE, view.focal,
@@ -350,6 +350,7 @@ void set_truth(GstStructure* truth, GstBuffer* labels, int horizon, const scene:
                     G_TYPE_DOUBLE, view.center_x, "center-y", G_TYPE_DOUBLE, view.center_y, nullptr);
 }
 
+/// Renders the next frame. False after an error was posted.
 bool render(GstBaseSrc* source, SceneSourceState& s, std::uint64_t number, GstBuffer* buffer) {
   const scene::Settings wanted = settings_of(source);
   const int width = GST_VIDEO_INFO_WIDTH(&s.info), height = GST_VIDEO_INFO_HEIGHT(&s.info);
@@ -358,29 +359,24 @@ bool render(GstBaseSrc* source, SceneSourceState& s, std::uint64_t number, GstBu
     s.renderer = std::make_unique<scene::Renderer>(wanted, width, height);
     s.rendered = wanted;
   }
-  GstBuffer* labels = new_mask_buffer(width, height);
-  GstMapInfo map;
-  if (!labels || !gst_buffer_map(labels, &map, GST_MAP_WRITE)) {
-    gst_clear_buffer(&labels);
-    GST_ELEMENT_ERROR(source, RESOURCE, NO_SPACE_LEFT, ("Out of memory for the labels."),
-                      ("%d x %d", width, height));
-    return false;
-  }
+  const OwnedBuffer labels(new_mask_buffer(width, height));
   int horizon = -1;
   {
+    const MappedBuffer map(labels.get(), GST_MAP_WRITE);
+    if (!map) {
+      GST_ELEMENT_ERROR(source, RESOURCE, NO_SPACE_LEFT, ("Out of memory for the labels."),
+                        ("%d x %d", width, height));
+      return false;
+    }
     const MappedFrame frame(s.info, buffer, GST_MAP_WRITE);
     if (!frame) {
-      gst_buffer_unmap(labels, &map);
-      gst_buffer_unref(labels);
       report_unusable(source, buffer, frame);
       return false;
     }
-    horizon = s.renderer->render(number, frame.mutable_view(), {map.data, width});
+    horizon = s.renderer->render(number, frame.mutable_view(), {map.data(), width});
   }
-  gst_buffer_unmap(labels, &map);
   if (GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, GST_TERRAIN_TRUTH_META_NAME))
-    set_truth(gst_custom_meta_get_structure(meta), labels, horizon, s.renderer->view_of(number));
-  gst_buffer_unref(labels);
+    set_truth(gst_custom_meta_get_structure(meta), labels.get(), horizon, s.renderer->view_of(number));
   return true;
 }
 

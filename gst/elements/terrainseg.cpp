@@ -520,7 +520,7 @@ Status run(GstBaseTransform* transform, GstBuffer* buffer, const Frame& frame, c
   outcome.estimate.confidence_map = {}; // the segmenter's memory
   outcome.counters = segmenter.counters();
   outcome.stage_times = segmenter.stage_times();
-  write_boundary(outcome.estimate.boundary, boundary); // a row for every column of the mask
+  write_values(outcome.estimate.boundary, boundary); // a row for every column of the mask
   outcome.estimate.boundary = {reinterpret_cast<const std::uint16_t*>(boundary),
                                static_cast<std::size_t>(target.width)};
   return status;

@@ -9,6 +9,7 @@
 #include "exchange/precision_stamp.hpp"
 #include "support/buffer_pool.hpp"
 #include "support/element.hpp"
+#include "support/mapped_buffer.hpp"
 #include "support/once.hpp"
 #include "support/precision_time.hpp"
 
@@ -117,13 +118,8 @@ GstBuffer* codec_data_of(const GstStructure* fields) {
 std::optional<unsigned> length_bytes_of(const GstStructure* fields, VideoCodec codec) {
   if (g_strcmp0(gst_structure_get_string(fields, "stream-format"), "byte-stream") == 0)
     return 0;
-  GstBuffer* codec_data = codec_data_of(fields);
-  GstMapInfo map;
-  if (!codec_data || !gst_buffer_map(codec_data, &map, GST_MAP_READ))
-    return std::nullopt;
-  const auto bytes = nal_length_bytes(codec, {map.data, map.size});
-  gst_buffer_unmap(codec_data, &map);
-  return bytes;
+  const MappedBuffer map(codec_data_of(fields), GST_MAP_READ);
+  return map ? nal_length_bytes(codec, {map.data(), map.size()}) : std::nullopt;
 }
 
 gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
@@ -239,13 +235,15 @@ GstFlowReturn stamped(GstTerrainStamp* self, GstBuffer* in, GstBuffer** out) {
   // Behind a gap a parser may have joined the beginning of a lost picture, its stamp, with another one's
   // slices.
   const bool trusted = std::exchange(s.first, false) || !GST_BUFFER_IS_DISCONT(in);
-  GstMapInfo map;
-  if (!gst_buffer_map(in, &map, GST_MAP_READ)) {
-    GST_ELEMENT_ERROR(self, RESOURCE, READ, ("The memory of a buffer cannot be read."), (nullptr));
-    return GST_FLOW_ERROR;
+  StampSearch found;
+  {
+    const MappedBuffer map(in, GST_MAP_READ);
+    if (!map) {
+      GST_ELEMENT_ERROR(self, RESOURCE, READ, ("The memory of a buffer cannot be read."), (nullptr));
+      return GST_FLOW_ERROR;
+    }
+    found = find_stamp({map.data(), map.size()}, s.framing);
   }
-  const StampSearch found = find_stamp({map.data, map.size}, s.framing);
-  gst_buffer_unmap(in, &map);
   OwnedBuffer changed =
       mode_of(self) == StampMode::read ? read_stamp(self, in, found, trusted) : write_stamp(self, in, found);
   GST_LOG_OBJECT(self, "%s: %" GST_PTR_FORMAT, changed ? "stamped" : "as it was", printable(in));

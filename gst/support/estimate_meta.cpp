@@ -4,9 +4,7 @@
 #include <gst/terrainseg/terrainsegmeta.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 #include "support/meta.hpp"
@@ -17,45 +15,6 @@ namespace terrainseg {
 using namespace fields;
 
 namespace {
-
-/// Names as quarks, created once.
-struct Names {
-#define NAME(member, text) GQuark member = g_quark_from_static_string(text)
-  NAME(version, "version");
-  NAME(instance, "instance");
-  NAME(frame, "frame");
-  NAME(frame_width, "frame-width");
-  NAME(frame_height, "frame-height");
-  NAME(horizon_row, "horizon-row");
-  NAME(horizon_confidence, "horizon-confidence");
-  NAME(vanishing_row, "vanishing-row");
-  NAME(speed_over_height, "speed-over-height");
-  NAME(mask, "mask");
-  NAME(confidence, "confidence");
-  NAME(confidence_map, "confidence-map");
-  NAME(mask_x, "mask-x");
-  NAME(mask_y, "mask-y");
-  NAME(mask_w, "mask-w");
-  NAME(mask_h, "mask-h");
-  NAME(boundary, "boundary");
-  NAME(traversable, "traversable-permille");
-  NAME(window_x, "window-x");
-  NAME(window_y, "window-y");
-  NAME(window_w, "window-w");
-  NAME(window_h, "window-h");
-  NAME(generation, "model-generation");
-  NAME(flags, "flags");
-  NAME(models, "models");
-  NAME(mean, "mean");
-  NAME(variance, "variance");
-  NAME(mass, "mass");
-  NAME(rgb, "rgb");
-#undef NAME
-  static const Names& get() {
-    static const Names names;
-    return names;
-  }
-};
 
 template <class Fixed> void set_triple(GstStructure* fields, GQuark name, const std::array<Fixed, 3>& q8) {
   set(fields, name, GST_TYPE_ARRAY, [&](GValue* array) {
@@ -69,15 +28,14 @@ template <class Fixed> void set_triple(GstStructure* fields, GQuark name, const 
 }
 
 void set_models(GstStructure* fields, const Estimate& estimate) {
-  const Names& n = Names::get();
-  set(fields, n.models, GST_TYPE_LIST, [&](GValue* list) {
+  set(fields, "models"_field, GST_TYPE_LIST, [&](GValue* list) {
     for (int i = 0; i < estimate.model_count; ++i) {
       const ModelSummary& summary = estimate.models[i];
       GstStructure* model = gst_structure_new_empty("model");
-      set_triple(model, n.mean, summary.mean);
-      set_triple(model, n.variance, summary.variance);
-      set_uint64(model, n.mass, summary.mass);
-      set_uint(model, n.rgb, summary.rgb[0] << 16 | summary.rgb[1] << 8 | summary.rgb[2]);
+      set_triple(model, "mean"_field, summary.mean);
+      set_triple(model, "variance"_field, summary.variance);
+      set_uint64(model, "mass"_field, summary.mass);
+      set_uint(model, "rgb"_field, summary.rgb[0] << 16 | summary.rgb[1] << 8 | summary.rgb[2]);
       GValue value = G_VALUE_INIT;
       g_value_init(&value, GST_TYPE_STRUCTURE);
       g_value_take_boxed(&value, model);
@@ -109,20 +67,19 @@ std::int32_t get_q16(const GstStructure* fields, GQuark name, std::int32_t other
 }
 
 void get_models(const GstStructure* fields, Estimate& estimate) {
-  const Names& n = Names::get();
   const guint count = std::min<guint>(gst_terrain_seg_meta_get_model_count(fields), max_models);
   for (guint i = 0; i < count; ++i) {
     const GstStructure* model = gst_terrain_seg_meta_get_model(fields, i);
     if (!model)
       continue;
     ModelSummary& summary = estimate.models[estimate.model_count++];
-    get_triple(model, n.mean, summary.mean);
-    get_triple(model, n.variance, summary.variance);
+    get_triple(model, "mean"_field, summary.mean);
+    get_triple(model, "variance"_field, summary.variance);
     guint64 mass = 0;
-    if (gst_structure_id_get(model, n.mass, G_TYPE_UINT64, &mass, nullptr))
+    if (gst_structure_id_get(model, "mass"_field, G_TYPE_UINT64, &mass, nullptr))
       summary.mass = mass;
     guint rgb = 0;
-    if (gst_structure_id_get(model, n.rgb, G_TYPE_UINT, &rgb, nullptr))
+    if (gst_structure_id_get(model, "rgb"_field, G_TYPE_UINT, &rgb, nullptr))
       summary.rgb = {static_cast<std::uint8_t>(rgb >> 16), static_cast<std::uint8_t>(rgb >> 8),
                      static_cast<std::uint8_t>(rgb)};
   }
@@ -150,36 +107,35 @@ bool attach(GstBuffer* buffer, const Estimate& e, GstBuffer* mask, GstBuffer* bo
   GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, GST_TERRAIN_SEG_META_NAME);
   if (!meta)
     return false;
-  const Names& n = Names::get();
   GstStructure* fields = gst_custom_meta_get_structure(meta);
-  set_uint(fields, n.version, GST_TERRAIN_SEG_META_VERSION);
+  set_uint(fields, "version"_field, GST_TERRAIN_SEG_META_VERSION);
   if (*instance)
-    set_static_string(fields, n.instance, instance);
-  set_uint64(fields, n.frame, e.frame);
-  set_int(fields, n.frame_width, e.frame_width);
-  set_int(fields, n.frame_height, e.frame_height);
-  set_int(fields, n.horizon_row, e.horizon_row);
-  set_uint(fields, n.horizon_confidence, e.horizon_confidence);
-  set_double(fields, n.vanishing_row, e.vanishing_row < 0 ? -1 : e.vanishing_row / 65536.0);
-  set_double(fields, n.speed_over_height, e.speed_over_height / 65536.0);
+    set_static_string(fields, "instance"_field, instance);
+  set_uint64(fields, "frame"_field, e.frame);
+  set_int(fields, "frame-width"_field, e.frame_width);
+  set_int(fields, "frame-height"_field, e.frame_height);
+  set_int(fields, "horizon-row"_field, e.horizon_row);
+  set_uint(fields, "horizon-confidence"_field, e.horizon_confidence);
+  set_double(fields, "vanishing-row"_field, e.vanishing_row < 0 ? -1 : e.vanishing_row / 65536.0);
+  set_double(fields, "speed-over-height"_field, e.speed_over_height / 65536.0);
   if (mask)
-    set_buffer(fields, n.mask, mask);
-  set_uint(fields, n.confidence, e.confidence);
+    set_buffer(fields, "mask"_field, mask);
+  set_uint(fields, "confidence"_field, e.confidence);
   if (confidence_map)
-    set_buffer(fields, n.confidence_map, confidence_map);
-  set_int(fields, n.mask_x, e.mask_region.x);
-  set_int(fields, n.mask_y, e.mask_region.y);
-  set_int(fields, n.mask_w, e.mask_region.width);
-  set_int(fields, n.mask_h, e.mask_region.height);
+    set_buffer(fields, "confidence-map"_field, confidence_map);
+  set_int(fields, "mask-x"_field, e.mask_region.x);
+  set_int(fields, "mask-y"_field, e.mask_region.y);
+  set_int(fields, "mask-w"_field, e.mask_region.width);
+  set_int(fields, "mask-h"_field, e.mask_region.height);
   if (boundary)
-    set_buffer(fields, n.boundary, boundary);
-  set_uint(fields, n.traversable, e.traversable_permille);
-  set_int(fields, n.window_x, e.window.x);
-  set_int(fields, n.window_y, e.window.y);
-  set_int(fields, n.window_w, e.window.width);
-  set_int(fields, n.window_h, e.window.height);
-  set_uint(fields, n.generation, e.model_generation);
-  set_uint(fields, n.flags, e.flags);
+    set_buffer(fields, "boundary"_field, boundary);
+  set_uint(fields, "traversable-permille"_field, e.traversable_permille);
+  set_int(fields, "window-x"_field, e.window.x);
+  set_int(fields, "window-y"_field, e.window.y);
+  set_int(fields, "window-w"_field, e.window.width);
+  set_int(fields, "window-h"_field, e.window.height);
+  set_uint(fields, "model-generation"_field, e.model_generation);
+  set_uint(fields, "flags"_field, e.flags);
   set_models(fields, e);
   return true;
 }
@@ -199,20 +155,6 @@ GstBuffer* new_mask_buffer(int width, int height) {
   return buffer;
 }
 
-void write_boundary(std::span<const std::uint16_t> rows, guint8* bytes) {
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    GST_WRITE_UINT16_LE(bytes + 2 * i, rows[i]);
-}
-
-static OwnedBuffer filled(OwnedBuffer buffer, std::span<const std::uint16_t> rows) {
-  GstMapInfo map;
-  if (!buffer || !gst_buffer_map(buffer.get(), &map, GST_MAP_WRITE))
-    return nullptr;
-  write_boundary(rows, map.data);
-  gst_buffer_unmap(buffer.get(), &map);
-  return buffer;
-}
-
 GstBuffer* new_boundary_buffer(std::span<const std::uint16_t> rows) {
   return filled(OwnedBuffer(gst_buffer_new_allocate(nullptr, rows.size() * 2, nullptr)), rows).release();
 }
@@ -229,24 +171,14 @@ EstimateReader::EstimateReader(GstBuffer* buffer, const char* source) {
   valid_ = !error_;
 }
 
-EstimateReader::~EstimateReader() {
-  mask_map_.reset();
-  confidence_map_map_.reset();
-  if (boundary_map_.memory)
-    gst_buffer_unmap(boundary_, &boundary_map_);
-  gst_clear_buffer(&mask_);
-  gst_clear_buffer(&boundary_);
-  gst_clear_buffer(&confidence_map_);
-}
-
 const char* EstimateReader::read(const GstStructure* fields) {
   Estimate& e = estimate_;
   e.frame = gst_terrain_seg_meta_get_frame(fields);
   e.frame_width = gst_terrain_seg_meta_get_frame_width(fields);
   e.frame_height = gst_terrain_seg_meta_get_frame_height(fields);
   e.horizon_row = gst_terrain_seg_meta_get_horizon_row(fields);
-  e.vanishing_row = std::max(get_q16(fields, Names::get().vanishing_row, -1), -1);
-  e.speed_over_height = get_q16(fields, Names::get().speed_over_height, 0);
+  e.vanishing_row = std::max(get_q16(fields, "vanishing-row"_field, -1), -1);
+  e.speed_over_height = get_q16(fields, "speed-over-height"_field, 0);
   e.horizon_confidence =
       static_cast<std::uint8_t>(std::min(gst_terrain_seg_meta_get_horizon_confidence(fields), 255u));
   e.confidence = static_cast<std::uint8_t>(std::min(gst_terrain_seg_meta_get_confidence(fields), 255u));
@@ -261,49 +193,23 @@ const char* EstimateReader::read(const GstStructure* fields) {
   e.window = {r.x, r.y, r.w, r.h};
   get_models(fields, e);
   if (GstBuffer* mask = gst_terrain_seg_meta_get_mask(fields)) {
-    mask_ = gst_buffer_ref(mask);
-    if (const char* error = map_mask())
-      return error;
+    e.mask = mask_.emplace(mask).view();
+    if (mask_->error())
+      return mask_->error();
   }
   if (GstBuffer* boundary = gst_terrain_seg_meta_get_boundary(fields)) {
-    boundary_ = gst_buffer_ref(boundary);
-    if (const char* error = map_boundary())
-      return error;
+    if (!boundary_.map(boundary))
+      return "the boundary cannot be mapped";
+    e.boundary = boundary_.values();
+    if (!boundary_.is_whole() || e.boundary.size() > longest_picture_side)
+      return "the boundary does not have one uint16 per mask column";
   }
   if (GstBuffer* map = gst_terrain_seg_meta_get_confidence_map(fields)) {
-    confidence_map_ = gst_buffer_ref(map);
-    confidence_map_map_.emplace(confidence_map_);
-    e.confidence_map = confidence_map_map_->view();
-    if (confidence_map_map_->error())
+    e.confidence_map = confidence_map_.emplace(map).view();
+    if (confidence_map_->error())
       return "the confidence map is not one GRAY8 memory of the size in its GstVideoMeta";
   }
   return flaw_of(e);
-}
-
-const char* EstimateReader::map_mask() {
-  mask_map_.emplace(mask_);
-  estimate_.mask = mask_map_->view();
-  return mask_map_->error();
-}
-
-const char* EstimateReader::map_boundary() {
-  if (!gst_buffer_map(boundary_, &boundary_map_, GST_MAP_READ))
-    return "the boundary cannot be mapped";
-  const std::size_t columns = boundary_map_.size / 2;
-  if (boundary_map_.size % 2 || columns > longest_picture_side)
-    return "the boundary does not have one uint16 per mask column";
-  const bool readable_in_place = std::endian::native == std::endian::little &&
-                                 reinterpret_cast<std::uintptr_t>(boundary_map_.data) % 2 == 0;
-  if (readable_in_place) {
-    estimate_.boundary = {reinterpret_cast<const std::uint16_t*>(boundary_map_.data), columns};
-    return nullptr;
-  }
-  host_order_.resize(columns);
-  std::memcpy(host_order_.data(), boundary_map_.data, columns * 2);
-  for (std::uint16_t& row : host_order_)
-    row = GUINT16_FROM_LE(row);
-  estimate_.boundary = host_order_;
-  return nullptr;
 }
 
 } // namespace terrainseg

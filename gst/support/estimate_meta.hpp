@@ -8,9 +8,8 @@
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <vector>
 
-#include "support/buffer_pool.hpp"
+#include "support/value_buffer.hpp"
 #include "support/video_frame.hpp"
 #include "terrainseg/estimate.hpp"
 
@@ -29,8 +28,6 @@ bool attach(GstBuffer* buffer, const Estimate& estimate, GstBuffer* mask, GstBuf
 GstBuffer* new_mask_buffer(int width, int height);
 /// Adds the GstVideoMeta of a mask without row padding to `buffer`, which has width * height bytes.
 GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height);
-/// Writes rows in the format of the metadata: uint16 little-endian, 2 * rows.size() bytes.
-void write_boundary(std::span<const std::uint16_t> rows, guint8* bytes);
 /// Returns a buffer with these rows, new or from a pool, for attach(); nullptr if memory is exhausted.
 GstBuffer* new_boundary_buffer(std::span<const std::uint16_t> rows);
 OwnedBuffer boundary_buffer(SmallPool& pool, std::span<const std::uint16_t> rows);
@@ -41,9 +38,6 @@ class EstimateReader {
  public:
   /// Reads the estimate of the filter with that name; "" = the last attached one of any filter.
   explicit EstimateReader(GstBuffer* buffer, const char* source = "");
-  ~EstimateReader();
-  EstimateReader(const EstimateReader&) = delete;
-  EstimateReader& operator=(const EstimateReader&) = delete;
 
   /// Returns false if the buffer has no metadata, or invalid metadata: see error(). Any program can write
   /// metadata, so it is validated.
@@ -51,21 +45,15 @@ class EstimateReader {
   /// The error in the metadata; nullptr if there is no metadata or it is valid.
   const char* error() const { return error_; }
   const Estimate& estimate() const { return estimate_; }
-  GstBuffer* mask() const { return mask_; }         ///< nullptr without a mask
-  GstBuffer* boundary() const { return boundary_; } ///< nullptr without a boundary
+  GstBuffer* mask() const { return mask_ ? mask_->buffer() : nullptr; } ///< nullptr without a mask
+  GstBuffer* boundary() const { return boundary_.buffer(); }            ///< nullptr without a boundary
 
  private:
   const char* read(const GstStructure* fields);
-  const char* map_mask();
-  const char* map_boundary();
 
   Estimate estimate_;
-  GstBuffer* mask_ = nullptr;
-  GstBuffer* boundary_ = nullptr;
-  GstBuffer* confidence_map_ = nullptr;
-  std::optional<MappedMask> mask_map_, confidence_map_map_;
-  GstMapInfo boundary_map_{};
-  std::vector<std::uint16_t> host_order_; ///< used if the boundary cannot be read in place
+  std::optional<MappedMask> mask_, confidence_map_;
+  ValueReader<std::uint16_t> boundary_;
   bool valid_ = false;
   const char* error_ = nullptr;
 };

@@ -18,6 +18,7 @@ class MappedBuffer {
   }
   MappedBuffer(const MappedBuffer&) = delete;
   MappedBuffer& operator=(const MappedBuffer&) = delete;
+  explicit operator bool() const { return mapped_; }
   guint8* data() const { return mapped_ ? map_.data : nullptr; }
   gsize size() const { return mapped_ ? map_.size : 0; }
 

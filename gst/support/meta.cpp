@@ -5,7 +5,9 @@
 #include <gst/video/video.h>
 
 #include <algorithm>
-#include <cstring>
+
+#include "support/buffer_pool.hpp"
+#include "support/mapped_buffer.hpp"
 
 namespace terrainseg {
 namespace {
@@ -52,24 +54,18 @@ void rescale_horizon(GstStructure* fields, Axis y) {
 /// Rows equal to the old frame height mean "none" and become the new height.
 void rescale_boundary(GstStructure* fields, int old_height, int new_height, Axis y) {
   GstBuffer* boundary = gst_terrain_seg_meta_get_boundary(fields);
-  GstMapInfo in, out;
-  if (!boundary || !gst_buffer_map(boundary, &in, GST_MAP_READ))
+  const MappedBuffer in(boundary, GST_MAP_READ);
+  if (!in)
     return;
-  GstBuffer* scaled = gst_buffer_new_allocate(nullptr, in.size, nullptr);
-  if (scaled && gst_buffer_map(scaled, &out, GST_MAP_WRITE)) {
-    for (gsize i = 0; i + 1 < in.size; i += 2) {
-      guint16 row = 0; // the address may be unaligned
-      std::memcpy(&row, in.data + i, sizeof row);
-      row = GUINT16_FROM_LE(row);
+  const OwnedBuffer scaled(gst_buffer_new_allocate(nullptr, in.size(), nullptr));
+  if (const MappedBuffer out(scaled.get(), GST_MAP_WRITE); out)
+    for (gsize i = 0; i + 1 < in.size(); i += 2) {
+      const int row = GST_READ_UINT16_LE(in.data() + i);
       const int moved = row >= old_height ? new_height : std::min(y.row(row), new_height - 1);
-      GST_WRITE_UINT16_LE(out.data + i, static_cast<guint16>(moved));
+      GST_WRITE_UINT16_LE(out.data() + i, static_cast<guint16>(moved));
     }
-    gst_buffer_unmap(scaled, &out);
-  }
-  gst_buffer_unmap(boundary, &in);
   if (scaled)
-    gst_structure_set(fields, "boundary", GST_TYPE_BUFFER, scaled, nullptr);
-  gst_clear_buffer(&scaled);
+    gst_structure_set(fields, "boundary", GST_TYPE_BUFFER, scaled.get(), nullptr);
 }
 
 void rescale(GstStructure* fields, Axis x, Axis y) {

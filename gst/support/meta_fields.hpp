@@ -4,9 +4,21 @@
 
 #include <gst/gst.h>
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 
 namespace terrainseg::fields {
+
+template <std::size_t size> struct FieldName {
+  char text[size];
+  consteval FieldName(const char (&name)[size]) { std::copy_n(name, size, text); }
+};
+/// The quark of a field's name, looked up once.
+template <FieldName name> GQuark operator""_field() {
+  static const GQuark quark = g_quark_from_static_string(name.text);
+  return quark;
+}
 
 template <class Store> void set(GstStructure* fields, GQuark name, GType type, Store store) {
   GValue value = G_VALUE_INIT;

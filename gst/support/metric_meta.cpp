@@ -3,10 +3,6 @@
 
 #include <gst/terrainseg/terrainsegmeta.h>
 
-#include <bit>
-#include <cmath>
-#include <cstdint>
-#include <cstring>
 #include <iterator>
 #include <utility>
 
@@ -18,45 +14,6 @@ namespace terrainseg {
 using namespace fields;
 
 namespace {
-
-/// Names as quarks, created once.
-struct Names {
-#define NAME(member, text) GQuark member = g_quark_from_static_string(text)
-  NAME(version, "version");
-  NAME(instance, "instance");
-  NAME(ranges, "ranges");
-  NAME(bearings, "bearings");
-  NAME(low, "low");
-  NAME(high, "high");
-  NAME(ticks, "ticks");
-  NAME(height, "height");
-  NAME(pitch, "pitch");
-  NAME(roll, "roll");
-  NAME(yaw, "yaw");
-  NAME(range_min, "range-min");
-  NAME(range_max, "range-max");
-  NAME(flags, "flags");
-  NAME(fan_angle_min, "fan-angle-min");
-  NAME(fan_increment, "fan-increment");
-  NAME(fan_beams, "fan-beams");
-  NAME(fan_range_min, "fan-range-min");
-#undef NAME
-  static const Names& get() {
-    static const Names names;
-    return names;
-  }
-};
-
-OwnedBuffer floats(SmallPool& pool, std::span<const float> values) {
-  OwnedBuffer buffer = pool.acquire(values.size() * 4);
-  GstMapInfo map;
-  if (!buffer || !gst_buffer_map(buffer.get(), &map, GST_MAP_WRITE))
-    return nullptr;
-  for (std::size_t i = 0; i < values.size(); ++i)
-    GST_WRITE_FLOAT_LE(map.data + 4 * i, values[i]);
-  gst_buffer_unmap(buffer.get(), &map);
-  return buffer;
-}
 
 // A tick is written as its three floats.
 static_assert(sizeof(RangeTick) == 3 * sizeof(float));
@@ -72,40 +29,39 @@ static_assert(int{GST_TERRAIN_METRIC_FLAG_HORIZON} == metric_flag_horizon);
 bool MetricWriter::attach(GstBuffer* buffer, const MetricEstimate& m, const char* instance) {
   if (!gst_meta_get_info(GST_TERRAIN_METRIC_META_NAME))
     return false;
-  const Names& n = Names::get();
-  const std::pair<GQuark, std::span<const float>> columns[] = {{n.ranges, m.ranges},
-                                                               {n.bearings, m.bearings},
-                                                               {n.low, m.low},
-                                                               {n.high, m.high},
-                                                               {n.ticks, floats_of(m.ticks)}};
+  const std::pair<GQuark, std::span<const float>> columns[] = {{"ranges"_field, m.ranges},
+                                                               {"bearings"_field, m.bearings},
+                                                               {"low"_field, m.low},
+                                                               {"high"_field, m.high},
+                                                               {"ticks"_field, floats_of(m.ticks)}};
   const std::size_t count = std::size(columns) - (m.ticks.empty() ? 1 : 0);
   OwnedBuffer made[std::size(columns)];
   for (std::size_t i = 0; i < count; ++i)
-    if (made[i] = floats(pool_, columns[i].second); !made[i])
+    if (made[i] = filled(pool_.acquire(columns[i].second.size_bytes()), columns[i].second); !made[i])
       return false;
   remove_metas(buffer, GST_TERRAIN_METRIC_META_NAME, instance);
   GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, GST_TERRAIN_METRIC_META_NAME);
   if (!meta)
     return false;
   GstStructure* fields = gst_custom_meta_get_structure(meta);
-  set_uint(fields, n.version, GST_TERRAIN_METRIC_META_VERSION);
+  set_uint(fields, "version"_field, GST_TERRAIN_METRIC_META_VERSION);
   if (*instance)
-    set_static_string(fields, n.instance, instance);
+    set_static_string(fields, "instance"_field, instance);
   for (std::size_t i = 0; i < count; ++i)
     set_buffer(fields, columns[i].first, made[i].get());
-  set_double(fields, n.height, m.height);
-  set_double(fields, n.pitch, m.pitch);
-  set_double(fields, n.roll, m.roll);
-  set_double(fields, n.yaw, m.yaw);
-  set_double(fields, n.range_min, m.range_min);
-  set_double(fields, n.range_max, m.range_max);
-  set_uint(fields, n.flags, m.flags);
+  set_double(fields, "height"_field, m.height);
+  set_double(fields, "pitch"_field, m.pitch);
+  set_double(fields, "roll"_field, m.roll);
+  set_double(fields, "yaw"_field, m.yaw);
+  set_double(fields, "range-min"_field, m.range_min);
+  set_double(fields, "range-max"_field, m.range_max);
+  set_uint(fields, "flags"_field, m.flags);
   if (m.fan.beams == 0)
     return true;
-  set_double(fields, n.fan_angle_min, m.fan.angle_min);
-  set_double(fields, n.fan_increment, m.fan.increment);
-  set_uint(fields, n.fan_beams, m.fan.beams);
-  set_double(fields, n.fan_range_min, m.fan.range_min);
+  set_double(fields, "fan-angle-min"_field, m.fan.angle_min);
+  set_double(fields, "fan-increment"_field, m.fan.increment);
+  set_uint(fields, "fan-beams"_field, m.fan.beams);
+  set_double(fields, "fan-range-min"_field, m.fan.range_min);
   return true;
 }
 
@@ -124,14 +80,6 @@ MetricReader::MetricReader(GstBuffer* buffer, const char* source) {
   if (!error_ && boundary && gst_buffer_get_size(boundary) / 2 != metric_.ranges.size())
     error_ = "the metres do not have one value for every column of the boundary";
   valid_ = !error_;
-}
-
-MetricReader::~MetricReader() {
-  for (Column& column : columns_) {
-    if (column.map.memory)
-      gst_buffer_unmap(column.buffer, &column.map);
-    gst_clear_buffer(&column.buffer);
-  }
 }
 
 const char* MetricReader::read(const GstStructure* fields) {
@@ -173,27 +121,15 @@ const char* MetricReader::read_ticks(const GstStructure* fields) {
   return nullptr;
 }
 
-const char* MetricReader::map(Column& column, GstBuffer* buffer, std::span<const float>& values) {
+const char* MetricReader::map(ValueReader<float>& column, GstBuffer* buffer, std::span<const float>& values) {
   if (!buffer)
     return "ranges, bearings, low or high is missing";
-  column.buffer = gst_buffer_ref(buffer);
-  if (!gst_buffer_map(buffer, &column.map, GST_MAP_READ))
+  if (!column.map(buffer))
     return "the metres cannot be mapped";
-  if (column.map.size % 4)
-    return "ranges, bearings, low and high do not have one float each for every mask column";
-  const std::size_t count = column.map.size / 4;
-  const guint8* data = column.map.data;
-  if (std::endian::native == std::endian::little &&
-      reinterpret_cast<std::uintptr_t>(data) % alignof(float) == 0) {
-    values = {reinterpret_cast<const float*>(data), count};
-    return nullptr;
-  }
-  column.host_order.resize(count);
-  std::memcpy(column.host_order.data(), data, count * 4);
-  for (float& value : column.host_order)
-    value = GFLOAT_FROM_LE(value);
-  values = column.host_order;
-  return nullptr;
+  values = column.values();
+  return column.is_whole()
+             ? nullptr
+             : "ranges, bearings, low and high do not have one float each for every mask column";
 }
 
 } // namespace terrainseg

@@ -5,10 +5,10 @@
 #include <gst/gst.h>
 
 #include <array>
-#include <vector>
+#include <span>
 
 #include "exchange/metric_estimate.hpp"
-#include "support/buffer_pool.hpp"
+#include "support/value_buffer.hpp"
 
 namespace terrainseg {
 
@@ -30,9 +30,6 @@ class MetricReader {
  public:
   /// Reads the metres of the filter with that name; "" = the last attached ones of any filter.
   explicit MetricReader(GstBuffer* buffer, const char* source = "");
-  ~MetricReader();
-  MetricReader(const MetricReader&) = delete;
-  MetricReader& operator=(const MetricReader&) = delete;
 
   /// Returns false if the buffer has no metres, or invalid ones: see error().
   explicit operator bool() const { return valid_; }
@@ -41,18 +38,12 @@ class MetricReader {
   const MetricEstimate& metric() const { return metric_; }
 
  private:
-  /// A buffer of little-endian floats, mapped for reading.
-  struct Column {
-    GstBuffer* buffer = nullptr;
-    GstMapInfo map{};
-    std::vector<float> host_order; ///< used if the floats cannot be read in place
-  };
   const char* read(const GstStructure* fields);
   const char* read_ticks(const GstStructure* fields);
-  const char* map(Column& column, GstBuffer* buffer, std::span<const float>& values);
+  const char* map(ValueReader<float>& column, GstBuffer* buffer, std::span<const float>& values);
 
   MetricEstimate metric_;
-  std::array<Column, 5> columns_; ///< ranges, bearings, low, high, and the ticks
+  std::array<ValueReader<float>, 5> columns_; ///< ranges, bearings, low, high, and the ticks
   std::array<RangeTick, most_ticks> ticks_{};
   bool valid_ = false;
   const char* error_ = nullptr;

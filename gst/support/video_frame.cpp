@@ -235,7 +235,7 @@ void report_unusable(gpointer element, GstBuffer* buffer, const MappedFrame& fra
                     ("buffer %" GST_PTR_FORMAT ": %s", printable(buffer), frame.error().c_str()));
 }
 
-MappedMask::MappedMask(GstBuffer* buffer) {
+MappedMask::MappedMask(GstBuffer* buffer) : buffer_(gst_buffer_ref(buffer)) {
   const GstVideoMeta* layout = gst_buffer_get_video_meta(buffer);
   GstVideoInfo info;
   if (!layout || layout->format != GST_VIDEO_FORMAT_GRAY8)

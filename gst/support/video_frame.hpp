@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "support/buffer_pool.hpp"
 #include "terrainseg/frame.hpp"
 
 /// Caps fields after the name of each natively supported format. 32767 is the core's maximum side.
@@ -83,15 +84,17 @@ class MappedFrame {
 /// Posts an error: `frame`, mapped from `buffer`, cannot be read.
 void report_unusable(gpointer element, GstBuffer* buffer, const MappedFrame& frame);
 
-/// A GRAY8 picture (a mask) with a GstVideoMeta, mapped for reading for its lifetime.
+/// A GRAY8 picture (a mask) with a GstVideoMeta, referenced and mapped for reading for its lifetime.
 class MappedMask {
  public:
   explicit MappedMask(GstBuffer* buffer);
   /// nullptr if the mask can be read.
   const char* error() const { return error_; }
   GrayView view() const;
+  GstBuffer* buffer() const { return buffer_.get(); }
 
  private:
+  OwnedBuffer buffer_;
   std::optional<MappedFrame> frame_;
   const char* error_ = nullptr;
 };

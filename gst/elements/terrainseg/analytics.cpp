@@ -8,16 +8,18 @@
 
 #include <algorithm>
 
+#include "support/mapped_buffer.hpp"
+
 namespace terrainseg {
 namespace {
 
 constexpr gsize region_count = 2;
 
 /// Nearest neighbour, and from three values to two region ids.
-void write_regions(const GrayView& mask, GstMapInfo& map, int width, int height) {
+void write_regions(const GrayView& mask, guint8* regions, int width, int height) {
   for (int y = 0; y < height; ++y) {
     const std::uint8_t* from = mask.plane.row(static_cast<int>(std::int64_t{y} * mask.height / height));
-    std::uint8_t* to = map.data + static_cast<std::ptrdiff_t>(y) * width;
+    std::uint8_t* to = regions + static_cast<std::ptrdiff_t>(y) * width;
     for (int x = 0; x < width; ++x)
       to[x] = from[std::int64_t{x} * mask.width / width] == mask_traversable;
   }
@@ -33,11 +35,12 @@ bool AnalyticsWriter::attach(GstBuffer* buffer, const Estimate& estimate) {
   const int height =
       std::max(1, static_cast<int>(std::int64_t{estimate.mask.height} * width / estimate.mask.width));
   OwnedBuffer regions = pool_.acquire(width, height);
-  GstMapInfo map;
-  if (!regions || !gst_buffer_map(regions.get(), &map, GST_MAP_WRITE))
-    return false;
-  write_regions(estimate.mask, map, width, height);
-  gst_buffer_unmap(regions.get(), &map);
+  {
+    const MappedBuffer map(regions.get(), GST_MAP_WRITE);
+    if (!map)
+      return false;
+    write_regions(estimate.mask, map.data(), width, height);
+  }
 
   GstAnalyticsRelationMeta* relations = gst_buffer_get_analytics_relation_meta(buffer);
   if (!relations) // one that another analyser made is shared
