@@ -17,12 +17,10 @@
 #include "exchange/vmti_klv.hpp"
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/metadata_watch.hpp"
 #include "support/metric_meta.hpp"
-#include "support/once.hpp"
 #include "support/precision_time.hpp"
 #include "support/wall_clock.hpp"
-#include "support/warning.hpp"
+#include "support/warnings.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainextract_debug);
 #define GST_CAT_DEFAULT terrainextract_debug

@@ -4,14 +4,12 @@
 
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/metadata_watch.hpp"
 #include "support/metric_drawing.hpp"
 #include "support/metric_meta.hpp"
-#include "support/once.hpp"
 #include "support/overlay_properties.hpp"
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
-#include "support/warning.hpp"
+#include "support/warnings.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainoverlay_debug);
 #define GST_CAT_DEFAULT terrainoverlay_debug

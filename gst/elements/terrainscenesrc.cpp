@@ -7,9 +7,9 @@
 #include <memory>
 
 #include "scene/scene.hpp"
+#include "support/buffers.hpp"
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/mapped_buffer.hpp"
 #include "support/video_frame.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainscenesrc_debug);

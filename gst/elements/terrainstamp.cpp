@@ -7,11 +7,10 @@
 #include <utility>
 
 #include "exchange/precision_stamp.hpp"
-#include "support/buffer_pool.hpp"
+#include "support/buffers.hpp"
 #include "support/element.hpp"
-#include "support/mapped_buffer.hpp"
-#include "support/once.hpp"
 #include "support/precision_time.hpp"
+#include "support/warnings.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainstamp_debug);
 #define GST_CAT_DEFAULT terrainstamp_debug

@@ -10,9 +10,9 @@
 #include <string>
 
 #include "recording/terrain_messages.hpp"
+#include "support/buffers.hpp"
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/mapped_buffer.hpp"
 #include "support/metric_meta.hpp"
 
 namespace terrainseg {

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "support/warning.hpp"
+#include "support/warnings.hpp"
 
 namespace terrainseg {
 

@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "support/meta.hpp"
-#include "support/meta_fields.hpp"
 
 namespace terrainseg {
 

@@ -9,7 +9,7 @@
 #include <optional>
 #include <span>
 
-#include "support/value_buffer.hpp"
+#include "support/buffers.hpp"
 #include "support/video_frame.hpp"
 #include "terrainseg/estimate.hpp"
 

@@ -6,8 +6,7 @@
 
 #include <algorithm>
 
-#include "support/buffer_pool.hpp"
-#include "support/mapped_buffer.hpp"
+#include "support/buffers.hpp"
 
 namespace terrainseg {
 namespace {

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "support/meta.hpp"
-#include "support/meta_fields.hpp"
 
 namespace terrainseg {
 

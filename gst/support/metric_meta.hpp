@@ -8,7 +8,7 @@
 #include <span>
 
 #include "exchange/metric_estimate.hpp"
-#include "support/value_buffer.hpp"
+#include "support/buffers.hpp"
 
 namespace terrainseg {
 

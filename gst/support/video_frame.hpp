@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "support/buffer_pool.hpp"
+#include "support/buffers.hpp"
 #include "terrainseg/frame.hpp"
 
 /// Caps fields after the name of each natively supported format. 32767 is the core's maximum side.

@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "support/warning.hpp"
+#include "support/warnings.hpp"
 #include "terrainseg/settings.hpp"
 
 namespace terrainseg {

@@ -14,15 +14,15 @@
 
 #include "lab/reference/reference_engine.hpp"
 #include "lab/reference/reference_estimate.hpp"
-#include "support/buffer_pool.hpp"
+#include "support/buffers.hpp"
 #include "support/colour_watch.hpp"
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/once.hpp"
 #include "support/overlay_properties.hpp"
 #include "support/pixel_metas.hpp"
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
+#include "support/warnings.hpp"
 #include "support/window_request.hpp"
 #include "terrainseg/settings.hpp"
 

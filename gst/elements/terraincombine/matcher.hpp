@@ -9,7 +9,7 @@
 
 #include "elements/terraincombine/unit_clock.hpp"
 #include "elements/terraincombine/unit_store.hpp"
-#include "support/once.hpp"
+#include "support/warnings.hpp"
 
 namespace terrainseg {
 

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
+#include "support/buffers.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/mapped_buffer.hpp"
 #include "support/wall_clock.hpp"
 
 namespace terrainseg {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "exchange/vmti_klv.hpp"
-#include "support/buffer_pool.hpp"
+#include "support/buffers.hpp"
 
 namespace terrainseg {
 

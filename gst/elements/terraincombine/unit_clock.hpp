@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "elements/terraincombine/unit_store.hpp"
-#include "support/buffer_pool.hpp"
+#include "support/buffers.hpp"
 
 namespace terrainseg {
 

@@ -11,7 +11,7 @@
 #include <optional>
 #include <tuple>
 
-#include "support/buffer_pool.hpp"
+#include "support/buffers.hpp"
 
 namespace terrainseg {
 

@@ -8,7 +8,7 @@
 
 #include <algorithm>
 
-#include "support/mapped_buffer.hpp"
+#include "support/buffers.hpp"
 
 namespace terrainseg {
 namespace {

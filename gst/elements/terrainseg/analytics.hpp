@@ -6,7 +6,7 @@
 
 #include <gst/gst.h>
 
-#include "support/buffer_pool.hpp"
+#include "support/buffers.hpp"
 #include "terrainseg/estimate.hpp"
 
 namespace terrainseg {

@@ -3,7 +3,6 @@
 
 #include <string>
 
-#include "elements/terrainseg/debug.hpp"
 #include "elements/terrainseg/shared.hpp"
 
 namespace terrainseg {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "elements/terrainseg/settings_book.hpp"
-#include "support/once.hpp"
+#include "support/warnings.hpp"
 #include "support/window_request.hpp"
 #include "terrainseg/segmenter.hpp"
 

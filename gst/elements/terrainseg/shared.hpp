@@ -2,15 +2,21 @@
 // The part of the element that any thread may touch.
 #pragma once
 
+#include <gst/gst.h>
+
 #include <atomic>
 
+#include "elements/terrainseg/events.hpp"
 #include "elements/terrainseg/learned_terrain.hpp"
-#include "elements/terrainseg/region_drawer.hpp"
 #include "elements/terrainseg/settings_book.hpp"
 #include "elements/terrainseg/statistics.hpp"
 #include "support/mutex.hpp"
-#include "support/once.hpp"
 #include "support/properties.hpp"
+#include "support/warnings.hpp"
+
+// The category that all of the element's sources log and post under: GST_DEBUG=terrainseg:5.
+GST_DEBUG_CATEGORY_EXTERN(terrainseg_debug);
+#define GST_CAT_DEFAULT terrainseg_debug
 
 namespace terrainseg {
 

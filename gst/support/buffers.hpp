@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Buffers of the metadata that hold one little-endian number (uint16 or float) after the other.
+// Buffers: mapped, from pools, and with the numbers of the metadata.
 #pragma once
 
 #include <gst/gst.h>
@@ -8,14 +8,71 @@
 #include <bit>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
-#include "support/buffer_pool.hpp"
-#include "support/mapped_buffer.hpp"
+#include "terrainseg/frame.hpp"
 
 namespace terrainseg {
+
+/// Maps the memory of a buffer for its lifetime.
+class MappedBuffer {
+ public:
+  /// data() is nullptr if `buffer` is nullptr or cannot be mapped.
+  MappedBuffer(GstBuffer* buffer, GstMapFlags flags) : buffer_(buffer) {
+    mapped_ = buffer && gst_buffer_map(buffer, &map_, flags);
+  }
+  ~MappedBuffer() {
+    if (mapped_)
+      gst_buffer_unmap(buffer_, &map_);
+  }
+  MappedBuffer(const MappedBuffer&) = delete;
+  MappedBuffer& operator=(const MappedBuffer&) = delete;
+  explicit operator bool() const { return mapped_; }
+  guint8* data() const { return mapped_ ? map_.data : nullptr; }
+  gsize size() const { return mapped_ ? map_.size : 0; }
+
+ private:
+  GstBuffer* buffer_;
+  GstMapInfo map_{};
+  bool mapped_ = false;
+};
+
+struct BufferUnref {
+  void operator()(GstBuffer* buffer) const { gst_buffer_unref(buffer); }
+};
+using OwnedBuffer = std::unique_ptr<GstBuffer, BufferUnref>;
+
+/// A pool of buffers of one size. It grows to the number of buffers in flight and then allocates no more.
+class SmallPool {
+ public:
+  SmallPool() = default;
+  ~SmallPool() { drop(); }
+  SmallPool(const SmallPool&) = delete;
+  SmallPool& operator=(const SmallPool&) = delete;
+
+  /// Returns a buffer of `bytes` bytes, or nullptr if memory is exhausted. A new size creates a new pool.
+  OwnedBuffer acquire(gsize bytes);
+  void drop();
+
+ private:
+  GstBufferPool* pool_ = nullptr;
+  gsize bytes_ = 0;
+};
+
+/// A pool of masks: the buffers have a GstVideoMeta with GRAY8, width and height.
+class MaskPool {
+ public:
+  OwnedBuffer acquire(int width, int height);
+  /// A copy of a picture, or nullptr if it is empty or memory is exhausted.
+  OwnedBuffer copy_of(const GrayView& picture);
+  void drop() { pool_.drop(); }
+
+ private:
+  SmallPool pool_;
+};
 
 /// From the byte order of this machine to little-endian, and back.
 template <class Number> void swap_for_little_endian(Number& number) {

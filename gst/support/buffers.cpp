@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "support/buffer_pool.hpp"
+#include "support/buffers.hpp"
 
 #include <gst/video/video.h>
 
@@ -7,7 +7,6 @@
 #include <cstddef>
 
 #include "support/estimate_meta.hpp"
-#include "support/mapped_buffer.hpp"
 
 namespace terrainseg {
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Rectangles drawn on the frame with a pointer.
+// The events that the element understands: terrainseg-near and terrainseg-pose, which come from either side
+// and on any thread, and the pointer in a video window downstream.
 #pragma once
 
 #include <gst/video/navigation.h>
@@ -11,6 +12,9 @@
 #include "terrainseg/frame.hpp"
 
 namespace terrainseg {
+
+class MetricStage;
+struct Shared;
 
 /// What a pointer did between press and release. Not locked: the owner does.
 class RegionDrawer {
@@ -64,5 +68,12 @@ class RegionDrawer {
   int button_ = 0; ///< that is held, 0 = none
   Point start_{};
 };
+
+/// True when the event was one of them and was understood. The caller forwards it all the same.
+bool take_custom_event(GstElement* element, Shared& shared, MetricStage& metres, GstEvent* event);
+
+/// Takes a navigation event in pixels of the element's frames (elements that scale have rewritten it): sets
+/// properties of `element`, notifies, and posts the message terrainseg-region.
+void edit_regions(GstElement* element, Shared& shared, GstEvent* event);
 
 } // namespace terrainseg

@@ -1,14 +1,43 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Detects streams without the metadata that an element reads.
+// Warnings of an element: once instead of with every frame.
 #pragma once
 
+#include <gst/gst.h>
+
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <utility>
+#include <variant>
 
 #include "exchange/counted.hpp"
-#include "support/warning.hpp"
 
 namespace terrainseg {
+
+/// Returns true the first time, and when `key` differs from the last one. Not thread-safe.
+template <class Key = std::monostate> class Once {
+ public:
+  bool first(const Key& key = {}) { return std::exchange(last_, key) != key; }
+  /// The next call returns true again.
+  void again() { last_.reset(); }
+
+ private:
+  std::optional<Key> last_;
+};
+
+/// The texts of a warning. The element's own file posts it: warnings posted from headers and shared code have
+/// no debug category of the element, and `GST_DEBUG=terrain*` does not show them.
+struct Warning {
+  std::string text, debug;
+};
+
+/// Posts it like GST_ELEMENT_WARNING, with file and category of the element.
+#define TERRAINSEG_POST_WARNING(element, domain, code, warning)                                              \
+  do {                                                                                                       \
+    const terrainseg::Warning& to_post = (warning);                                                          \
+    GST_ELEMENT_WARNING((element), domain, code, ("%s", to_post.text.c_str()),                               \
+                        ("%s", to_post.debug.c_str()));                                                      \
+  } while (false)
 
 /// Reports once a second of frames without metadata, or a shorter stream without it. Stops at the first
 /// metadata.
