@@ -238,7 +238,7 @@ struct Upstream {
 Upstream ask_upstream(GstTerrainCombine* self) {
   Upstream all;
   for (GstPad* pad : {self->sink, self->meta}) {
-    GstQuery* query = gst_query_new_latency();
+    g_autoptr(GstQuery) query = gst_query_new_latency();
     if (gst_pad_peer_query(pad, query)) {
       gboolean live = FALSE;
       GstClockTime least = 0, most = GST_CLOCK_TIME_NONE;
@@ -250,7 +250,6 @@ Upstream ask_upstream(GstTerrainCombine* self) {
         all.most = std::min(all.most, most); // NONE is the largest number
       }
     }
-    gst_query_unref(query);
   }
   return all;
 }
@@ -264,9 +263,7 @@ struct Taken {
 
 /// Waits for the unit of the frame in front, under the lock. False when the frame is not there any more.
 bool wait_for_unit(GstTerrainCombine* self, CombineState& s, Lock& lock, const Matcher::Frame& frame,
-                   Clock::time_point arrival, OwnedBuffer& unit) TERRAINSEG_REQUIRES(s.mutex);
-bool wait_for_unit(GstTerrainCombine* self, CombineState& s, Lock& lock, const Matcher::Frame& frame,
-                   Clock::time_point arrival, OwnedBuffer& unit) {
+                   Clock::time_point arrival, OwnedBuffer& unit) TERRAINSEG_REQUIRES(s.mutex) {
   const Clock::time_point since = Clock::now();
   s.matcher.begin_frame(frame);
   for (;;) {
@@ -442,8 +439,7 @@ void flush_video(GstTerrainCombine* self, bool flushing) noexcept {
 }
 
 /// While the source pad is not linked the newest sticky event of each type is kept for a later peer.
-bool keeps_unlinked(CombineState& s, const Item& item) TERRAINSEG_REQUIRES(s.mutex);
-bool keeps_unlinked(CombineState& s, const Item& item) {
+bool keeps_unlinked(CombineState& s, const Item& item) TERRAINSEG_REQUIRES(s.mutex) {
   if (s.flow != GST_FLOW_NOT_LINKED || !item.is_sticky())
     return false;
   s.queue.drop_events(item.event_type());
@@ -598,8 +594,7 @@ gboolean video_activate(GstPad*, GstObject* parent, GstPadMode mode, gboolean ac
 // ---- the units' side -------------------------------------------------------------------------------------
 
 /// Waits for room as long as the video moves on (live: for a moment), then drops the oldest units.
-void make_room(CombineState& s, Lock& lock) TERRAINSEG_REQUIRES(s.mutex);
-void make_room(CombineState& s, Lock& lock) {
+void make_room(CombineState& s, Lock& lock) TERRAINSEG_REQUIRES(s.mutex) {
   const bool alone = s.video_thread == std::thread::id() || s.video_thread == std::this_thread::get_id();
   bool moves_on = !alone;
   while (moves_on && s.lacks_room()) {
@@ -787,12 +782,10 @@ GstIterator* internal_links(GstPad* pad, GstObject* parent) {
   GstPad* other = pad == self->src ? self->sink : pad == self->sink ? self->src : nullptr;
   if (!other)
     return nullptr;
-  GValue value = G_VALUE_INIT;
+  g_auto(GValue) value = G_VALUE_INIT;
   g_value_init(&value, GST_TYPE_PAD);
   g_value_set_object(&value, other);
-  GstIterator* iterator = gst_iterator_new_single(GST_TYPE_PAD, &value);
-  g_value_unset(&value);
-  return iterator;
+  return gst_iterator_new_single(GST_TYPE_PAD, &value);
 }
 
 // ---- the object ------------------------------------------------------------------------------------------

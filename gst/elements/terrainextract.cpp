@@ -120,11 +120,9 @@ struct ExtractState {
   }
   ~ExtractState() { reset(); }
   void drop_pool() {
-    if (!pool)
-      return;
-    gst_buffer_pool_set_active(pool, FALSE);
-    gst_object_unref(pool);
-    pool = nullptr;
+    if (pool)
+      gst_buffer_pool_set_active(pool, FALSE);
+    gst_clear_object(&pool);
   }
   void reset() {
     drop_pool();
@@ -239,12 +237,11 @@ void fixate_aspect(GstStructure* s, const Video& v) {
 /// What downstream takes first of what is there; nullptr with a posted error when it takes nothing.
 GstCaps* choose_caps(GstTerrainExtract* self, Output& output) {
   const Video& v = self->state->video;
-  GstCaps* offer = gst_pad_get_pad_template_caps(self->src);
-  offer = gst_caps_make_writable(offer);
+  g_autoptr(GstCaps) offer = gst_caps_make_writable(gst_pad_get_pad_template_caps(self->src));
   if (v.fps_n >= 0) // the rate is the video's: it cannot be converted here
     gst_structure_set(gst_caps_get_structure(offer, 0), "framerate", GST_TYPE_FRACTION, v.fps_n, v.fps_d,
                       nullptr);
-  GstCaps* taken = gst_pad_peer_query_caps(self->src, offer);
+  g_autoptr(GstCaps) taken = gst_pad_peer_query_caps(self->src, offer);
   if (gst_caps_is_empty(taken)) {
     if (!GST_PAD_IS_FLUSHING(self->src))
       GST_ELEMENT_ERROR(
@@ -252,13 +249,9 @@ GstCaps* choose_caps(GstTerrainExtract* self, Output& output) {
           ("Downstream of terrainextract accepts none of its outputs: GRAY8 video at the frame rate of its "
            "input, application/x-ndjson, meta/x-klv,parsed=true, or application/x-mavlink."),
           ("offered %" GST_PTR_FORMAT, printable(offer)));
-    gst_caps_unref(taken);
-    gst_caps_unref(offer);
     return nullptr;
   }
-  gst_caps_unref(offer);
   GstCaps* chosen = gst_caps_copy_nth(taken, 0);
-  gst_caps_unref(taken);
   GstStructure* s = gst_caps_get_structure(chosen, 0);
   output = gst_structure_has_name(s, "video/x-raw")            ? Output::gray
            : gst_structure_has_name(s, "application/x-ndjson") ? Output::lines
@@ -271,10 +264,9 @@ GstCaps* choose_caps(GstTerrainExtract* self, Output& output) {
 void ask_allocation(GstTerrainExtract* self, GstCaps* caps) {
   ExtractState& s = *self->state;
   s.drop_pool();
-  GstQuery* query = gst_query_new_allocation(caps, TRUE);
+  g_autoptr(GstQuery) query = gst_query_new_allocation(caps, TRUE);
   s.video_meta_welcome = gst_pad_peer_query(self->src, query) &&
                          gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
-  gst_query_unref(query);
   s.pool = gst_video_buffer_pool_new();
   GstStructure* config = gst_buffer_pool_get_config(s.pool);
   gst_buffer_pool_config_set_params(config, caps, static_cast<guint>(GST_VIDEO_INFO_SIZE(&s.picture)), 0, 0);
@@ -287,13 +279,11 @@ bool negotiate(GstTerrainExtract* self) {
   ExtractState& s = *self->state;
   s.negotiated = false;
   Output output = Output::gray;
-  GstCaps* caps = choose_caps(self, output);
+  g_autoptr(GstCaps) caps = choose_caps(self, output);
   if (!caps)
     return false;
-  if (output == Output::gray && s.video.width == 0) {
-    gst_caps_unref(caps);
+  if (output == Output::gray && s.video.width == 0)
     return true;
-  }
   GstStructure* fields = gst_caps_get_structure(caps, 0);
   if (output == Output::gray) {
     fixate_size(fields, s.video);
@@ -306,17 +296,14 @@ bool negotiate(GstTerrainExtract* self) {
     GST_ELEMENT_ERROR(self, CORE, NEGOTIATION,
                       ("terrainextract cannot produce masks in the format that downstream requests."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
-    gst_caps_unref(caps);
     return false;
   }
   GST_DEBUG_OBJECT(self, "output %" GST_PTR_FORMAT, printable(caps));
-  GstCaps* old = gst_pad_get_current_caps(self->src);
+  g_autoptr(GstCaps) old = gst_pad_get_current_caps(self->src);
   const bool pushed =
       (old && gst_caps_is_equal(old, caps)) || gst_pad_push_event(self->src, gst_event_new_caps(caps));
-  gst_clear_caps(&old);
   if (pushed && output == Output::gray)
     ask_allocation(self, caps);
-  gst_caps_unref(caps);
   if (!pushed)
     return false;
   s.output = output;
@@ -589,9 +576,8 @@ gboolean take_caps(GstTerrainExtract* self, GstEvent* event) {
 
 /// The units are a stream of their own beside the video.
 GstEvent* own_stream(GstTerrainExtract* self, GstEvent* event) {
-  gchar* id = gst_pad_create_stream_id(self->src, GST_ELEMENT(self), "terrain");
+  g_autofree gchar* id = gst_pad_create_stream_id(self->src, GST_ELEMENT(self), "terrain");
   GstEvent* own = gst_event_new_stream_start(id);
-  g_free(id);
   guint group = 0;
   if (gst_event_parse_group_id(event, &group))
     gst_event_set_group_id(own, group);

@@ -322,11 +322,10 @@ void get_times(GstBaseSrc* source, GstBuffer* buffer, GstClockTime* from, GstClo
 void skip_missed(GstBaseSrc* source, SceneSourceState& s) {
   if (!gst_base_src_is_live(source) || s.still())
     return;
-  GstClock* clock = gst_element_get_clock(GST_ELEMENT(source));
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(source));
   if (!clock)
     return;
   const GstClockTime running = gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(source));
-  gst_object_unref(clock);
   const GstClockTimeDiff behind = GST_CLOCK_DIFF(s.time_of(s.frame), running);
   s.punctual = MIN(s.punctual, behind);
   const auto late = static_cast<GstClockTime>(behind - s.punctual),

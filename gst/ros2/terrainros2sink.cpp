@@ -160,12 +160,11 @@ void refuse(GstTerrainRos2Sink* self, const char* what) {
 /// Converts a time of day to running time; uses the current time if the sender's clock is not this machine's.
 /// Returns nothing while the pipeline is not playing.
 std::optional<GstClockTime> running_time_at(GstTerrainRos2Sink* self, std::uint64_t utc) {
-  GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock)
     return std::nullopt;
   const auto now =
       static_cast<GstClockTimeDiff>(gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(self)));
-  gst_object_unref(clock);
   constexpr GstClockTimeDiff farthest = 2 * GST_SECOND;
   const GstClockTimeDiff age = g_get_real_time() * 1000 - static_cast<GstClockTimeDiff>(utc);
   const GstClockTimeDiff then = age > -farthest && age < farthest ? now - age : now;
@@ -209,13 +208,9 @@ bool read(GstTerrainRos2Sink* self, std::unique_ptr<ros2::Reader>& reader, const
     error = "\"" + name + "\" is not a topic name: " + flaw;
     return false;
   }
-  reader = std::make_unique<ros2::Reader>(*self->state->participant, name, recording::message_type(type),
-                                          recording::longest_input, [self, take](recording::ByteView bytes) {
-                                            guarded(self, false, [&] {
-                                              take(bytes);
-                                              return true;
-                                            });
-                                          });
+  reader = std::make_unique<ros2::Reader>(
+      *self->state->participant, name, recording::message_type(type), recording::longest_input,
+      [self, take](recording::ByteView bytes) { guarded(self, [&] { take(bytes); }); });
   error = reader->error();
   return error.empty();
 }
@@ -354,13 +349,10 @@ std::uint64_t time_of(GstTerrainRos2Sink* self, GstBuffer* buffer) {
     return *utc;
   const auto now = static_cast<std::uint64_t>(g_get_real_time()) * 1000;
   const GstClockTime due = running_time_of(GST_BASE_SINK(self)->segment, GST_BUFFER_PTS(buffer));
-  GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
-  if (!clock || !GST_CLOCK_TIME_IS_VALID(due)) {
-    gst_clear_object(&clock);
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
+  if (!clock || !GST_CLOCK_TIME_IS_VALID(due))
     return now;
-  }
   const GstClockTime running = gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(self));
-  gst_object_unref(clock);
   return now - running + due;
 }
 
@@ -437,11 +429,10 @@ GstStructure* statistics_of(gpointer object) {
                                         G_TYPE_UINT64, s.refused.load(), nullptr);
   for (const TopicProperty& topic : topics)
     if (const ros2::Writer* writer = s.outlet ? s.outlet->writer(topic.topic) : nullptr) {
-      GstStructure* one =
+      g_autoptr(GstStructure) one =
           gst_structure_new(topic.stem, "readers", G_TYPE_UINT, writer->readers(), "written", G_TYPE_UINT64,
                             writer->written(), "dropped", G_TYPE_UINT64, writer->dropped(), nullptr);
       gst_structure_set(all, topic.stem, GST_TYPE_STRUCTURE, one, nullptr);
-      gst_structure_free(one);
     }
   return all;
 }

@@ -28,9 +28,9 @@ OwnedBuffer SmallPool::acquire(gsize bytes) {
 }
 
 void SmallPool::drop() {
-  if (!pool_)
-    return;
-  gst_buffer_pool_set_active(pool_, FALSE); // buffers in flight are freed when they return, and then the pool
+  if (pool_)
+    gst_buffer_pool_set_active(pool_,
+                               FALSE); // buffers in flight are freed when they return, and then the pool
   gst_clear_object(&pool_);
 }
 

@@ -15,8 +15,6 @@
 #define TERRAINSEG_GUARDED_BY(mutex) TERRAINSEG_THREAD_SAFETY(guarded_by(mutex))
 /// For a function: the caller must hold the mutex.
 #define TERRAINSEG_REQUIRES(mutex) TERRAINSEG_THREAD_SAFETY(requires_capability(mutex))
-/// For a function: the caller must not hold the mutex.
-#define TERRAINSEG_EXCLUDES(mutex) TERRAINSEG_THREAD_SAFETY(locks_excluded(mutex))
 
 namespace terrainseg {
 

@@ -75,7 +75,7 @@ void VetoReader::choose(const std::string& types) {
   types_ = types;
   chosen_.clear();
   all_ = false;
-  gchar** const names = g_strsplit(types.c_str(), ",", -1);
+  g_auto(GStrv) names = g_strsplit(types.c_str(), ",", -1);
   for (gchar** name = names; *name; ++name) {
     g_strstrip(*name);
     if (g_str_equal(*name, "*"))
@@ -83,7 +83,6 @@ void VetoReader::choose(const std::string& types) {
     else if (**name)
       chosen_.push_back(g_quark_from_string(*name));
   }
-  g_strfreev(names);
 }
 
 bool VetoReader::is_chosen(GQuark type) const {

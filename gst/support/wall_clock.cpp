@@ -4,26 +4,16 @@
 #include <gst/terrainseg/terrainsegmeta.h>
 
 #include <charconv>
-#include <memory>
 
 namespace terrainseg {
 namespace {
 
 GstStaticCaps unix_time = GST_STATIC_CAPS("timestamp/x-unix");
 
-struct CapsUnref {
-  void operator()(GstCaps* caps) const { gst_caps_unref(caps); }
-};
-using OwnedCaps = std::unique_ptr<GstCaps, CapsUnref>;
-
 void note(GstBuffer* buffer, GstClockTime time) {
-  const OwnedCaps caps(gst_static_caps_get(&unix_time));
-  gst_buffer_add_reference_timestamp_meta(buffer, caps.get(), time, GST_BUFFER_DURATION(buffer));
+  g_autoptr(GstCaps) caps = gst_static_caps_get(&unix_time);
+  gst_buffer_add_reference_timestamp_meta(buffer, caps, time, GST_BUFFER_DURATION(buffer));
 }
-
-struct DateUnref {
-  void operator()(GDateTime* date) const { g_date_time_unref(date); }
-};
 
 } // namespace
 
@@ -47,15 +37,13 @@ std::optional<GstClockTime> parse_start_time(const std::string& text, std::strin
   }
   if (whole && status == std::errc{} && nanoseconds <= latest)
     return nanoseconds;
-  const std::unique_ptr<GTimeZone, decltype(&g_time_zone_unref)> utc(g_time_zone_new_utc(),
-                                                                     &g_time_zone_unref);
-  const std::unique_ptr<GDateTime, DateUnref> date(
-      whole ? nullptr : g_date_time_new_from_iso8601(text.c_str(), utc.get()));
+  g_autoptr(GTimeZone) utc = g_time_zone_new_utc();
+  g_autoptr(GDateTime) date = whole ? nullptr : g_date_time_new_from_iso8601(text.c_str(), utc);
   if (date) {
-    const gint64 seconds = g_date_time_to_unix(date.get());
+    const gint64 seconds = g_date_time_to_unix(date);
     if (seconds >= 0 && static_cast<GstClockTime>(seconds) < latest / GST_SECOND)
       return static_cast<GstClockTime>(seconds) * GST_SECOND +
-             static_cast<GstClockTime>(g_date_time_get_microsecond(date.get())) * GST_USECOND;
+             static_cast<GstClockTime>(g_date_time_get_microsecond(date)) * GST_USECOND;
   }
   error =
       "expected is ISO 8601, as 2026-11-21T20:00:00.123456Z, or whole nanoseconds since 1970, between 1970 "

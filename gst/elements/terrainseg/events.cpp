@@ -58,8 +58,7 @@ bool take_pose_event(GstElement* element, Shared& shared, MetricStage& metres, G
 
 /// The caller notifies when the lock is free again.
 void set(GstElement* element, Shared& shared, const char* name, const GValue* value)
-    TERRAINSEG_REQUIRES(shared.mutex);
-void set(GstElement* element, Shared& shared, const char* name, const GValue* value) {
+    TERRAINSEG_REQUIRES(shared.mutex) {
   const GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), name);
   SettingsBook::Ids changed; // what the caller sets, and nothing else
   shared.book.set(spec->param_id, value, changed);
@@ -126,11 +125,10 @@ void change_ignored(GstElement* element, Shared& shared, const RegionDrawer::Dra
       kept.push_back(drawn.region);
     else if (removed.empty())
       return;
-    GValue array = G_VALUE_INIT;
+    g_auto(GValue) array = G_VALUE_INIT;
     g_value_init(&array, GST_TYPE_ARRAY);
     put_regions(kept, &array);
     set(element, shared, "ignore-regions", &array);
-    g_value_unset(&array);
   }
   g_object_notify(G_OBJECT(element), "ignore-regions");
   if (!drawn.region.empty())
