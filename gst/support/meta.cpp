@@ -11,17 +11,6 @@
 namespace terrainseg {
 namespace {
 
-/// How the coordinates of one axis change.
-struct Axis {
-  int from, to;
-  int edge(int position) const {
-    return static_cast<int>(std::min<guint64>(gst_util_uint64_scale_int(position, to, from), G_MAXINT));
-  }
-  int row(int position) const {
-    return std::min(static_cast<int>(gst_util_uint64_scale_int_round(position, to, from)), to - 1);
-  }
-};
-
 bool get(const GstStructure* fields, const char* name, int& value) {
   return gst_structure_get_int(fields, name, &value);
 }

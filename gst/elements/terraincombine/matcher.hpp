@@ -7,8 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "elements/terraincombine/unit_clock.hpp"
-#include "elements/terraincombine/unit_store.hpp"
+#include "elements/terraincombine/units.hpp"
 #include "support/warnings.hpp"
 
 namespace terrainseg {
