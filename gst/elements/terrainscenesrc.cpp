@@ -181,9 +181,7 @@ gboolean set_caps(GstBaseSrc* source, GstCaps* caps) {
 
 gboolean decide_allocation(GstBaseSrc* source, GstQuery* query) {
   SceneSourceState& s = state_of(source);
-  GstCaps* caps = nullptr;
-  gst_query_parse_allocation(query, &caps, nullptr);
-  GstBufferPool* pool = nullptr;
+  g_autoptr(GstBufferPool) pool = nullptr;
   guint size = static_cast<guint>(GST_VIDEO_INFO_SIZE(&s.info)), least = 0, most = 0;
   const bool offered = gst_query_get_n_allocation_pools(query) > 0;
   if (offered) {
@@ -193,23 +191,17 @@ gboolean decide_allocation(GstBaseSrc* source, GstQuery* query) {
   }
   if (!pool)
     pool = gst_video_buffer_pool_new();
+  GstCaps* caps = nullptr;
+  gst_query_parse_allocation(query, &caps, nullptr);
   GstStructure* config = gst_buffer_pool_get_config(pool);
   gst_buffer_pool_config_set_params(config, caps, size, least, most);
   if (gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr))
     gst_buffer_pool_config_add_option(config, GST_BUFFER_POOL_OPTION_VIDEO_META);
-  if (!gst_buffer_pool_set_config(pool, config)) {
-    // A pool that insists on its own: not ours.
-    gst_object_unref(pool);
-    pool = gst_video_buffer_pool_new();
-    config = gst_buffer_pool_get_config(pool);
-    gst_buffer_pool_config_set_params(config, caps, size, 0, 0);
-    gst_buffer_pool_set_config(pool, config);
-  }
+  gst_buffer_pool_set_config(pool, config); // the base class replaces a pool that insists on its own
   if (offered)
     gst_query_set_nth_allocation_pool(query, 0, pool, size, least, most);
   else
     gst_query_add_allocation_pool(query, pool, size, least, most);
-  gst_object_unref(pool);
   return GST_BASE_SRC_CLASS(gst_terrain_scene_src_parent_class)->decide_allocation(source, query);
 }
 

@@ -67,7 +67,10 @@ class FrameReader {
   /// The error in the metadata, or nullptr.
   const char* flaw() const { return estimate_.error() ? estimate_.error() : metric_.error(); }
   bool has_estimate() const { return static_cast<bool>(estimate_); }
-  bool has_metric() const { return static_cast<bool>(metric_); }
+  /// For the log.
+  const char* content() const {
+    return metric_ && estimate_ ? "with terrain and metres" : estimate_ ? "with terrain" : "without terrain";
+  }
   /// Whether an H.264 picture refers to a later one (B-frame), which players of messages do not show.
   bool has_b_frame() const { return recording::inspect_h264(frame(0).video).b_slice; }
   recording::MessageFrame frame(std::uint64_t time) const;

@@ -292,10 +292,8 @@ GstFlowReturn record(GstTerrainMcapSink* self, GstBuffer* buffer) {
     return GST_FLOW_ERROR;
   }
   warn_metadata(self, reader.flaw());
-  GST_LOG_OBJECT(self, "%s at %" GST_TIME_FORMAT ": %" GST_PTR_FORMAT,
-                 reader.has_estimate() ? reader.has_metric() ? "with terrain and metres" : "with terrain"
-                                       : "without terrain",
-                 GST_TIME_ARGS(*time), printable(buffer));
+  GST_LOG_OBJECT(self, "%s at %" GST_TIME_FORMAT ": %" GST_PTR_FORMAT, reader.content(), GST_TIME_ARGS(*time),
+                 printable(buffer));
   ++s.frames;
   s.labelled += reader.has_estimate() ? 1 : 0;
   if (s.recording->add(reader.frame(*time)))

@@ -374,10 +374,8 @@ GstFlowReturn send(GstTerrainRos2Sink* self, GstBuffer* buffer) {
   const auto near = s.near_state.load();
   if (near != Ros2State::near_unknown)
     frame.near_clear = near == Ros2State::near_clear;
-  GST_LOG_OBJECT(self, "%s at %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT,
-                 reader.has_estimate() ? reader.has_metric() ? "with terrain and metres" : "with terrain"
-                                       : "without terrain",
-                 frame.time, printable(buffer));
+  GST_LOG_OBJECT(self, "%s at %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT, reader.content(), frame.time,
+                 printable(buffer));
   ++s.frames;
   return s.messages->add(frame, *s.outlet) ? GST_FLOW_OK : GST_FLOW_ERROR;
 }

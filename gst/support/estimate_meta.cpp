@@ -100,16 +100,10 @@ static_assert(int{GST_TERRAIN_SEG_TRAVERSABLE} == mask_traversable);
 
 bool attach(GstBuffer* buffer, const Estimate& e, GstBuffer* mask, GstBuffer* boundary, const char* instance,
             GstBuffer* confidence_map) {
-  if (!gst_meta_get_info(GST_TERRAIN_SEG_META_NAME))
+  GstStructure* fields =
+      replace_meta(buffer, GST_TERRAIN_SEG_META_NAME, instance, GST_TERRAIN_SEG_META_VERSION);
+  if (!fields)
     return false;
-  remove_metas(buffer, GST_TERRAIN_SEG_META_NAME, instance);
-  GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, GST_TERRAIN_SEG_META_NAME);
-  if (!meta)
-    return false;
-  GstStructure* fields = gst_custom_meta_get_structure(meta);
-  set_uint(fields, "version"_field, GST_TERRAIN_SEG_META_VERSION);
-  if (*instance)
-    set_static_string(fields, "instance"_field, instance);
   set_uint64(fields, "frame"_field, e.frame);
   set_int(fields, "frame-width"_field, e.frame_width);
   set_int(fields, "frame-height"_field, e.frame_height);

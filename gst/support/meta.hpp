@@ -17,6 +17,9 @@ bool register_metas();
 
 /// Removes the custom metas `name` of the filter `instance` from a buffer; "" = filters without a name.
 void remove_metas(GstBuffer* buffer, const char* name, const char* instance);
+/// Adds the custom meta `name` of the filter `instance` (static or interned) instead of those, with its
+/// version. Returns its fields; nullptr if the meta is not registered.
+GstStructure* replace_meta(GstBuffer* buffer, const char* name, const char* instance, guint version);
 
 /// How the coordinates of one axis change when a picture is scaled from one size to another.
 struct Axis {

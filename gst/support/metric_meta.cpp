@@ -26,8 +26,6 @@ static_assert(int{GST_TERRAIN_METRIC_FLAG_HORIZON} == metric_flag_horizon);
 } // namespace
 
 bool MetricWriter::attach(GstBuffer* buffer, const MetricEstimate& m, const char* instance) {
-  if (!gst_meta_get_info(GST_TERRAIN_METRIC_META_NAME))
-    return false;
   const std::pair<GQuark, std::span<const float>> columns[] = {{"ranges"_field, m.ranges},
                                                                {"bearings"_field, m.bearings},
                                                                {"low"_field, m.low},
@@ -38,14 +36,10 @@ bool MetricWriter::attach(GstBuffer* buffer, const MetricEstimate& m, const char
   for (std::size_t i = 0; i < count; ++i)
     if (made[i] = filled(pool_.acquire(columns[i].second.size_bytes()), columns[i].second); !made[i])
       return false;
-  remove_metas(buffer, GST_TERRAIN_METRIC_META_NAME, instance);
-  GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, GST_TERRAIN_METRIC_META_NAME);
-  if (!meta)
+  GstStructure* fields =
+      replace_meta(buffer, GST_TERRAIN_METRIC_META_NAME, instance, GST_TERRAIN_METRIC_META_VERSION);
+  if (!fields)
     return false;
-  GstStructure* fields = gst_custom_meta_get_structure(meta);
-  set_uint(fields, "version"_field, GST_TERRAIN_METRIC_META_VERSION);
-  if (*instance)
-    set_static_string(fields, "instance"_field, instance);
   for (std::size_t i = 0; i < count; ++i)
     set_buffer(fields, columns[i].first, made[i].get());
   set_double(fields, "height"_field, m.height);

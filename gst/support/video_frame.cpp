@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <iterator>
+#include <utility>
 
 #include "support/element.hpp"
 
@@ -170,13 +171,11 @@ template <class View> View make_view(const GstVideoFrame& frame) {
 
 void add_video_pad_templates(GstElementClass* element_class) {
   // System memory first: elements that support both then choose it.
-  static GstStaticPadTemplate sink =
-      GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS,
-                              GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS "; " TERRAINSEG_DMABUF_CAPS));
-  static GstStaticPadTemplate source = GST_STATIC_PAD_TEMPLATE(
-      "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS "; " TERRAINSEG_DMABUF_CAPS));
-  gst_element_class_add_static_pad_template(element_class, &sink);
-  gst_element_class_add_static_pad_template(element_class, &source);
+  static GstStaticCaps caps = GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS "; " TERRAINSEG_DMABUF_CAPS);
+  g_autoptr(GstCaps) video = gst_static_caps_get(&caps);
+  for (const auto& [name, direction] : {std::pair{"sink", GST_PAD_SINK}, {"src", GST_PAD_SRC}})
+    gst_element_class_add_pad_template(element_class,
+                                       gst_pad_template_new(name, direction, GST_PAD_ALWAYS, video));
 }
 
 bool may_be_progressive(const GstVideoInfo& info) {

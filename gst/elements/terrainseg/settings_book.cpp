@@ -92,8 +92,7 @@ const Property<ElementSettings> own_table[] = {
      property_before_start, field<&ElementSettings::start_time>()},
     {"veto-roi-types", "Veto ROI types",
      "Types of GstVideoRegionOfInterestMeta whose rectangles are never traversable and are not learned, such "
-     "as "
-     "person,car; * = all types",
+     "as person,car; * = all types",
      property_playing, field<&ElementSettings::veto_roi_types>()},
 #ifdef TERRAINSEG_ANALYTICS
     {"analytics-meta", "Analytics metadata", "Also attach the standard GstAnalytics segmentation metadata",
@@ -197,18 +196,12 @@ GParamSpec* spec_of(const Setting& s) {
 
 /// What a GValue of a row's type says, as the field keeps it.
 std::int64_t kept(const Setting& setting, const GValue* value) {
-  switch (setting.kind) {
-  case SettingKind::natural:
-    return g_value_get_uint(value);
-  case SettingKind::truth:
-    return g_value_get_boolean(value);
-  case SettingKind::fraction:
+  if (setting.kind == SettingKind::fraction)
     return kept_value(std::llround(g_value_get_double(value) * static_cast<double>(billion)), setting.scale);
-  case SettingKind::choice:
-    return g_value_get_enum(value);
-  default:
-    return g_value_get_int(value);
-  }
+  GValue number = G_VALUE_INIT;
+  g_value_init(&number, G_TYPE_INT64);
+  g_value_transform(value, &number);
+  return g_value_get_int64(&number);
 }
 
 guint stages_of(const Settings& settings) {
@@ -524,18 +517,13 @@ std::optional<SettingsError> SettingsBook::apply_entry(const SettingsFile::Entry
 
 bool SettingsBook::get(guint id, GValue* value) const {
   if (is_row(id)) {
-    const Setting& row = row_of(id);
-    const std::int64_t number = row.get(settings_.core);
-    if (row.kind == SettingKind::natural)
-      g_value_set_uint(value, static_cast<guint>(number));
-    else if (row.kind == SettingKind::truth)
-      g_value_set_boolean(value, number != 0);
-    else if (row.kind == SettingKind::fraction)
+    GValue number = G_VALUE_INIT;
+    g_value_init(&number, G_TYPE_INT64);
+    g_value_set_int64(&number, row_of(id).get(settings_.core));
+    if (row_of(id).kind == SettingKind::fraction)
       g_value_set_double(value, shown()[id]);
-    else if (row.kind == SettingKind::choice)
-      g_value_set_enum(value, static_cast<gint>(number));
     else
-      g_value_set_int(value, static_cast<gint>(number));
+      g_value_transform(&number, value);
   } else if (id == id_of(special_preset)) {
     g_value_set_enum(value, static_cast<int>(preset_));
   } else if (id == id_of(special_stages)) {
