@@ -52,6 +52,8 @@ struct CombineSettings {
 
 /// Everything behind the instance.
 struct CombineState {
+  GstElement* element = nullptr;
+  GstPad *sink = nullptr, *meta = nullptr, *src = nullptr;
   CombineSettings settings; ///< read by any thread
 
   Mutex mutex;                     ///< held for moments only, never while a frame is processed
@@ -139,11 +141,7 @@ using namespace terrainseg;
  *
  * Since: 0.1
  */
-struct GstTerrainCombine {
-  GstElement parent;
-  GstPad *sink, *meta, *src;
-  InstanceState<CombineState> state;
-};
+using GstTerrainCombine = Instance<GstElement, CombineState>;
 using GstTerrainCombineClass = GstElementClass;
 
 G_DEFINE_TYPE(GstTerrainCombine, gst_terrain_combine, GST_TYPE_ELEMENT)
@@ -158,8 +156,8 @@ GstStaticPadTemplate meta_template = GST_STATIC_PAD_TEMPLATE(
 GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS("video/x-raw(ANY)"));
 
-GstTerrainCombine* self_of(gpointer object) {
-  return reinterpret_cast<GstTerrainCombine*>(object);
+CombineState& state_of(gpointer object) {
+  return *reinterpret_cast<GstTerrainCombine*>(object)->state;
 }
 
 /// The macros of GStreamer mix enumerations, which C++20 warns of.
@@ -189,10 +187,9 @@ Time duration_of(const GstVideoInfo& info) {
 
 // ---- warnings --------------------------------------------------------------------------------------------
 
-void reject(GstTerrainCombine* self, const char* kind, const std::string& error) {
-  CombineState& s = *self->state;
+void reject(CombineState& s, const char* kind, const std::string& error) {
   std::uint64_t count = 0;
-  GST_WARNING_OBJECT(self, "KLV unit skipped: %s", error.c_str());
+  GST_WARNING_OBJECT(s.element, "KLV unit skipped: %s", error.c_str());
   {
     const Lock lock(s.mutex);
     count = s.matcher.reject_unit();
@@ -202,17 +199,17 @@ void reject(GstTerrainCombine* self, const char* kind, const std::string& error)
       return;
     s.warned = now;
   }
-  GST_ELEMENT_WARNING(self, STREAM, DECODE,
+  GST_ELEMENT_WARNING(s.element, STREAM, DECODE,
                       ("A %s KLV unit was skipped (%" G_GUINT64_FORMAT " so far): %s.", kind,
                        static_cast<guint64>(count), error.c_str()),
                       ("%s", error.c_str()));
 }
 
-void tell_silence(GstTerrainCombine* self, const std::string& reason) {
+void tell_silence(CombineState& s, const std::string& reason) {
   if (reason.empty())
     return;
   GST_ELEMENT_WARNING(
-      self, STREAM, FAILED,
+      s.element, STREAM, FAILED,
       ("No KLV unit matched the last %u frames: %s.", Matcher::silence_frames, reason.c_str()),
       ("%s", reason.c_str()));
 }
@@ -235,15 +232,15 @@ struct Upstream {
   GstClockTime least = 0, most = GST_CLOCK_TIME_NONE;
 };
 
-Upstream ask_upstream(GstTerrainCombine* self) {
+Upstream ask_upstream(CombineState& s) {
   Upstream all;
-  for (GstPad* pad : {self->sink, self->meta}) {
+  for (GstPad* pad : {s.sink, s.meta}) {
     g_autoptr(GstQuery) query = gst_query_new_latency();
     if (gst_pad_peer_query(pad, query)) {
       gboolean live = FALSE;
       GstClockTime least = 0, most = GST_CLOCK_TIME_NONE;
       gst_query_parse_latency(query, &live, &least, &most);
-      all.answered = all.answered || pad == self->sink;
+      all.answered = all.answered || pad == s.sink;
       if (live) {
         all.live = true;
         all.least = std::max(all.least, least);
@@ -262,13 +259,13 @@ struct Taken {
 };
 
 /// Waits for the unit of the frame in front, under the lock. False when the frame is not there any more.
-bool wait_for_unit(GstTerrainCombine* self, CombineState& s, Lock& lock, const Matcher::Frame& frame,
-                   Clock::time_point arrival, OwnedBuffer& unit) TERRAINSEG_REQUIRES(s.mutex) {
+bool wait_for_unit(CombineState& s, Lock& lock, const Matcher::Frame& frame, Clock::time_point arrival,
+                   OwnedBuffer& unit) TERRAINSEG_REQUIRES(s.mutex) {
   const Clock::time_point since = Clock::now();
   s.matcher.begin_frame(frame);
   for (;;) {
     // One thread for both pads, not live: while it waits for room in the queue it brings no units.
-    const bool in_vain = s.meta_flushing || s.feeder_waits || !gst_pad_is_linked(self->meta);
+    const bool in_vain = s.meta_flushing || s.feeder_waits || !gst_pad_is_linked(s.meta);
     Matcher::Answer answer = s.matcher.look_for(frame, {arrival, since, s.latency(), in_vain}, Clock::now());
     if (answer.dropped > 0)
       s.changed.notify_all(); // there is room
@@ -284,8 +281,7 @@ bool wait_for_unit(GstTerrainCombine* self, CombineState& s, Lock& lock, const M
 
 /// Waits for the next item and, of a frame, for its unit. Nothing when there is none yet: to be called again,
 /// unless it is flushing.
-std::optional<Taken> take_next(GstTerrainCombine* self) {
-  CombineState& s = *self->state;
+std::optional<Taken> take_next(CombineState& s) {
   Lock lock(s.mutex);
   while (!s.flushing && s.queue.empty())
     lock.wait(s.changed);
@@ -296,7 +292,7 @@ std::optional<Taken> take_next(GstTerrainCombine* self) {
   if (s.queue.front().is_frame()) {
     if (std::exchange(s.live_is_old, false)) {
       lock.unlock();
-      const Upstream upstream = ask_upstream(self);
+      const Upstream upstream = ask_upstream(s);
       lock.lock();
       // One that does not answer is taken for live, so that no frame waits longer than `latency`.
       s.matcher.set_live(upstream.live || !upstream.answered ? Live::yes : Live::no);
@@ -304,7 +300,7 @@ std::optional<Taken> take_next(GstTerrainCombine* self) {
     }
     frame = s.queue.front().frame;
     frame.tolerance = tolerance_of(s.attacher.video(), GST_BUFFER(s.queue.front().object.get()));
-    if (!wait_for_unit(self, s, lock, frame, s.queue.front().arrival, unit))
+    if (!wait_for_unit(s, lock, frame, s.queue.front().arrival, unit))
       return std::nullopt;
     ++s.frames_left;
   }
@@ -314,14 +310,13 @@ std::optional<Taken> take_next(GstTerrainCombine* self) {
   return taken;
 }
 
-void push_frame(GstTerrainCombine* self, Taken taken) {
-  CombineState& s = *self->state;
+void push_frame(CombineState& s, Taken taken) {
   OwnedBuffer frame(GST_BUFFER(taken.item.object.release()));
   bool matched = taken.unit != nullptr;
   if (matched)
     if (const std::string flaw = s.attacher.decode(taken.unit.get()); !flaw.empty()) {
       matched = false;
-      reject(self, "useless", flaw);
+      reject(s, "useless", flaw);
     }
   std::string reason;
   unsigned reconfigured = 0;
@@ -330,13 +325,13 @@ void push_frame(GstTerrainCombine* self, Taken taken) {
     reason = s.matcher.end_frame(taken.frame, matched, s.latency());
     reconfigured = s.reconfigured;
   }
-  GST_LOG_OBJECT(self, "%s: %" GST_PTR_FORMAT, matched ? "with its unit" : "without a unit",
+  GST_LOG_OBJECT(s.element, "%s: %" GST_PTR_FORMAT, matched ? "with its unit" : "without a unit",
                  printable(frame.get()));
-  if (gst_pad_is_linked(self->meta))
-    tell_silence(self, reason);
+  if (gst_pad_is_linked(s.meta))
+    tell_silence(s, reason);
   if (matched)
     frame.reset(s.attacher.attach(frame.release()));
-  const GstFlowReturn flow = gst_pad_push(self->src, frame.release());
+  const GstFlowReturn flow = gst_pad_push(s.src, frame.release());
   const Lock lock(s.mutex);
   s.pushing = false;
   // Where the pad was linked during this push NOT_LINKED is not kept: the next frame arrives.
@@ -347,17 +342,16 @@ void push_frame(GstTerrainCombine* self, Taken taken) {
   s.changed.notify_all();
 }
 
-void push_event(GstTerrainCombine* self, Item item) {
-  CombineState& s = *self->state;
+void push_event(CombineState& s, Item item) {
   GstEvent* event = GST_EVENT(item.object.release());
-  GST_DEBUG_OBJECT(self, "in turn: %" GST_PTR_FORMAT, printable(event));
+  GST_DEBUG_OBJECT(s.element, "in turn: %" GST_PTR_FORMAT, printable(event));
   const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
   if (GST_EVENT_TYPE(event) == GST_EVENT_CAPS) {
     GstCaps* caps = nullptr;
     gst_event_parse_caps(event, &caps);
     s.attacher.set_video(caps);
   }
-  gst_pad_push_event(self->src, event);
+  gst_pad_push_event(s.src, event);
   const Lock lock(s.mutex);
   s.pushing = false;
   if (eos && s.flow == GST_FLOW_OK)
@@ -366,18 +360,17 @@ void push_event(GstTerrainCombine* self, Item item) {
 }
 
 void loop(gpointer data) {
-  GstTerrainCombine* self = self_of(data);
-  CombineState& s = *self->state;
-  if (std::optional<Taken> taken = take_next(self)) {
+  CombineState& s = state_of(data);
+  if (std::optional<Taken> taken = take_next(s)) {
     if (taken->item.is_frame())
-      push_frame(self, std::move(*taken));
+      push_frame(s, std::move(*taken));
     else
-      push_event(self, std::move(taken->item));
+      push_event(s, std::move(taken->item));
   }
   const Lock lock(s.mutex);
   if (s.flushing || s.flow != GST_FLOW_OK) {
-    GST_DEBUG_OBJECT(self, "task pauses: %s", gst_flow_get_name(s.flow));
-    gst_pad_pause_task(self->src);
+    GST_DEBUG_OBJECT(s.element, "task pauses: %s", gst_flow_get_name(s.flow));
+    gst_pad_pause_task(s.src);
   }
 }
 
@@ -388,18 +381,17 @@ void guarded_loop(gpointer data) {
   });
   if (fine)
     return;
-  CombineState& s = *self_of(data)->state;
+  CombineState& s = state_of(data);
   const Lock lock(s.mutex);
   s.flow = GST_FLOW_ERROR;
   s.pushing = false;
   s.changed.notify_all();
-  gst_pad_pause_task(self_of(data)->src);
+  gst_pad_pause_task(state_of(data).src);
 }
 
 // ---- the video's side ------------------------------------------------------------------------------------
 
-GstFlowReturn take_frame(GstTerrainCombine* self, GstBuffer* frame) {
-  CombineState& s = *self->state;
+GstFlowReturn take_frame(CombineState& s, GstBuffer* frame) {
   std::list<Item> item;
   item.emplace_back().object.reset(GST_MINI_OBJECT_CAST(frame));
   Matcher::Frame& times = item.front().frame;
@@ -424,11 +416,10 @@ GstFlowReturn take_frame(GstTerrainCombine* self, GstBuffer* frame) {
 }
 
 GstFlowReturn video_chain(GstPad*, GstObject* parent, GstBuffer* frame) {
-  return guarded(parent, GST_FLOW_ERROR, [&] { return take_frame(self_of(parent), frame); });
+  return guarded(parent, GST_FLOW_ERROR, [&] { return take_frame(state_of(parent), frame); });
 }
 
-void flush_video(GstTerrainCombine* self, bool flushing) noexcept {
-  CombineState& s = *self->state;
+void flush_video(CombineState& s, bool flushing) noexcept {
   const Lock lock(s.mutex);
   s.flushing = flushing;
   s.flow = flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK;
@@ -448,8 +439,7 @@ bool keeps_unlinked(CombineState& s, const Item& item) TERRAINSEG_REQUIRES(s.mut
 
 /// Why the event was not taken, as a flow: of a plain FALSE the pad that sends a sticky event again makes an
 /// error, also while this element is only being stopped or flushed.
-GstFlowReturn queue_event(GstTerrainCombine* self, GstEvent* event) {
-  CombineState& s = *self->state;
+GstFlowReturn queue_event(CombineState& s, GstEvent* event) {
   std::list<Item> item;
   item.emplace_back().object.reset(GST_MINI_OBJECT_CAST(event));
   GstFlowReturn flow = GST_FLOW_OK;
@@ -463,7 +453,7 @@ GstFlowReturn queue_event(GstTerrainCombine* self, GstEvent* event) {
       s.live_is_old = true;
       if (flow == GST_FLOW_EOS) {
         s.flow = flow = GST_FLOW_OK;
-        gst_pad_start_task(self->src, guarded_loop, self, nullptr);
+        gst_pad_start_task(s.src, guarded_loop, s.element, nullptr);
       }
     }
     if (flow == GST_FLOW_OK || keeps_unlinked(s, item.front())) {
@@ -474,20 +464,19 @@ GstFlowReturn queue_event(GstTerrainCombine* self, GstEvent* event) {
   }
   // Errors travel upstream with the next frame; at the end there is none.
   if (eos && (flow == GST_FLOW_NOT_LINKED || flow < GST_FLOW_EOS))
-    GST_ELEMENT_FLOW_ERROR(self, flow);
+    GST_ELEMENT_FLOW_ERROR(s.element, flow);
   return flow;
 }
 
 /// Downstream has changed: it may be linked again.
-void resume(GstTerrainCombine* self) {
-  CombineState& s = *self->state;
+void resume(CombineState& s) {
   const Lock lock(s.mutex);
   ++s.reconfigured;
   if (s.flow != GST_FLOW_NOT_LINKED || s.flushing)
     return;
-  GST_DEBUG_OBJECT(self, "linked again, frames go on");
+  GST_DEBUG_OBJECT(s.element, "linked again, frames go on");
   s.flow = GST_FLOW_OK;
-  gst_pad_start_task(self->src, guarded_loop, self, nullptr);
+  gst_pad_start_task(s.src, guarded_loop, s.element, nullptr);
 }
 
 /// The caps' frame rate, as soon as they come: the task sees them later.
@@ -506,21 +495,20 @@ GstFlowReturn flow_of(gboolean done) {
 }
 
 GstFlowReturn video_event(GstPad* pad, GstObject* parent, GstEvent* event) {
-  GstTerrainCombine* self = self_of(parent);
-  CombineState& s = *self->state;
+  CombineState& s = state_of(parent);
   switch (GST_EVENT_TYPE(event)) {
   case GST_EVENT_FLUSH_START: {
-    const gboolean pushed = gst_pad_push_event(self->src, event);
-    flush_video(self, true);
-    gst_pad_pause_task(self->src);
+    const gboolean pushed = gst_pad_push_event(s.src, event);
+    flush_video(s, true);
+    gst_pad_pause_task(s.src);
     return flow_of(pushed);
   }
   case GST_EVENT_FLUSH_STOP: {
     gst_segment_init(&s.video_segment, GST_FORMAT_TIME);
-    const gboolean pushed = gst_pad_push_event(self->src, event);
-    flush_video(self, false);
-    if (GST_PAD_IS_ACTIVE(self->src))
-      gst_pad_start_task(self->src, guarded_loop, self, nullptr);
+    const gboolean pushed = gst_pad_push_event(s.src, event);
+    flush_video(s, false);
+    if (GST_PAD_IS_ACTIVE(s.src))
+      gst_pad_start_task(s.src, guarded_loop, s.element, nullptr);
     return flow_of(pushed);
   }
   case GST_EVENT_SEGMENT:
@@ -534,18 +522,18 @@ GstFlowReturn video_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   }
   if (!has_flag(event, GST_EVENT_TYPE_SERIALIZED))
     return flow_of(gst_pad_event_default(pad, parent, event));
-  return guarded(self, GST_FLOW_ERROR, [&] { return queue_event(self, event); });
+  return guarded(s.element, GST_FLOW_ERROR, [&] { return queue_event(s, event); });
 }
 
 /// Adds the frames that wait here to what downstream wants of a pool.
-gboolean query_allocation(GstTerrainCombine* self, GstQuery* query) {
-  gst_pad_peer_query(self->src, query); // without an answer there are no pools
+gboolean query_allocation(CombineState& s, GstQuery* query) {
+  gst_pad_peer_query(s.src, query); // without an answer there are no pools
   GstCaps* caps = nullptr;
   gst_query_parse_allocation(query, &caps, nullptr);
   GstVideoInfo info;
   const bool known = caps && gst_video_info_from_caps(&info, caps);
   const Time duration = known ? duration_of(info) : 0;
-  const auto held = static_cast<guint>(static_cast<Time>(self->state->settings.latency_ms) * GST_MSECOND /
+  const auto held = static_cast<guint>(static_cast<Time>(s.settings.latency_ms) * GST_MSECOND /
                                            (duration > 0 ? duration : 2 * default_tolerance) +
                                        2);
   const guint pools = gst_query_get_n_allocation_pools(query);
@@ -563,8 +551,7 @@ gboolean query_allocation(GstTerrainCombine* self, GstQuery* query) {
 }
 
 gboolean video_query(GstPad* pad, GstObject* parent, GstQuery* query) {
-  GstTerrainCombine* self = self_of(parent);
-  CombineState& s = *self->state;
+  CombineState& s = state_of(parent);
   if (!(gst_query_type_get_flags(GST_QUERY_TYPE(query)) & GST_QUERY_TYPE_SERIALIZED))
     return gst_pad_query_default(pad, parent, query);
   {
@@ -575,18 +562,18 @@ gboolean video_query(GstPad* pad, GstObject* parent, GstQuery* query) {
       return FALSE;
   }
   if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION)
-    return query_allocation(self, query);
-  return gst_pad_peer_query(self->src, query);
+    return query_allocation(s, query);
+  return gst_pad_peer_query(s.src, query);
 }
 
 gboolean video_activate(GstPad*, GstObject* parent, GstPadMode mode, gboolean active) {
-  GstTerrainCombine* self = self_of(parent);
+  CombineState& s = state_of(parent);
   if (mode != GST_PAD_MODE_PUSH)
     return FALSE;
-  flush_video(self, !active);
+  flush_video(s, !active);
   if (!active) {
-    const Lock lock(self->state->mutex);
-    self->state->queue.clear();
+    const Lock lock(s.mutex);
+    s.queue.clear();
   }
   return TRUE;
 }
@@ -610,8 +597,7 @@ void make_room(CombineState& s, Lock& lock) TERRAINSEG_REQUIRES(s.mutex) {
   s.matcher.make_room();
 }
 
-void keep_unit(GstTerrainCombine* self, OwnedBuffer unit) {
-  CombineState& s = *self->state;
+void keep_unit(CombineState& s, OwnedBuffer unit) {
   Matcher::UnitTimes times;
   times.time = running_time(s.meta_segment, GST_BUFFER_PTS(unit.get()));
   // Units behind an encoder with B-frames come in coding order: their DTS says which cannot come any more.
@@ -620,10 +606,10 @@ void keep_unit(GstTerrainCombine* self, OwnedBuffer unit) {
   {
     const MappedBuffer bytes(unit.get(), GST_MAP_READ);
     if (!bytes.data())
-      return reject(self, "damaged", "its memory cannot be read");
+      return reject(s, "damaged", "its memory cannot be read");
     verdict = s.checked.decode({bytes.data(), bytes.size()});
   }
-  GST_LOG_OBJECT(self, "unit: %" GST_PTR_FORMAT, printable(unit.get()));
+  GST_LOG_OBJECT(s.element, "unit: %" GST_PTR_FORMAT, printable(unit.get()));
   bool timeless = false;
   {
     Lock lock(s.mutex);
@@ -638,9 +624,9 @@ void keep_unit(GstTerrainCombine* self, OwnedBuffer unit) {
     }
   }
   if (verdict != KlvVerdict::ok)
-    return reject(self, verdict == KlvVerdict::foreign ? "foreign" : "damaged", s.checked.error());
+    return reject(s, verdict == KlvVerdict::foreign ? "foreign" : "damaged", s.checked.error());
   if (timeless)
-    GST_ELEMENT_WARNING(self, STREAM, FORMAT,
+    GST_ELEMENT_WARNING(s.element, STREAM, FORMAT,
                         ("The KLV units carry no time stamps. They are matched by the precision times in "
                          "them, starting with the "
                          "first frame and the first unit. If the two streams do not start together, masks "
@@ -653,15 +639,14 @@ void keep_unit(GstTerrainCombine* self, OwnedBuffer unit) {
 GstFlowReturn meta_chain(GstPad*, GstObject* parent, GstBuffer* buffer) {
   OwnedBuffer unit(buffer);
   return guarded(parent, GST_FLOW_ERROR, [&] {
-    GstTerrainCombine* self = self_of(parent);
-    keep_unit(self, std::move(unit));
-    const Lock lock(self->state->mutex);
-    return self->state->meta_flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK;
+    CombineState& s = state_of(parent);
+    keep_unit(s, std::move(unit));
+    const Lock lock(s.mutex);
+    return s.meta_flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK;
   });
 }
 
-void flush_meta(GstTerrainCombine* self, bool flushing) noexcept {
-  CombineState& s = *self->state;
+void flush_meta(CombineState& s, bool flushing) noexcept {
   const Lock lock(s.mutex);
   s.meta_flushing = flushing;
   s.matcher.flush_units();
@@ -683,19 +668,18 @@ void take_gap(CombineState& s, GstEvent* event) {
 
 /// Nothing of the units' stream goes on: the video's events are the output's.
 gboolean meta_event(GstPad*, GstObject* parent, GstEvent* event) {
-  GstTerrainCombine* self = self_of(parent);
-  CombineState& s = *self->state;
+  CombineState& s = state_of(parent);
   {
     const Lock lock(s.mutex);
     s.note_meta();
   }
   switch (GST_EVENT_TYPE(event)) {
   case GST_EVENT_FLUSH_START:
-    flush_meta(self, true);
+    flush_meta(s, true);
     break;
   case GST_EVENT_FLUSH_STOP:
     gst_segment_init(&s.meta_segment, GST_FORMAT_TIME);
-    flush_meta(self, false);
+    flush_meta(s, false);
     break;
   case GST_EVENT_SEGMENT:
     gst_event_copy_segment(event, &s.meta_segment);
@@ -731,25 +715,25 @@ gboolean meta_query(GstPad* pad, GstObject* parent, GstQuery* query) {
 gboolean meta_activate(GstPad*, GstObject* parent, GstPadMode mode, gboolean active) {
   if (mode != GST_PAD_MODE_PUSH)
     return FALSE;
-  flush_meta(self_of(parent), !active);
+  flush_meta(state_of(parent), !active);
   return TRUE;
 }
 
 // ---- the output's side -----------------------------------------------------------------------------------
 
 gboolean src_activate(GstPad* pad, GstObject* parent, GstPadMode mode, gboolean active) {
-  GstTerrainCombine* self = self_of(parent);
+  CombineState& s = state_of(parent);
   if (mode != GST_PAD_MODE_PUSH)
     return FALSE;
-  flush_video(self, !active);
-  return active ? gst_pad_start_task(pad, guarded_loop, self, nullptr) : gst_pad_stop_task(pad);
+  flush_video(s, !active);
+  return active ? gst_pad_start_task(pad, guarded_loop, s.element, nullptr) : gst_pad_stop_task(pad);
 }
 
-gboolean query_latency(GstTerrainCombine* self, GstQuery* query) {
-  Upstream all = ask_upstream(self);
+gboolean query_latency(CombineState& s, GstQuery* query) {
+  Upstream all = ask_upstream(s);
   if (!all.answered)
     return FALSE;
-  const GstClockTime own = self->state->settings.latency_ms * GST_MSECOND;
+  const GstClockTime own = s.settings.latency_ms * GST_MSECOND;
   if (all.live) {
     all.least += own;
     if (GST_CLOCK_TIME_IS_VALID(all.most))
@@ -761,25 +745,25 @@ gboolean query_latency(GstTerrainCombine* self, GstQuery* query) {
 
 gboolean src_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   if (GST_QUERY_TYPE(query) == GST_QUERY_LATENCY)
-    return query_latency(self_of(parent), query);
+    return query_latency(state_of(parent), query);
   return gst_pad_query_default(pad, parent, query);
 }
 
 gboolean src_event(GstPad* pad, GstObject* parent, GstEvent* event) {
-  GstTerrainCombine* self = self_of(parent);
+  CombineState& s = state_of(parent);
   // Seeks also reach a separate source of the units; a source that knows the latency waits for it.
   const GstEventType type = GST_EVENT_TYPE(event);
-  if ((type == GST_EVENT_SEEK || type == GST_EVENT_LATENCY) && gst_pad_is_linked(self->meta))
-    gst_pad_push_event(self->meta, gst_event_ref(event));
+  if ((type == GST_EVENT_SEEK || type == GST_EVENT_LATENCY) && gst_pad_is_linked(s.meta))
+    gst_pad_push_event(s.meta, gst_event_ref(event));
   if (type == GST_EVENT_RECONFIGURE)
-    resume(self);
+    resume(s);
   return gst_pad_event_default(pad, parent, event);
 }
 
 /// Video in and video out belong together; the units are an end.
 GstIterator* internal_links(GstPad* pad, GstObject* parent) {
-  GstTerrainCombine* self = self_of(parent);
-  GstPad* other = pad == self->src ? self->sink : pad == self->sink ? self->src : nullptr;
+  CombineState& s = state_of(parent);
+  GstPad* other = pad == s.src ? s.sink : pad == s.sink ? s.src : nullptr;
   if (!other)
     return nullptr;
   g_auto(GValue) value = G_VALUE_INIT;
@@ -791,7 +775,7 @@ GstIterator* internal_links(GstPad* pad, GstObject* parent) {
 // ---- the object ------------------------------------------------------------------------------------------
 
 GstStateChangeReturn change_state(GstElement* element, GstStateChange transition) {
-  CombineState& s = *self_of(element)->state;
+  CombineState& s = state_of(element);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
     const Lock lock(s.mutex);
     s.matcher.start();
@@ -809,7 +793,7 @@ GstStateChangeReturn change_state(GstElement* element, GstStateChange transition
 }
 
 GstStructure* statistics_of(gpointer object) {
-  CombineState& s = *self_of(object)->state;
+  CombineState& s = state_of(object);
   Lock lock(s.mutex);
   const Matcher::Counts counts = s.matcher.counts();
   lock.unlock();
@@ -861,26 +845,28 @@ static void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
 
 static void gst_terrain_combine_init(GstTerrainCombine* self) {
   self->state.make();
-  self->sink = gst_pad_new_from_static_template(&sink_template, "sink");
-  gst_pad_set_chain_function(self->sink, video_chain);
-  gst_pad_set_event_full_function(self->sink, video_event);
-  gst_pad_set_query_function(self->sink, video_query);
-  gst_pad_set_activatemode_function(self->sink, video_activate);
-  gst_pad_set_iterate_internal_links_function(self->sink, internal_links);
-  GST_PAD_SET_PROXY_CAPS(self->sink);
-  gst_element_add_pad(GST_ELEMENT(self), self->sink);
-  self->meta = gst_pad_new_from_static_template(&meta_template, "meta");
-  gst_pad_set_chain_function(self->meta, meta_chain);
-  gst_pad_set_event_function(self->meta, meta_event);
-  gst_pad_set_query_function(self->meta, meta_query);
-  gst_pad_set_activatemode_function(self->meta, meta_activate);
-  gst_pad_set_iterate_internal_links_function(self->meta, internal_links);
-  gst_element_add_pad(GST_ELEMENT(self), self->meta);
-  self->src = gst_pad_new_from_static_template(&src_template, "src");
-  gst_pad_set_activatemode_function(self->src, src_activate);
-  gst_pad_set_event_function(self->src, src_event);
-  gst_pad_set_query_function(self->src, src_query);
-  gst_pad_set_iterate_internal_links_function(self->src, internal_links);
-  GST_PAD_SET_PROXY_CAPS(self->src);
-  gst_element_add_pad(GST_ELEMENT(self), self->src);
+  CombineState& s = *self->state;
+  s.element = GST_ELEMENT(self);
+  s.sink = gst_pad_new_from_static_template(&sink_template, "sink");
+  gst_pad_set_chain_function(s.sink, video_chain);
+  gst_pad_set_event_full_function(s.sink, video_event);
+  gst_pad_set_query_function(s.sink, video_query);
+  gst_pad_set_activatemode_function(s.sink, video_activate);
+  gst_pad_set_iterate_internal_links_function(s.sink, internal_links);
+  GST_PAD_SET_PROXY_CAPS(s.sink);
+  gst_element_add_pad(GST_ELEMENT(self), s.sink);
+  s.meta = gst_pad_new_from_static_template(&meta_template, "meta");
+  gst_pad_set_chain_function(s.meta, meta_chain);
+  gst_pad_set_event_function(s.meta, meta_event);
+  gst_pad_set_query_function(s.meta, meta_query);
+  gst_pad_set_activatemode_function(s.meta, meta_activate);
+  gst_pad_set_iterate_internal_links_function(s.meta, internal_links);
+  gst_element_add_pad(GST_ELEMENT(self), s.meta);
+  s.src = gst_pad_new_from_static_template(&src_template, "src");
+  gst_pad_set_activatemode_function(s.src, src_activate);
+  gst_pad_set_event_function(s.src, src_event);
+  gst_pad_set_query_function(s.src, src_query);
+  gst_pad_set_iterate_internal_links_function(s.src, internal_links);
+  GST_PAD_SET_PROXY_CAPS(s.src);
+  gst_element_add_pad(GST_ELEMENT(self), s.src);
 }

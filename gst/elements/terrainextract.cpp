@@ -15,6 +15,7 @@
 #include "exchange/mavlink_stream.hpp"
 #include "exchange/uas_datalink.hpp"
 #include "exchange/vmti_klv.hpp"
+#include "support/buffers.hpp"
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
 #include "support/metric_meta.hpp"
@@ -96,13 +97,15 @@ const Property<ExtractSettings> table[] = {
 /// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
 /// none.
 struct ExtractState {
+  GstElement* element = nullptr;
+  GstPad *sink = nullptr, *src = nullptr;
   Video video;                      // streaming
   GstSegment segment;               // streaming
   bool negotiated = false;          // streaming
   Output output = Output::gray;     // streaming
   GstVideoInfo picture;             // streaming; of the GRAY8 output
   bool video_meta_welcome = false;  // streaming; downstream reads GstVideoMeta, any stride will do
-  GstBufferPool* pool = nullptr;    // streaming; pictures that are not the mask's own memory
+  SmallPool pictures;               // streaming; pictures that are not the mask's own memory
   GstEvent* held_segment = nullptr; // streaming; waits for the caps
   Once<> unreadable, unmeasured;    // streaming
   MetadataWatch metadata;           // streaming
@@ -119,13 +122,8 @@ struct ExtractState {
     gst_segment_init(&segment, GST_FORMAT_TIME);
   }
   ~ExtractState() { reset(); }
-  void drop_pool() {
-    if (pool)
-      gst_buffer_pool_set_active(pool, FALSE);
-    gst_clear_object(&pool);
-  }
   void reset() {
-    drop_pool();
+    pictures.drop();
     gst_clear_event(&held_segment);
     video = {};
     negotiated = false;
@@ -159,11 +157,7 @@ using namespace terrainseg;
  *
  * Since: 0.1
  */
-struct GstTerrainExtract {
-  GstElement parent;
-  GstPad *sink, *src;
-  InstanceState<ExtractState> state;
-};
+using GstTerrainExtract = Instance<GstElement, ExtractState>;
 using GstTerrainExtractClass = GstElementClass;
 
 G_DEFINE_TYPE(GstTerrainExtract, gst_terrain_extract, GST_TYPE_ELEMENT)
@@ -178,8 +172,8 @@ GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     GST_STATIC_CAPS(GRAY_CAPS "; application/x-ndjson; meta/x-klv, parsed = (boolean) true; "
                               "application/x-mavlink"));
 
-GstTerrainExtract* self_of(gpointer object) {
-  return reinterpret_cast<GstTerrainExtract*>(object);
+ExtractState& state_of(gpointer object) {
+  return *reinterpret_cast<GstTerrainExtract*>(object)->state;
 }
 
 // ---- negotiation -----------------------------------------------------------------------------------------
@@ -207,14 +201,12 @@ void fixate_size(GstStructure* s, const Video& v) {
   int width = 0, height = 0;
   const bool width_set = gst_structure_get_int(s, "width", &width);
   const bool height_set = gst_structure_get_int(s, "height", &height);
-  if (width_set && !height_set)
-    height = static_cast<int>(gst_util_uint64_scale_int_round(width, v.height, v.width));
-  else
-    height = height_set ? height : v.height;
-  if (height_set && !width_set)
-    width = static_cast<int>(gst_util_uint64_scale_int_round(height, v.width, v.height));
-  else
-    width = width_set ? width : v.width;
+  if (!height_set)
+    height =
+        width_set ? static_cast<int>(gst_util_uint64_scale_int_round(width, v.height, v.width)) : v.height;
+  if (!width_set)
+    width =
+        height_set ? static_cast<int>(gst_util_uint64_scale_int_round(height, v.width, v.height)) : v.width;
   gst_structure_fixate_field_nearest_int(s, "height", std::max(height, 1));
   gst_structure_fixate_field_nearest_int(s, "width", std::max(width, 1));
 }
@@ -235,51 +227,44 @@ void fixate_aspect(GstStructure* s, const Video& v) {
 }
 
 /// What downstream takes first of what is there; nullptr with a posted error when it takes nothing.
-GstCaps* choose_caps(GstTerrainExtract* self, Output& output) {
-  const Video& v = self->state->video;
-  g_autoptr(GstCaps) offer = gst_caps_make_writable(gst_pad_get_pad_template_caps(self->src));
+GstCaps* choose_caps(ExtractState& s, Output& output) {
+  const Video& v = s.video;
+  g_autoptr(GstCaps) offer = gst_caps_make_writable(gst_pad_get_pad_template_caps(s.src));
   if (v.fps_n >= 0) // the rate is the video's: it cannot be converted here
     gst_structure_set(gst_caps_get_structure(offer, 0), "framerate", GST_TYPE_FRACTION, v.fps_n, v.fps_d,
                       nullptr);
-  g_autoptr(GstCaps) taken = gst_pad_peer_query_caps(self->src, offer);
+  g_autoptr(GstCaps) taken = gst_pad_peer_query_caps(s.src, offer);
   if (gst_caps_is_empty(taken)) {
-    if (!GST_PAD_IS_FLUSHING(self->src))
+    if (!GST_PAD_IS_FLUSHING(s.src))
       GST_ELEMENT_ERROR(
-          self, CORE, NEGOTIATION,
+          s.element, CORE, NEGOTIATION,
           ("Downstream of terrainextract accepts none of its outputs: GRAY8 video at the frame rate of its "
            "input, application/x-ndjson, meta/x-klv,parsed=true, or application/x-mavlink."),
           ("offered %" GST_PTR_FORMAT, printable(offer)));
     return nullptr;
   }
   GstCaps* chosen = gst_caps_copy_nth(taken, 0);
-  GstStructure* s = gst_caps_get_structure(chosen, 0);
-  output = gst_structure_has_name(s, "video/x-raw")            ? Output::gray
-           : gst_structure_has_name(s, "application/x-ndjson") ? Output::lines
-           : gst_structure_has_name(s, "meta/x-klv")           ? Output::klv
-                                                               : Output::mavlink;
+  const GstStructure* fields = gst_caps_get_structure(chosen, 0);
+  output = gst_structure_has_name(fields, "video/x-raw")            ? Output::gray
+           : gst_structure_has_name(fields, "application/x-ndjson") ? Output::lines
+           : gst_structure_has_name(fields, "meta/x-klv")           ? Output::klv
+                                                                    : Output::mavlink;
   return chosen;
 }
 
 /// Asks downstream whether masks may be passed on with their own stride.
-void ask_allocation(GstTerrainExtract* self, GstCaps* caps) {
-  ExtractState& s = *self->state;
-  s.drop_pool();
+void ask_allocation(ExtractState& s, GstCaps* caps) {
+  s.pictures.drop();
   g_autoptr(GstQuery) query = gst_query_new_allocation(caps, TRUE);
-  s.video_meta_welcome = gst_pad_peer_query(self->src, query) &&
+  s.video_meta_welcome = gst_pad_peer_query(s.src, query) &&
                          gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
-  s.pool = gst_video_buffer_pool_new();
-  GstStructure* config = gst_buffer_pool_get_config(s.pool);
-  gst_buffer_pool_config_set_params(config, caps, static_cast<guint>(GST_VIDEO_INFO_SIZE(&s.picture)), 0, 0);
-  if (!gst_buffer_pool_set_config(s.pool, config) || !gst_buffer_pool_set_active(s.pool, TRUE))
-    s.drop_pool();
 }
 
 /// Settles the output. True also when it has to wait for a frame that tells its size.
-bool negotiate(GstTerrainExtract* self) {
-  ExtractState& s = *self->state;
+bool negotiate(ExtractState& s) {
   s.negotiated = false;
   Output output = Output::gray;
-  g_autoptr(GstCaps) caps = choose_caps(self, output);
+  g_autoptr(GstCaps) caps = choose_caps(s, output);
   if (!caps)
     return false;
   if (output == Output::gray && s.video.width == 0)
@@ -293,42 +278,39 @@ bool negotiate(GstTerrainExtract* self) {
   }
   caps = gst_caps_fixate(caps);
   if (output == Output::gray && !gst_video_info_from_caps(&s.picture, caps)) {
-    GST_ELEMENT_ERROR(self, CORE, NEGOTIATION,
+    GST_ELEMENT_ERROR(s.element, CORE, NEGOTIATION,
                       ("terrainextract cannot produce masks in the format that downstream requests."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     return false;
   }
-  GST_DEBUG_OBJECT(self, "output %" GST_PTR_FORMAT, printable(caps));
-  g_autoptr(GstCaps) old = gst_pad_get_current_caps(self->src);
+  GST_DEBUG_OBJECT(s.element, "output %" GST_PTR_FORMAT, printable(caps));
+  g_autoptr(GstCaps) old = gst_pad_get_current_caps(s.src);
   const bool pushed =
-      (old && gst_caps_is_equal(old, caps)) || gst_pad_push_event(self->src, gst_event_new_caps(caps));
+      (old && gst_caps_is_equal(old, caps)) || gst_pad_push_event(s.src, gst_event_new_caps(caps));
   if (pushed && output == Output::gray)
-    ask_allocation(self, caps);
+    ask_allocation(s, caps);
   if (!pushed)
     return false;
   s.output = output;
   s.negotiated = true;
   if (s.held_segment)
-    gst_pad_push_event(self->src, std::exchange(s.held_segment, nullptr));
+    gst_pad_push_event(s.src, std::exchange(s.held_segment, nullptr));
   return true;
 }
 
 // ---- units -----------------------------------------------------------------------------------------------
 
 /// The mask's own memory as a picture: the buffer stays alive, and out of its pool, as long as the picture.
-GstBuffer* share_mask(GstTerrainExtract* self, GstBuffer* mask) {
-  ExtractState& s = *self->state;
+GstBuffer* share_mask(ExtractState& s, GstBuffer* mask) {
   const GstVideoMeta* layout = gst_buffer_get_video_meta(mask);
   const bool plain = layout->offset[0] == 0 &&
                      layout->stride[0] == GST_VIDEO_INFO_PLANE_STRIDE(&s.picture, 0) &&
                      gst_buffer_get_size(mask) == GST_VIDEO_INFO_SIZE(&s.picture);
   if (!plain && !s.video_meta_welcome)
     return nullptr;
-  GstBuffer* picture = gst_buffer_new();
-  if (!gst_buffer_copy_into(picture, mask, GST_BUFFER_COPY_MEMORY, 0, static_cast<gsize>(-1))) {
-    gst_buffer_unref(picture);
+  GstBuffer* picture = gst_buffer_copy_region(mask, GST_BUFFER_COPY_MEMORY, 0, static_cast<gsize>(-1));
+  if (!picture)
     return nullptr;
-  }
   gst_buffer_add_parent_buffer_meta(picture, mask);
   gsize offset[GST_VIDEO_MAX_PLANES] = {layout->offset[0]};
   gint stride[GST_VIDEO_MAX_PLANES] = {layout->stride[0]};
@@ -337,29 +319,22 @@ GstBuffer* share_mask(GstTerrainExtract* self, GstBuffer* mask) {
   return picture;
 }
 
-GstBuffer* make_picture(GstTerrainExtract* self, const EstimateReader& reader) {
-  ExtractState& s = *self->state;
+GstBuffer* make_picture(ExtractState& s, const EstimateReader& reader) {
   const Estimate& e = reader.estimate();
   if (e.mask.empty())
     return nullptr;
   const int width = GST_VIDEO_INFO_WIDTH(&s.picture), height = GST_VIDEO_INFO_HEIGHT(&s.picture);
   if (MaskScaler::is_identity(e, width, height))
-    if (GstBuffer* shared = share_mask(self, reader.mask()))
+    if (GstBuffer* shared = share_mask(s, reader.mask()))
       return shared;
-  GstBuffer* picture = nullptr;
-  if (s.pool)
-    gst_buffer_pool_acquire_buffer(s.pool, &picture, nullptr);
-  GstVideoFrame frame;
-  if (!picture || !gst_video_frame_map(&frame, &s.picture, picture, GST_MAP_WRITE)) {
-    gst_clear_buffer(&picture);
+  OwnedBuffer picture = s.pictures.acquire(GST_VIDEO_INFO_SIZE(&s.picture));
+  if (!picture)
     return nullptr;
-  }
-  s.scaler.draw(e,
-                {static_cast<std::uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, 0)),
-                 GST_VIDEO_FRAME_PLANE_STRIDE(&frame, 0)},
-                width, height);
-  gst_video_frame_unmap(&frame);
-  return picture;
+  const MappedFrame frame(s.picture, picture.get(), GST_MAP_WRITE);
+  if (!frame)
+    return nullptr;
+  s.scaler.draw(e, frame.mutable_view().planes[0], width, height);
+  return picture.release();
 }
 
 /// The times that upstream noted (a camera's clock, NTP) are the unit's too.
@@ -379,36 +354,36 @@ GstBuffer* copy_of(const void* data, std::size_t size) {
   return buffer;
 }
 
-void warn_once(GstTerrainExtract* self, const char* error) {
-  GST_WARNING_OBJECT(self, "unreadable metadata: %s", error);
-  if (!self->state->unreadable.first())
+void warn_once(ExtractState& s, const char* error) {
+  GST_WARNING_OBJECT(s.element, "unreadable metadata: %s", error);
+  if (!s.unreadable.first())
     return;
-  GST_ELEMENT_WARNING(self, STREAM, DECODE, ("Invalid terrain metadata, ignored: %s.", error), ("%s", error));
+  GST_ELEMENT_WARNING(s.element, STREAM, DECODE, ("Invalid terrain metadata, ignored: %s.", error),
+                      ("%s", error));
 }
 
 /// Without ranges the autopilot receives an obstacle in all directions: the user has to know.
-void warn_unmeasured(GstTerrainExtract* self, const char* error) {
-  GST_LOG_OBJECT(self, "no metres: %s", error ? error : "no metadata");
-  if (!self->state->unmeasured.first())
+void warn_unmeasured(ExtractState& s, const char* error) {
+  GST_LOG_OBJECT(s.element, "no metres: %s", error ? error : "no metadata");
+  if (!s.unmeasured.first())
     return;
-  GST_ELEMENT_WARNING(self, STREAM, FORMAT,
+  GST_ELEMENT_WARNING(s.element, STREAM, FORMAT,
                       ("The autopilot receives an obstacle in all directions: %s.",
                        error ? error : "frames carry no ranges (set camera-info and mount of terrainseg)"),
                       ("GstTerrainMetricMeta is missing or cannot be read"));
 }
 
-ExtractSettings settings_of(GstTerrainExtract* self) {
-  ObjectLock lock(self);
-  return self->state->settings;
+ExtractSettings settings_of(ExtractState& s) {
+  ObjectLock lock(s.element);
+  return s.settings;
 }
 
 /// The messages of a frame; nullptr when it is not time for one.
-GstBuffer* make_messages(GstTerrainExtract* self, GstBuffer* frame) {
-  ExtractState& s = *self->state;
-  const ExtractSettings set = settings_of(self);
+GstBuffer* make_messages(ExtractState& s, GstBuffer* frame) {
+  const ExtractSettings set = settings_of(s);
   const MetricReader metres(frame, s.settings.source.c_str());
   if (!metres)
-    warn_unmeasured(self, metres.error());
+    warn_unmeasured(s, metres.error());
   const std::int64_t time = GST_BUFFER_PTS_IS_VALID(frame) ? static_cast<std::int64_t>(GST_BUFFER_PTS(frame))
                                                            : g_get_monotonic_time() * 1000;
   const auto bytes =
@@ -421,8 +396,7 @@ GstBuffer* make_messages(GstTerrainExtract* self, GstBuffer* frame) {
 
 /// Position and heading of klv-position, which is read, and told when it cannot be, each time that it
 /// changes.
-void read_place(GstTerrainExtract* self, const std::string& text) {
-  ExtractState& s = *self->state;
+void read_place(ExtractState& s, const std::string& text) {
   if (text == s.place_text)
     return;
   s.place_text = text;
@@ -431,7 +405,7 @@ void read_place(GstTerrainExtract* self, const std::string& text) {
     return;
   if (const char* flaw = read_position(text, s.place))
     GST_ELEMENT_WARNING(
-        self, RESOURCE, SETTINGS,
+        s.element, RESOURCE, SETTINGS,
         ("KLV units carry no position: klv-position=\"%s\" is invalid: %s. Set "
          "latitude,longitude,altitude or latitude,longitude,altitude,heading, such as 52.5163,13.3777,34.",
          text.c_str(), flaw),
@@ -440,13 +414,12 @@ void read_place(GstTerrainExtract* self, const std::string& text) {
 
 /// What is known of the camera, which is the platform of ST 0601: the attitude that the metres were measured
 /// with, and where klv-position has it.
-UasPlatform platform_of(GstTerrainExtract* self, GstBuffer* frame, const std::string& position) {
-  ExtractState& s = *self->state;
-  read_place(self, position);
+UasPlatform platform_of(ExtractState& s, GstBuffer* frame, const std::string& position) {
+  read_place(s, position);
   UasPlatform platform = s.place;
   const MetricReader metres(frame, s.settings.source.c_str());
   if (metres.error())
-    warn_once(self, metres.error());
+    warn_once(s, metres.error());
   if (!metres)
     return platform;
   // Ours are radians, pitch positive = down, yaw positive = left.
@@ -458,60 +431,60 @@ UasPlatform platform_of(GstTerrainExtract* self, GstBuffer* frame, const std::st
   return platform;
 }
 
-GstBuffer* make_klv(GstTerrainExtract* self, GstBuffer* frame, const EstimateReader& reader) {
-  ExtractState& s = *self->state;
-  const ExtractSettings set = settings_of(self);
+GstBuffer* make_klv(ExtractState& s, GstBuffer* frame, const EstimateReader& reader) {
+  const ExtractSettings set = settings_of(s);
   std::optional<UasPlatform> platform;
   if (set.klv_form == KlvForm::uas_datalink)
-    platform = platform_of(self, frame, set.klv_position);
+    platform = platform_of(s, frame, set.klv_position);
   const auto unit = s.klv.encode(reader.estimate(), precision_time(frame, s.segment).value_or(0),
                                  platform ? &*platform : nullptr);
   return unit.empty() ? nullptr : copy_of(unit.data(), unit.size());
 }
 
 /// The unit of a frame; nullptr when its metadata holds nothing that this output could show.
-GstBuffer* make_unit(GstTerrainExtract* self, GstBuffer* frame, const EstimateReader& reader) {
-  ExtractState& s = *self->state;
+GstBuffer* make_unit(ExtractState& s, GstBuffer* frame, const EstimateReader& reader) {
   if (s.output == Output::gray)
-    return make_picture(self, reader);
+    return make_picture(s, reader);
   if (s.output == Output::klv)
-    return make_klv(self, frame, reader);
+    return make_klv(s, frame, reader);
   s.line.clear();
   const std::int64_t pts =
       GST_BUFFER_PTS_IS_VALID(frame) ? static_cast<std::int64_t>(GST_BUFFER_PTS(frame)) : -1;
   const MetricReader metres(frame, s.settings.source.c_str());
   if (metres.error())
-    warn_once(self, metres.error());
+    warn_once(s, metres.error());
+  const bool with_mask = [&] {
+    ObjectLock lock(s.element);
+    return s.settings.json_mask;
+  }();
   LineExtras extras;
   extras.metric = metres ? &metres.metric() : nullptr;
   extras.utc = utc_of(frame);
-  append_json_line(s.line, reader.estimate(), pts, settings_of(self).json_mask, extras);
+  append_json_line(s.line, reader.estimate(), pts, with_mask, extras);
   return copy_of(s.line.data(), s.line.size());
 }
 
-GstFlowReturn push_gap(GstTerrainExtract* self, GstBuffer* frame) {
-  GST_LOG_OBJECT(self, "no unit for %" GST_PTR_FORMAT, printable(frame));
+GstFlowReturn push_gap(ExtractState& s, GstBuffer* frame) {
+  GST_LOG_OBJECT(s.element, "no unit for %" GST_PTR_FORMAT, printable(frame));
   // A gap needs a time, and caps before it.
-  if (self->state->negotiated && GST_BUFFER_PTS_IS_VALID(frame))
-    gst_pad_push_event(self->src, gst_event_new_gap(GST_BUFFER_PTS(frame), GST_BUFFER_DURATION(frame)));
-  return GST_PAD_IS_FLUSHING(self->src) ? GST_FLOW_FLUSHING : GST_FLOW_OK;
+  if (s.negotiated && GST_BUFFER_PTS_IS_VALID(frame))
+    gst_pad_push_event(s.src, gst_event_new_gap(GST_BUFFER_PTS(frame), GST_BUFFER_DURATION(frame)));
+  return GST_PAD_IS_FLUSHING(s.src) ? GST_FLOW_FLUSHING : GST_FLOW_OK;
 }
 
 /// Says that nothing can come out, when no frame had metadata.
-void warn_bare(GstTerrainExtract* self) {
-  const ExtractState& s = *self->state;
+void warn_bare(ExtractState& s) {
   TERRAINSEG_POST_WARNING(
-      self, STREAM, FAILED,
+      s.element, STREAM, FAILED,
       s.metadata.warning("terrainextract", "nothing is written", s.settings.source.c_str()));
 }
 
-GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
-  ExtractState& s = *self->state;
+GstFlowReturn extract(ExtractState& s, GstBuffer* frame) {
   const EstimateReader reader(frame, s.settings.source.c_str());
   const Estimate& e = reader.estimate();
   if (s.metadata.see(reader || reader.error()))
-    warn_bare(self);
-  bool renegotiate = gst_pad_check_reconfigure(self->src) || !s.negotiated;
+    warn_bare(s);
+  bool renegotiate = gst_pad_check_reconfigure(s.src) || !s.negotiated;
   // Where the caps hold no size the metadata tells it.
   if (reader && (s.video.width == 0 || !s.video.known) &&
       (s.video.width != e.frame_width || s.video.height != e.frame_height)) {
@@ -520,20 +493,20 @@ GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
     s.video.known = false;
     renegotiate = true;
   }
-  if (renegotiate && !negotiate(self)) {
-    gst_pad_mark_reconfigure(self->src);
-    return GST_PAD_IS_FLUSHING(self->src) ? GST_FLOW_FLUSHING : GST_FLOW_NOT_NEGOTIATED;
+  if (renegotiate && !negotiate(s)) {
+    gst_pad_mark_reconfigure(s.src);
+    return GST_PAD_IS_FLUSHING(s.src) ? GST_FLOW_FLUSHING : GST_FLOW_NOT_NEGOTIATED;
   }
   if (reader.error())
-    warn_once(self, reader.error());
+    warn_once(s, reader.error());
   // An autopilot treats silence as free: it also receives frames without ranges.
   const bool to_autopilot = s.negotiated && s.output == Output::mavlink;
   if (!to_autopilot && (!reader || !s.negotiated))
-    return push_gap(self, frame);
-  GstBuffer* unit = to_autopilot ? make_messages(self, frame) : make_unit(self, frame, reader);
+    return push_gap(s, frame);
+  GstBuffer* unit = to_autopilot ? make_messages(s, frame) : make_unit(s, frame, reader);
   if (!unit)
-    return push_gap(self, frame);
-  GST_LOG_OBJECT(self, "frame %" G_GUINT64_FORMAT " as a unit of %" G_GSIZE_FORMAT " bytes", e.frame,
+    return push_gap(s, frame);
+  GST_LOG_OBJECT(s.element, "frame %" G_GUINT64_FORMAT " as a unit of %" G_GSIZE_FORMAT " bytes", e.frame,
                  gst_buffer_get_size(unit));
   GST_BUFFER_PTS(unit) = GST_BUFFER_PTS(frame);
   GST_BUFFER_DURATION(unit) = GST_BUFFER_DURATION(frame);
@@ -542,41 +515,41 @@ GstFlowReturn extract(GstTerrainExtract* self, GstBuffer* frame) {
   copy_reference_timestamps(unit, frame);
   if (GST_BUFFER_IS_DISCONT(frame))
     GST_BUFFER_FLAG_SET(unit, GST_BUFFER_FLAG_DISCONT);
-  return gst_pad_push(self->src, unit);
+  return gst_pad_push(s.src, unit);
 }
 
 GstFlowReturn chain(GstPad*, GstObject* parent, GstBuffer* frame) {
-  GstTerrainExtract* self = self_of(parent);
-  const GstFlowReturn flow = guarded(self, GST_FLOW_ERROR, [&] { return extract(self, frame); });
+  ExtractState& s = state_of(parent);
+  const GstFlowReturn flow = guarded(s.element, GST_FLOW_ERROR, [&] { return extract(s, frame); });
   gst_buffer_unref(frame);
   return flow;
 }
 
 // ---- events and queries ----------------------------------------------------------------------------------
 
-gboolean take_caps(GstTerrainExtract* self, GstEvent* event) {
+gboolean take_caps(ExtractState& s, GstEvent* event) {
   GstCaps* caps = nullptr;
   gst_event_parse_caps(event, &caps);
   if (!is_video(caps)) {
-    GST_ELEMENT_ERROR(self, STREAM, WRONG_TYPE,
+    GST_ELEMENT_ERROR(s.element, STREAM, WRONG_TYPE,
                       ("terrainextract needs raw or encoded video, but its input is %s.",
                        gst_structure_get_name(gst_caps_get_structure(caps, 0))),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     gst_event_unref(event);
     return FALSE;
   }
-  self->state->video = video_of(caps);
+  s.video = video_of(caps);
   gst_event_unref(event);
-  gst_pad_check_reconfigure(self->src); // done now
+  gst_pad_check_reconfigure(s.src); // done now
   // A failure here may be one of the moment (a flush); the next frame tries again and reports.
-  if (!negotiate(self))
-    gst_pad_mark_reconfigure(self->src);
+  if (!negotiate(s))
+    gst_pad_mark_reconfigure(s.src);
   return TRUE;
 }
 
 /// The units are a stream of their own beside the video.
-GstEvent* own_stream(GstTerrainExtract* self, GstEvent* event) {
-  g_autofree gchar* id = gst_pad_create_stream_id(self->src, GST_ELEMENT(self), "terrain");
+GstEvent* own_stream(ExtractState& s, GstEvent* event) {
+  g_autofree gchar* id = gst_pad_create_stream_id(s.src, s.element, "terrain");
   GstEvent* own = gst_event_new_stream_start(id);
   guint group = 0;
   if (gst_event_parse_group_id(event, &group))
@@ -590,23 +563,22 @@ GstEvent* own_stream(GstTerrainExtract* self, GstEvent* event) {
 }
 
 gboolean sink_event(GstPad* pad, GstObject* parent, GstEvent* event) {
-  GstTerrainExtract* self = self_of(parent);
-  ExtractState& s = *self->state;
+  ExtractState& s = state_of(parent);
   switch (GST_EVENT_TYPE(event)) {
   case GST_EVENT_STREAM_START:
-    return gst_pad_push_event(self->src, own_stream(self, event));
+    return gst_pad_push_event(s.src, own_stream(s, event));
   case GST_EVENT_CAPS:
-    return guarded<gboolean>(self, FALSE, [&] { return take_caps(self, event); });
+    return guarded<gboolean>(s.element, FALSE, [&] { return take_caps(s, event); });
   case GST_EVENT_SEGMENT:
     gst_event_copy_segment(event, &s.segment);
-    if (gst_pad_has_current_caps(self->src))
+    if (gst_pad_has_current_caps(s.src))
       break;
     gst_clear_event(&s.held_segment);
     s.held_segment = event;
     return TRUE;
   case GST_EVENT_EOS:
     if (s.metadata.end())
-      warn_bare(self);
+      warn_bare(s);
     break;
   case GST_EVENT_GAP:
     if (s.negotiated)
@@ -639,7 +611,7 @@ GstFlowReturn sink_event_full(GstPad* pad, GstObject* parent, GstEvent* event) {
   const bool caps = GST_EVENT_TYPE(event) == GST_EVENT_CAPS;
   if (sink_event(pad, parent, event))
     return GST_FLOW_OK;
-  return GST_PAD_IS_FLUSHING(self_of(parent)->src) ? GST_FLOW_FLUSHING
+  return GST_PAD_IS_FLUSHING(state_of(parent).src) ? GST_FLOW_FLUSHING
          : caps                                    ? GST_FLOW_NOT_NEGOTIATED
                                                    : GST_FLOW_ERROR;
 }
@@ -669,7 +641,7 @@ GstStateChangeReturn change_state(GstElement* element, GstStateChange transition
   const GstStateChangeReturn result =
       GST_ELEMENT_CLASS(gst_terrain_extract_parent_class)->change_state(element, transition);
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY)
-    self_of(element)->state->reset();
+    state_of(element).reset();
   return result;
 }
 
@@ -690,12 +662,14 @@ static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
 
 static void gst_terrain_extract_init(GstTerrainExtract* self) {
   self->state.make();
-  self->sink = gst_pad_new_from_static_template(&sink_template, "sink");
-  gst_pad_set_chain_function(self->sink, chain);
-  gst_pad_set_event_full_function(self->sink, sink_event_full);
-  gst_pad_set_query_function(self->sink, sink_query);
-  gst_element_add_pad(GST_ELEMENT(self), self->sink);
-  self->src = gst_pad_new_from_static_template(&src_template, "src");
-  gst_pad_set_event_function(self->src, src_event);
-  gst_element_add_pad(GST_ELEMENT(self), self->src);
+  ExtractState& s = *self->state;
+  s.element = GST_ELEMENT(self);
+  s.sink = gst_pad_new_from_static_template(&sink_template, "sink");
+  gst_pad_set_chain_function(s.sink, chain);
+  gst_pad_set_event_full_function(s.sink, sink_event_full);
+  gst_pad_set_query_function(s.sink, sink_query);
+  gst_element_add_pad(GST_ELEMENT(self), s.sink);
+  s.src = gst_pad_new_from_static_template(&src_template, "src");
+  gst_pad_set_event_function(s.src, src_event);
+  gst_element_add_pad(GST_ELEMENT(self), s.src);
 }

@@ -39,6 +39,7 @@ const Property<StampSettings> stamp_table[] = {
 /// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
 /// none.
 struct StampState {
+  GstElement* element = nullptr;
   StampSettings settings; // object lock
   NalFraming framing;     // streaming
   bool first = true;      // streaming; nothing has passed since the start or a flush
@@ -90,17 +91,17 @@ GstStaticPadTemplate sink_template =
 GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(STAMP_CAPS));
 
-GstTerrainStamp* self_of(gpointer object) {
-  return reinterpret_cast<GstTerrainStamp*>(object);
+StampState& state_of(gpointer object) {
+  return *reinterpret_cast<GstTerrainStamp*>(object)->state;
 }
 
 StampMode mode_of(gpointer object) {
   ObjectLock lock(object);
-  return self_of(object)->state->settings.mode;
+  return state_of(object).settings.mode;
 }
 
 gboolean start(GstBaseTransform* transform) {
-  StampState& s = *self_of(transform)->state;
+  StampState& s = state_of(transform);
   s.first = true;
   s.formless.again();
   s.timeless.again();
@@ -135,13 +136,13 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
     return FALSE;
   }
-  self_of(transform)->state->framing = {codec, *length_bytes};
+  state_of(transform).framing = {codec, *length_bytes};
   return TRUE;
 }
 
 gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
   if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP)
-    self_of(transform)->state->first = true;
+    state_of(transform).first = true;
   return GST_BASE_TRANSFORM_CLASS(gst_terrain_stamp_parent_class)->sink_event(transform, event);
 }
 
@@ -165,48 +166,47 @@ OwnedBuffer with_stamp(GstBuffer* in, const StampUnit& stamp, std::size_t place)
 }
 
 /// Once: where the stamps would go is not to be found.
-void warn_formless(GstTerrainStamp* self, GstBuffer* in) {
-  GST_WARNING_OBJECT(self, "no slice in %" GST_PTR_FORMAT, printable(in));
-  if (!self->state->formless.first())
+void warn_formless(StampState& s, GstBuffer* in) {
+  GST_WARNING_OBJECT(s.element, "no slice in %" GST_PTR_FORMAT, printable(in));
+  if (!s.formless.first())
     return;
   GST_ELEMENT_WARNING(
-      self, STREAM, FORMAT,
+      s.element, STREAM, FORMAT,
       ("A buffer without a complete picture was passed through without a stamp: add a parser before "
        "terrainstamp, or check the link for packet loss."),
       ("no slice in %" GST_PTR_FORMAT, printable(in)));
 }
 
 /// Once: there is no time to be written.
-void warn_timeless(GstTerrainStamp* self, GstBuffer* in) {
-  if (!self->state->timeless.first())
+void warn_timeless(StampState& s, GstBuffer* in) {
+  if (!s.timeless.first())
     return;
   GST_ELEMENT_WARNING(
-      self, STREAM, FORMAT,
+      s.element, STREAM, FORMAT,
       ("A picture without a time stamp was passed through without a precision time stamp: add an element "
        "that sets time stamps (a parser that knows the frame rate, or appsrc with do-timestamp=true)."),
       ("neither PTS nor time of day in %" GST_PTR_FORMAT, printable(in)));
 }
 
 /// The picture with that stamp beside it.
-OwnedBuffer with_note(GstTerrainStamp* self, GstBuffer* in, std::uint64_t time_us) {
+OwnedBuffer with_note(StampState& s, GstBuffer* in, std::uint64_t time_us) {
   OwnedBuffer out(gst_buffer_make_writable(gst_buffer_ref(in)));
-  note_stamp(out.get(), self->state->framing.codec, time_us);
+  note_stamp(out.get(), s.framing.codec, time_us);
   return out;
 }
 
 /// The picture with its stamp in the bytes and beside them.
-OwnedBuffer write_stamp(GstTerrainStamp* self, GstBuffer* in, const StampSearch& found) {
-  const StampState& s = *self->state;
+OwnedBuffer write_stamp(StampState& s, GstBuffer* in, const StampSearch& found) {
   if (found.several || !found.place) {
     if (!found.place)
-      warn_formless(self, in);
+      warn_formless(s, in);
     return nullptr;
   }
   if (found.time_us)
-    return stamp_of(in) ? nullptr : with_note(self, in, *found.time_us);
-  const auto time_us = precision_time(in, GST_BASE_TRANSFORM(self)->segment);
+    return stamp_of(in) ? nullptr : with_note(s, in, *found.time_us);
+  const auto time_us = precision_time(in, GST_BASE_TRANSFORM(s.element)->segment);
   if (!time_us) {
-    warn_timeless(self, in);
+    warn_timeless(s, in);
     return nullptr;
   }
   OwnedBuffer out = with_stamp(in, StampUnit(s.framing, *time_us, found.temporal), *found.place);
@@ -216,7 +216,7 @@ OwnedBuffer write_stamp(GstTerrainStamp* self, GstBuffer* in, const StampSearch&
 }
 
 /// The picture with the stamp of its bytes beside them, and no other.
-OwnedBuffer read_stamp(GstTerrainStamp* self, GstBuffer* in, const StampSearch& found, bool trusted) {
+OwnedBuffer read_stamp(StampState& s, GstBuffer* in, const StampSearch& found, bool trusted) {
   const bool stamped = trusted && found.place && found.time_us;
   const auto noted = stamp_of(in);
   if (stamped ? noted == found.time_us : !noted)
@@ -224,13 +224,12 @@ OwnedBuffer read_stamp(GstTerrainStamp* self, GstBuffer* in, const StampSearch& 
   OwnedBuffer out(gst_buffer_make_writable(gst_buffer_ref(in)));
   forget_stamps(out.get());
   if (stamped)
-    note_stamp(out.get(), self->state->framing.codec, *found.time_us);
+    note_stamp(out.get(), s.framing.codec, *found.time_us);
   return out;
 }
 
 /// What leaves for `in`: itself where nothing changes.
-GstFlowReturn stamped(GstTerrainStamp* self, GstBuffer* in, GstBuffer** out) {
-  StampState& s = *self->state;
+GstFlowReturn stamped(StampState& s, GstBuffer* in, GstBuffer** out) {
   // Behind a gap a parser may have joined the beginning of a lost picture, its stamp, with another one's
   // slices.
   const bool trusted = std::exchange(s.first, false) || !GST_BUFFER_IS_DISCONT(in);
@@ -238,20 +237,20 @@ GstFlowReturn stamped(GstTerrainStamp* self, GstBuffer* in, GstBuffer** out) {
   {
     const MappedBuffer map(in, GST_MAP_READ);
     if (!map) {
-      GST_ELEMENT_ERROR(self, RESOURCE, READ, ("The memory of a buffer cannot be read."), (nullptr));
+      GST_ELEMENT_ERROR(s.element, RESOURCE, READ, ("The memory of a buffer cannot be read."), (nullptr));
       return GST_FLOW_ERROR;
     }
     found = find_stamp({map.data(), map.size()}, s.framing);
   }
   OwnedBuffer changed =
-      mode_of(self) == StampMode::read ? read_stamp(self, in, found, trusted) : write_stamp(self, in, found);
-  GST_LOG_OBJECT(self, "%s: %" GST_PTR_FORMAT, changed ? "stamped" : "as it was", printable(in));
+      mode_of(s.element) == StampMode::read ? read_stamp(s, in, found, trusted) : write_stamp(s, in, found);
+  GST_LOG_OBJECT(s.element, "%s: %" GST_PTR_FORMAT, changed ? "stamped" : "as it was", printable(in));
   *out = changed ? changed.release() : in;
   return GST_FLOW_OK;
 }
 
 GstFlowReturn prepare_output(GstBaseTransform* transform, GstBuffer* in, GstBuffer** out) {
-  return guarded(transform, GST_FLOW_ERROR, [&] { return stamped(self_of(transform), in, out); });
+  return guarded(transform, GST_FLOW_ERROR, [&] { return stamped(state_of(transform), in, out); });
 }
 
 GstFlowReturn nothing_left(GstBaseTransform*, GstBuffer*, GstBuffer*) {
@@ -262,6 +261,7 @@ GstFlowReturn nothing_left(GstBaseTransform*, GstBuffer*, GstBuffer*) {
 
 static void gst_terrain_stamp_init(GstTerrainStamp* self) {
   self->state.make();
+  self->state->element = GST_ELEMENT(self);
   gst_base_transform_set_gap_aware(GST_BASE_TRANSFORM(self), TRUE);
 }
 

@@ -105,6 +105,7 @@ class RecordingClock {
 
 /// The state of an element. "streaming": used only by the streaming thread, or while it does not run.
 struct SinkState {
+  GstElement* element = nullptr;
   SinkSettings settings; // under the object lock
 
   RecordingFile file;                                   // streaming
@@ -147,72 +148,68 @@ GST_ELEMENT_REGISTER_DEFINE(terrainmcapsink, "terrainmcapsink", GST_RANK_NONE,
 
 namespace {
 
-GstTerrainMcapSink* self_of(gpointer object) {
-  return reinterpret_cast<GstTerrainMcapSink*>(object);
+SinkState& state_of(gpointer object) {
+  return *reinterpret_cast<GstTerrainMcapSink*>(object)->state;
 }
 
 // ---- the file --------------------------------------------------------------------------------------------
 
-void report(GstTerrainMcapSink* self, const FileProblem& problem, bool opening) {
+void report(SinkState& s, const FileProblem& problem, bool opening) {
   const char* end = problem.text.empty() || problem.text.back() != '.' ? "." : "";
   if (problem.error == ENOSPC || problem.error == EDQUOT)
-    GST_ELEMENT_ERROR(self, RESOURCE, NO_SPACE_LEFT, ("%s%s", problem.text.c_str(), end),
+    GST_ELEMENT_ERROR(s.element, RESOURCE, NO_SPACE_LEFT, ("%s%s", problem.text.c_str(), end),
                       ("errno %d", problem.error));
   else if (opening)
-    GST_ELEMENT_ERROR(self, RESOURCE, OPEN_WRITE, ("%s%s", problem.text.c_str(), end),
+    GST_ELEMENT_ERROR(s.element, RESOURCE, OPEN_WRITE, ("%s%s", problem.text.c_str(), end),
                       ("errno %d", problem.error));
   else
-    GST_ELEMENT_ERROR(self, RESOURCE, WRITE, ("%s%s", problem.text.c_str(), end),
+    GST_ELEMENT_ERROR(s.element, RESOURCE, WRITE, ("%s%s", problem.text.c_str(), end),
                       ("errno %d", problem.error));
 }
 
-bool open_recording(GstTerrainMcapSink* self) {
-  SinkState& s = *self->state;
+bool open_recording(SinkState& s) {
   SinkSettings set;
   {
-    ObjectLock lock(self);
+    ObjectLock lock(s.element);
     set = s.settings;
     s.settings.bag_metadata.clear();
   }
   if (set.location.empty() == (set.fd < 0)) {
-    GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND,
+    GST_ELEMENT_ERROR(s.element, RESOURCE, NOT_FOUND,
                       ("Set either location or fd, not both, for example: terrainmcapsink "
                        "location=drive.mcap."),
                       ("location \"%s\", fd %d", set.location.c_str(), set.fd));
     return false;
   }
-  auto options = read_options(GST_ELEMENT(self), set.messages);
+  auto options = read_options(s.element, set.messages);
   if (!options)
     return false;
   if (set.location.empty()) {
     s.file.open(set.fd);
   } else if (const auto problem = s.file.open(set.location)) {
-    report(self, *problem, true);
+    report(s, *problem, true);
     return false;
   }
   s.clock = {};
   s.frames = s.labelled = 0;
   s.warned_metadata = s.warned_clock = s.warned_step = false;
-  s.recording.emplace([self](recording::ByteView bytes) { return self->state->file.write(bytes); },
-                      std::move(*options));
+  s.recording.emplace([&s](recording::ByteView bytes) { return s.file.write(bytes); }, std::move(*options));
   return true;
 }
 
 /// Stops recording after a write error.
-void abandon(GstTerrainMcapSink* self) {
-  SinkState& s = *self->state;
-  report(self, s.file.problem(), false);
+void abandon(SinkState& s) {
+  report(s, s.file.problem(), false);
   s.recording.reset();
   s.file.abandon();
 }
 
 /// Ends the recording, if any. Returns false after posting an error.
-bool finish(GstTerrainMcapSink* self) {
-  SinkState& s = *self->state;
+bool finish(SinkState& s) {
   if (!s.recording)
     return true;
   if (!s.recording->finish()) {
-    abandon(self);
+    abandon(s);
     return false;
   }
   const std::string name = s.file.name();
@@ -220,54 +217,53 @@ bool finish(GstTerrainMcapSink* self) {
   s.recording.reset();
   const auto problem = s.file.finish(metadata);
   if (problem) {
-    report(self, *problem, false);
+    report(s, *problem, false);
     return false;
   }
   if (s.frames > 0 && s.labelled == 0)
-    GST_ELEMENT_WARNING(self, STREAM, FAILED,
+    GST_ELEMENT_WARNING(s.element, STREAM, FAILED,
                         ("No frame had terrain metadata, so the recording contains none. Add terrainseg "
                          "before terrainmcapsink, without an element between them that drops metadata "
                          "(videocrop, videobox, videoflip, compositor)."),
                         ("no GstTerrainSegMeta on %" G_GUINT64_FORMAT " frames", s.frames));
-  GST_DEBUG_OBJECT(self,
+  GST_DEBUG_OBJECT(s.element,
                    "\"%s\" is complete: %" G_GUINT64_FORMAT " frames, %" G_GUINT64_FORMAT " with terrain",
                    name.c_str(), static_cast<guint64>(s.frames), static_cast<guint64>(s.labelled));
-  ObjectLock lock(self);
+  ObjectLock lock(s.element);
   s.settings.bag_metadata = std::move(metadata);
   return true;
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
 
-void warn_metadata(GstTerrainMcapSink* self, const char* reason) {
-  if (!reason || std::exchange(self->state->warned_metadata, true))
+void warn_metadata(SinkState& s, const char* reason) {
+  if (!reason || std::exchange(s.warned_metadata, true))
     return;
-  GST_ELEMENT_WARNING(self, STREAM, FORMAT, ("Invalid terrain metadata is not recorded: %s.", reason),
+  GST_ELEMENT_WARNING(s.element, STREAM, FORMAT, ("Invalid terrain metadata is not recorded: %s.", reason),
                       (nullptr));
 }
 
 /// Returns nothing after posting an error.
-std::optional<std::uint64_t> time_of(GstTerrainMcapSink* self, GstBuffer* buffer) {
-  SinkState& s = *self->state;
-  const GstSegment& segment = GST_BASE_SINK(self)->segment;
+std::optional<std::uint64_t> time_of(SinkState& s, GstBuffer* buffer) {
+  const GstSegment& segment = GST_BASE_SINK(s.element)->segment;
   GstClockTime stream = GST_BUFFER_PTS(buffer);
   if (segment.format == GST_FORMAT_TIME && GST_CLOCK_TIME_IS_VALID(stream))
     stream = stream_time_of(segment, stream);
   if (!GST_CLOCK_TIME_IS_VALID(stream)) {
-    GST_ELEMENT_ERROR(self, STREAM, FORMAT,
+    GST_ELEMENT_ERROR(s.element, STREAM, FORMAT,
                       ("Frames without time stamps cannot be recorded. Set do-timestamp=true on the source."),
                       (nullptr));
     return std::nullopt;
   }
   const auto utc = utc_of(buffer);
   if (s.clock.misses(utc) && !std::exchange(s.warned_clock, true))
-    GST_ELEMENT_WARNING(self, STREAM, FAILED,
+    GST_ELEMENT_WARNING(s.element, STREAM, FAILED,
                         ("The time of day became known after the start of the recording, which continues in "
                          "stream time. Start the recording later, or set start-time on terrainseg."),
                         (nullptr));
-  const std::uint64_t time = s.clock.time_of({utc, stream, gst_element_get_base_time(GST_ELEMENT(self))});
+  const std::uint64_t time = s.clock.time_of({utc, stream, gst_element_get_base_time(s.element)});
   if (const GstClockTimeDiff step = s.clock.take_step(); step != 0 && !std::exchange(s.warned_step, true))
-    GST_ELEMENT_WARNING(self, STREAM, FAILED,
+    GST_ELEMENT_WARNING(s.element, STREAM, FAILED,
                         ("%s jumped by %.3f s, as when a clock is set. The recording continues from the "
                          "previous time, so that its times increase. Start a new recording for the new time.",
                          s.clock.is_wall() ? "The frames' time of day" : "The stream time",
@@ -276,54 +272,53 @@ std::optional<std::uint64_t> time_of(GstTerrainMcapSink* self, GstBuffer* buffer
   return time;
 }
 
-GstFlowReturn record(GstTerrainMcapSink* self, GstBuffer* buffer) {
-  SinkState& s = *self->state;
+GstFlowReturn record(SinkState& s, GstBuffer* buffer) {
   if (!s.recording)
     return GST_FLOW_EOS;
-  const auto time = time_of(self, buffer);
+  const auto time = time_of(s, buffer);
   if (!time)
     return GST_FLOW_ERROR;
   const FrameReader reader(buffer, s.kind, s.settings.messages.source.c_str());
   if (reader.has_b_frame()) {
-    GST_ELEMENT_ERROR(self, STREAM, FORMAT,
+    GST_ELEMENT_ERROR(s.element, STREAM, FORMAT,
                       ("The H.264 video has B-frames, which players of recordings do not show. Set bframes=0 "
                        "on x264enc, or the equivalent property of another encoder."),
                       (nullptr));
     return GST_FLOW_ERROR;
   }
-  warn_metadata(self, reader.flaw());
-  GST_LOG_OBJECT(self, "%s at %" GST_TIME_FORMAT ": %" GST_PTR_FORMAT, reader.content(), GST_TIME_ARGS(*time),
-                 printable(buffer));
+  warn_metadata(s, reader.flaw());
+  GST_LOG_OBJECT(s.element, "%s at %" GST_TIME_FORMAT ": %" GST_PTR_FORMAT, reader.content(),
+                 GST_TIME_ARGS(*time), printable(buffer));
   ++s.frames;
   s.labelled += reader.has_estimate() ? 1 : 0;
   if (s.recording->add(reader.frame(*time)))
     return GST_FLOW_OK;
-  abandon(self);
+  abandon(s);
   return GST_FLOW_ERROR;
 }
 
 GstFlowReturn render(GstBaseSink* sink, GstBuffer* buffer) {
-  return guarded(sink, GST_FLOW_ERROR, [&] { return record(self_of(sink), buffer); });
+  return guarded(sink, GST_FLOW_ERROR, [&] { return record(state_of(sink), buffer); });
 }
 
 gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
   GST_DEBUG_OBJECT(sink, "caps %" GST_PTR_FORMAT, printable(caps));
-  self_of(sink)->state->kind = kind_of(caps);
+  state_of(sink).kind = kind_of(caps);
   return TRUE;
 }
 
 gboolean start(GstBaseSink* sink) {
-  return guarded<gboolean>(sink, FALSE, [&] { return open_recording(self_of(sink)); });
+  return guarded<gboolean>(sink, FALSE, [&] { return open_recording(state_of(sink)); });
 }
 
 /// Also called when the pipeline is stopped without EOS.
 gboolean stop(GstBaseSink* sink) {
-  return guarded<gboolean>(sink, FALSE, [&] { return finish(self_of(sink)); });
+  return guarded<gboolean>(sink, FALSE, [&] { return finish(state_of(sink)); });
 }
 
 gboolean take_event(GstBaseSink* sink, GstEvent* event) {
   const bool whole =
-      GST_EVENT_TYPE(event) != GST_EVENT_EOS || guarded(sink, false, [&] { return finish(self_of(sink)); });
+      GST_EVENT_TYPE(event) != GST_EVENT_EOS || guarded(sink, false, [&] { return finish(state_of(sink)); });
   if (!whole) { // only the error is reported
     gst_event_unref(event);
     return FALSE;
@@ -344,6 +339,7 @@ static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
 
 static void gst_terrain_mcap_sink_init(GstTerrainMcapSink* self) {
   self->state.make();
+  self->state->element = GST_ELEMENT(self);
   gst_base_sink_set_sync(GST_BASE_SINK(self), FALSE); // a file is written as fast as frames come
   gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
 }

@@ -83,6 +83,7 @@ static_assert(std::size(topics) == topic_count);
 
 /// The state of an element. "streaming": used only by the streaming thread, or while it does not run.
 struct Ros2State {
+  GstElement* element = nullptr;
   SinkSettings settings;                       // under the object lock
   std::array<InternedName, topic_count> names; // of the topics
 
@@ -135,87 +136,84 @@ GST_ELEMENT_REGISTER_DEFINE(terrainros2sink, "terrainros2sink", GST_RANK_NONE,
 
 namespace {
 
-GstTerrainRos2Sink* self_of(gpointer object) {
-  return reinterpret_cast<GstTerrainRos2Sink*>(object);
+Ros2State& state_of(gpointer object) {
+  return *reinterpret_cast<GstTerrainRos2Sink*>(object)->state;
 }
 
 // ---- what comes in ---------------------------------------------------------------------------------------
 
 /// Sends an event upstream to terrainseg.
-void push_upstream(GstTerrainRos2Sink* self, GstStructure* fields) {
-  gst_pad_push_event(GST_BASE_SINK_PAD(self), gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, fields));
+void push_upstream(Ros2State& s, GstStructure* fields) {
+  gst_pad_push_event(GST_BASE_SINK_PAD(s.element), gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, fields));
 }
 
 /// Counts an invalid message, and warns about the first one.
-void refuse(GstTerrainRos2Sink* self, const char* what) {
-  Ros2State& s = *self->state;
+void refuse(Ros2State& s, const char* what) {
   ++s.refused;
   if (!s.warned_input.exchange(true))
     GST_ELEMENT_WARNING(
-        self, STREAM, FORMAT,
+        s.element, STREAM, FORMAT,
         ("A message on %s cannot be used: it is truncated, too long, big-endian or invalid.", what),
         (nullptr));
 }
 
 /// Converts a time of day to running time; uses the current time if the sender's clock is not this machine's.
 /// Returns nothing while the pipeline is not playing.
-std::optional<GstClockTime> running_time_at(GstTerrainRos2Sink* self, std::uint64_t utc) {
-  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
+std::optional<GstClockTime> running_time_at(Ros2State& s, std::uint64_t utc) {
+  g_autoptr(GstClock) clock = gst_element_get_clock(s.element);
   if (!clock)
     return std::nullopt;
   const auto now =
-      static_cast<GstClockTimeDiff>(gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(self)));
+      static_cast<GstClockTimeDiff>(gst_clock_get_time(clock) - gst_element_get_base_time(s.element));
   constexpr GstClockTimeDiff farthest = 2 * GST_SECOND;
   const GstClockTimeDiff age = g_get_real_time() * 1000 - static_cast<GstClockTimeDiff>(utc);
   const GstClockTimeDiff then = age > -farthest && age < farthest ? now - age : now;
   return then >= 0 ? std::optional<GstClockTime>(then) : std::nullopt;
 }
 
-void take_pose(GstTerrainRos2Sink* self, std::optional<recording::Attitude> attitude) {
-  Ros2State& s = *self->state;
+void take_pose(Ros2State& s, std::optional<recording::Attitude> attitude) {
   if (!attitude) {
-    refuse(self, "pose-topic");
+    refuse(s, "pose-topic");
     return;
   }
   ++s.taken;
-  const auto time = running_time_at(self, attitude->time);
+  const auto time = running_time_at(s, attitude->time);
   if (!time)
     return;
   const recording::CameraAngles angles = recording::camera_angles(attitude->rotation, s.mount);
-  push_upstream(self, gst_structure_new("terrainseg-pose", "roll", G_TYPE_DOUBLE, angles.roll, "pitch",
-                                        G_TYPE_DOUBLE, angles.pitch, "yaw", G_TYPE_DOUBLE, angles.yaw,
-                                        "running-time", G_TYPE_UINT64, static_cast<guint64>(*time), nullptr));
+  push_upstream(s, gst_structure_new("terrainseg-pose", "roll", G_TYPE_DOUBLE, angles.roll, "pitch",
+                                     G_TYPE_DOUBLE, angles.pitch, "yaw", G_TYPE_DOUBLE, angles.yaw,
+                                     "running-time", G_TYPE_UINT64, static_cast<guint64>(*time), nullptr));
 }
 
-void take_near(GstTerrainRos2Sink* self, std::optional<bool> clear) {
-  Ros2State& s = *self->state;
+void take_near(Ros2State& s, std::optional<bool> clear) {
   if (!clear) {
-    refuse(self, "near-clear-topic");
+    refuse(s, "near-clear-topic");
     return;
   }
   ++s.taken;
   const auto state = *clear ? Ros2State::near_clear : Ros2State::near_blocked;
   if (s.near_state.exchange(state) != state)
-    push_upstream(self, gst_structure_new("terrainseg-near", "clear", G_TYPE_BOOLEAN, *clear, nullptr));
+    push_upstream(s, gst_structure_new("terrainseg-near", "clear", G_TYPE_BOOLEAN, *clear, nullptr));
 }
 
 /// Creates a reader for a topic that is set. `take` runs in a thread of DDS. On an error it returns false and
 /// sets `error`.
 template <class Take>
-bool read(GstTerrainRos2Sink* self, std::unique_ptr<ros2::Reader>& reader, const std::string& name,
-          const char* type, std::string& error, Take take) {
+bool read(Ros2State& s, std::unique_ptr<ros2::Reader>& reader, const std::string& name, const char* type,
+          std::string& error, Take take) {
   if (const std::string flaw = ros2::flaw_of_name(name); !flaw.empty()) {
     error = "\"" + name + "\" is not a topic name: " + flaw;
     return false;
   }
   reader = std::make_unique<ros2::Reader>(
-      *self->state->participant, name, recording::message_type(type), recording::longest_input,
-      [self, take](recording::ByteView bytes) { guarded(self, [&] { take(bytes); }); });
+      *s.participant, name, recording::message_type(type), recording::longest_input,
+      [&s, take](recording::ByteView bytes) { guarded(s.element, [&] { take(bytes); }); });
   error = reader->error();
   return error.empty();
 }
 
-bool read_poses(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& error) {
+bool read_poses(Ros2State& s, const SinkSettings& set, std::string& error) {
   struct Kind {
     const char* type;
     std::optional<recording::Attitude> (*decode)(recording::ByteView);
@@ -225,36 +223,35 @@ bool read_poses(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& 
                             {"sensor_msgs/Imu", recording::decode_imu}};
   const Kind& kind = kinds[static_cast<std::size_t>(set.pose)];
   return set.pose_topic.empty() ||
-         read(self, self->state->poses, ros2::full_name(set.name_space, set.pose_topic), kind.type, error,
-              [self, decode = kind.decode](recording::ByteView bytes) { take_pose(self, decode(bytes)); });
+         read(s, s.poses, ros2::full_name(set.name_space, set.pose_topic), kind.type, error,
+              [&s, decode = kind.decode](recording::ByteView bytes) { take_pose(s, decode(bytes)); });
 }
 
-bool read_near(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& error) {
+bool read_near(Ros2State& s, const SinkSettings& set, std::string& error) {
   if (set.near_topic.empty())
     return true;
   const std::string name = ros2::full_name(set.name_space, set.near_topic);
   if (set.near == NearType::boolean)
-    return read(self, self->state->near, name, "std_msgs/Bool", error,
-                [self](recording::ByteView bytes) { take_near(self, recording::decode_bool(bytes)); });
-  return read(self, self->state->near, name, "sensor_msgs/Range", error,
-              [self, distance = set.near_distance](recording::ByteView bytes) {
+    return read(s, s.near, name, "std_msgs/Bool", error,
+                [&s](recording::ByteView bytes) { take_near(s, recording::decode_bool(bytes)); });
+  return read(s, s.near, name, "sensor_msgs/Range", error,
+              [&s, distance = set.near_distance](recording::ByteView bytes) {
                 const auto range = recording::decode_range(bytes);
-                take_near(self, range ? std::optional(*range > distance) : std::nullopt);
+                take_near(s, range ? std::optional(*range > distance) : std::nullopt);
               });
 }
 
 // ---- the topics ------------------------------------------------------------------------------------------
 
-bool report(GstTerrainRos2Sink* self, const std::string& error) {
-  GST_ELEMENT_ERROR(self, RESOURCE, FAILED, ("%s.", error.c_str()), (nullptr));
+bool report(Ros2State& s, const std::string& error) {
+  GST_ELEMENT_ERROR(s.element, RESOURCE, FAILED, ("%s.", error.c_str()), (nullptr));
   return false;
 }
 
-bool open_topic(GstTerrainRos2Sink* self, Topic topic, std::string& error) {
-  Ros2State& s = *self->state;
+bool open_topic(Ros2State& s, Topic topic, std::string& error) {
   std::string name;
   {
-    ObjectLock lock(self);
+    ObjectLock lock(s.element);
     const char* chosen = s.names[static_cast<std::size_t>(topic)].c_str();
     if (!*chosen || s.outlet->writer(topic))
       return true;
@@ -264,8 +261,7 @@ bool open_topic(GstTerrainRos2Sink* self, Topic topic, std::string& error) {
 }
 
 /// Announces the topics as those of a node.
-bool announce(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& error) {
-  Ros2State& s = *self->state;
+bool announce(Ros2State& s, const SinkSettings& set, std::string& error) {
   if (set.distribution == Distribution::none)
     return true;
   if (!s.node) {
@@ -284,13 +280,12 @@ bool announce(GstTerrainRos2Sink* self, const SinkSettings& set, std::string& er
   return true;
 }
 
-SinkSettings settings_of(GstTerrainRos2Sink* self) {
-  ObjectLock lock(self);
-  return self->state->settings;
+SinkSettings settings_of(Ros2State& s) {
+  ObjectLock lock(s.element);
+  return s.settings;
 }
 
-void close_topics(GstTerrainRos2Sink* self) {
-  Ros2State& s = *self->state;
+void close_topics(Ros2State& s) {
   s.poses.reset(); // waits for a message in progress
   s.near.reset();
   const std::lock_guard lock(s.mutex);
@@ -301,9 +296,8 @@ void close_topics(GstTerrainRos2Sink* self) {
 }
 
 /// Creates everything that depends on the settings; the caller holds the mutex. Returns false after an error.
-bool make_topics(GstTerrainRos2Sink* self, const SinkSettings& set, const ros2::Discovery& discovery,
+bool make_topics(Ros2State& s, const SinkSettings& set, const ros2::Discovery& discovery,
                  recording::MessageOptions options, std::string& error) {
-  Ros2State& s = *self->state;
   s.participant = ros2::Participant::join(discovery, set.distribution != Distribution::none, error);
   if (!s.participant)
     return false;
@@ -315,112 +309,108 @@ bool make_topics(GstTerrainRos2Sink* self, const SinkSettings& set, const ros2::
     wanted.insert(wanted.end(), {Topic::tf, Topic::tf_static});
   s.messages.emplace(std::move(options));
   for (const Topic topic : wanted)
-    if (!open_topic(self, topic, error))
+    if (!open_topic(s, topic, error))
       return false;
-  return read_poses(self, set, error) && read_near(self, set, error) && announce(self, set, error);
+  return read_poses(s, set, error) && read_near(s, set, error) && announce(s, set, error);
 }
 
-bool open_topics(GstTerrainRos2Sink* self) {
-  Ros2State& s = *self->state;
-  const SinkSettings set = settings_of(self);
-  auto options = read_options(GST_ELEMENT(self), set.messages);
+bool open_topics(Ros2State& s) {
+  const SinkSettings set = settings_of(s);
+  auto options = read_options(s.element, set.messages);
   if (!options)
     return false;
   const auto get = +[](const char* name) -> const char* { return std::getenv(name); };
   std::string error;
   const auto discovery = ros2::discovery_from(get, error);
   if (!discovery)
-    return report(self, error);
+    return report(s, error);
   s.mount = options->mount.value_or(metric::Mount{});
   s.frames = s.taken = s.refused = 0;
   s.near_state = Ros2State::near_unknown;
   s.warned_metadata = s.warned_input = false;
   std::unique_lock lock(s.mutex);
-  const bool made = make_topics(self, set, *discovery, std::move(*options), error);
+  const bool made = make_topics(s, set, *discovery, std::move(*options), error);
   lock.unlock(); // a handler of the message may read `stats`
-  return made || report(self, error);
+  return made || report(s, error);
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
 
 /// The time of day of a frame: its own, or else the time at which it is due.
-std::uint64_t time_of(GstTerrainRos2Sink* self, GstBuffer* buffer) {
+std::uint64_t time_of(Ros2State& s, GstBuffer* buffer) {
   if (const auto utc = utc_of(buffer))
     return *utc;
   const auto now = static_cast<std::uint64_t>(g_get_real_time()) * 1000;
-  const GstClockTime due = running_time_of(GST_BASE_SINK(self)->segment, GST_BUFFER_PTS(buffer));
-  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
+  const GstClockTime due = running_time_of(GST_BASE_SINK(s.element)->segment, GST_BUFFER_PTS(buffer));
+  g_autoptr(GstClock) clock = gst_element_get_clock(s.element);
   if (!clock || !GST_CLOCK_TIME_IS_VALID(due))
     return now;
-  const GstClockTime running = gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(self));
+  const GstClockTime running = gst_clock_get_time(clock) - gst_element_get_base_time(s.element);
   return now - running + due;
 }
 
-GstFlowReturn send(GstTerrainRos2Sink* self, GstBuffer* buffer) {
-  Ros2State& s = *self->state;
+GstFlowReturn send(Ros2State& s, GstBuffer* buffer) {
   const FrameReader reader(buffer, s.kind, s.settings.messages.source.c_str());
   if (reader.has_b_frame()) {
     GST_ELEMENT_ERROR(
-        self, STREAM, FORMAT,
+        s.element, STREAM, FORMAT,
         ("The H.264 video has B-frames, which receivers of messages do not show. Set bframes=0 on "
          "x264enc, or the equivalent property of another encoder."),
         (nullptr));
     return GST_FLOW_ERROR;
   }
   if (reader.flaw() && !std::exchange(s.warned_metadata, true))
-    GST_ELEMENT_WARNING(self, STREAM, FORMAT, ("Invalid terrain metadata is not sent: %s.", reader.flaw()),
-                        (nullptr));
-  recording::MessageFrame frame = reader.frame(time_of(self, buffer));
+    GST_ELEMENT_WARNING(s.element, STREAM, FORMAT,
+                        ("Invalid terrain metadata is not sent: %s.", reader.flaw()), (nullptr));
+  recording::MessageFrame frame = reader.frame(time_of(s, buffer));
   const auto near = s.near_state.load();
   if (near != Ros2State::near_unknown)
     frame.near_clear = near == Ros2State::near_clear;
-  GST_LOG_OBJECT(self, "%s at %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT, reader.content(), frame.time,
+  GST_LOG_OBJECT(s.element, "%s at %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT, reader.content(), frame.time,
                  printable(buffer));
   ++s.frames;
   return s.messages->add(frame, *s.outlet) ? GST_FLOW_OK : GST_FLOW_ERROR;
 }
 
 GstFlowReturn render(GstBaseSink* sink, GstBuffer* buffer) {
-  return guarded(sink, GST_FLOW_ERROR, [&] { return send(self_of(sink), buffer); });
+  return guarded(sink, GST_FLOW_ERROR, [&] { return send(state_of(sink), buffer); });
 }
 
 gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
   GST_DEBUG_OBJECT(sink, "caps %" GST_PTR_FORMAT, printable(caps));
   return guarded<gboolean>(sink, FALSE, [&]() -> gboolean {
-    GstTerrainRos2Sink* self = self_of(sink);
-    Ros2State& s = *self->state;
+    Ros2State& s = state_of(sink);
     s.kind = kind_of(caps);
     if (s.kind == PictureKind::raw)
       return TRUE;
-    const SinkSettings set = settings_of(self);
+    const SinkSettings set = settings_of(s);
     std::string error;
     std::unique_lock lock(s.mutex);
-    const bool opened =
-        open_topic(self, s.kind == PictureKind::h264 ? Topic::video : Topic::picture, error) &&
-        announce(self, set, error);
+    const bool opened = open_topic(s, s.kind == PictureKind::h264 ? Topic::video : Topic::picture, error) &&
+                        announce(s, set, error);
     lock.unlock();
-    return opened || report(self, error);
+    return opened || report(s, error);
   });
 }
 
 gboolean start(GstBaseSink* sink) {
   return guarded<gboolean>(sink, FALSE, [&]() -> gboolean {
-    if (open_topics(self_of(sink)))
+    if (open_topics(state_of(sink)))
       return TRUE;
-    close_topics(self_of(sink));
+    close_topics(state_of(sink));
     return FALSE;
   });
 }
 
 gboolean stop(GstBaseSink* sink) {
-  close_topics(self_of(sink));
+  close_topics(state_of(sink));
   return TRUE;
 }
 
 // ---- the object ------------------------------------------------------------------------------------------
 
 GstStructure* statistics_of(gpointer object) {
-  Ros2State& s = *self_of(object)->state;
+  Ros2State& s = state_of(object);
   const std::lock_guard lock(s.mutex);
   GstStructure* all = gst_structure_new("terrainros2sink-stats", "frames", G_TYPE_UINT64, s.frames.load(),
                                         "messages-taken", G_TYPE_UINT64, s.taken.load(), "messages-refused",
@@ -482,14 +472,14 @@ void set_property(GObject* object, guint id, const GValue* value, GParamSpec* sp
     return set_in_table<GstTerrainRos2Sink, table>(object, id, value, spec);
   const gchar* text = g_value_get_string(value);
   ObjectLock lock(object);
-  self_of(object)->state->names.at(id - first_topic_id) = text ? text : "";
+  state_of(object).names.at(id - first_topic_id) = text ? text : "";
 }
 
 void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
   if (id < first_topic_id)
     return get_in_table<GstTerrainRos2Sink, table>(object, id, value, spec);
   ObjectLock lock(object);
-  const char* name = self_of(object)->state->names.at(id - first_topic_id).c_str();
+  const char* name = state_of(object).names.at(id - first_topic_id).c_str();
   g_value_set_static_string(value, *name ? name : nullptr);
 }
 
@@ -521,5 +511,6 @@ static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
 
 static void gst_terrain_ros2_sink_init(GstTerrainRos2Sink* self) {
   self->state.make();
+  self->state->element = GST_ELEMENT(self);
   gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
 }
