@@ -94,8 +94,7 @@ const Property<ExtractSettings> table[] = {
 
 } // namespace
 
-/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
-/// none.
+/// Everything behind the instance.
 struct ExtractState {
   GstElement* element = nullptr;
   GstPad *sink = nullptr, *src = nullptr;

@@ -29,8 +29,7 @@ const Property<OverlayElementSettings> table[] = {drawing[0], drawing[1], drawin
 
 } // namespace
 
-/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
-/// none.
+/// Everything behind the instance.
 struct OverlayState {
   OverlayElementSettings settings; // object lock
   GstVideoInfo info;               // streaming

@@ -17,8 +17,7 @@ GST_DEBUG_CATEGORY_STATIC(terrainscenesrc_debug);
 
 namespace terrainseg {
 
-/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
-/// none.
+/// Everything behind the instance.
 struct SceneSourceState {
   scene::Settings settings; // object lock
 
@@ -280,20 +279,13 @@ gboolean query(GstBaseSrc* source, GstQuery* query) {
     gst_query_parse_duration(query, &format, nullptr);
     gint frames = -1;
     g_object_get(source, "num-buffers", &frames, nullptr);
-    if (frames < 0 || GST_VIDEO_INFO_FPS_N(&info) == 0)
+    if (frames < 0 || GST_VIDEO_INFO_FPS_N(&info) == 0 ||
+        (format != GST_FORMAT_DEFAULT && format != GST_FORMAT_TIME))
       break;
-    if (format == GST_FORMAT_DEFAULT) {
-      gst_query_set_duration(query, format, frames);
-      return TRUE;
-    }
-    if (format == GST_FORMAT_TIME) {
-      gst_query_set_duration(query, format,
-                             static_cast<gint64>(gst_util_uint64_scale(
-                                 static_cast<guint64>(frames), GST_VIDEO_INFO_FPS_D(&info) * GST_SECOND,
-                                 GST_VIDEO_INFO_FPS_N(&info))));
-      return TRUE;
-    }
-    break;
+    gint64 duration = 0;
+    gst_video_info_convert(&info, GST_FORMAT_DEFAULT, frames, format, &duration);
+    gst_query_set_duration(query, format, duration);
+    return TRUE;
   }
   default:
     break;

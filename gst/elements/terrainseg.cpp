@@ -38,11 +38,13 @@ struct Streaming {
   GstVideoInfo info;
   std::optional<ColorSpace> space; ///< of the caps
   std::string stream_id;
-  bool fresh = true;    ///< no frame since the start
-  Once<> misfit;        ///< video, terrain or calibration that does not fit
-  Once<> training_flaw; ///< of training pixels
-  Once<> veto_flaw;     ///< of vetoed pixels
-  Once<> still_window;
+  bool fresh = true; ///< no frame since the start
+  struct {
+    Once<> misfit;        ///< video, terrain or calibration that does not fit
+    Once<> training_flaw; ///< of training pixels
+    Once<> veto_flaw;     ///< of vetoed pixels
+    Once<> still_window;
+  } told; ///< since the start
   ColourWatch colours;
   TrainingReader training;
   VetoReader veto;
@@ -273,10 +275,7 @@ gboolean start(GstBaseTransform* transform) {
       return FALSE;
     s.fresh = true;
     s.announcer.reset();
-    s.training_flaw.again();
-    s.veto_flaw.again();
-    s.still_window.again();
-    s.misfit.again();
+    s.told = {};
     s.colours = {};
     s.summary = {};
     const bool is_new = shared.learned.start(s.settings.values().core);
@@ -325,7 +324,7 @@ bool check_terrain(GstBaseTransform* transform, Streaming& s, const ColorSpace& 
   if (!foreign)
     return true;
   if (!s.space) { // what the user asked for cannot be had; later it is the stream that changed
-    if (s.misfit.first())
+    if (s.told.misfit.first())
       GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
                         ("%s Convert the video before terrainseg, or use another terrain.", foreign->c_str()),
                         ("caps %" GST_PTR_FORMAT, printable(caps)));
@@ -349,7 +348,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
     }
     if (!may_be_progressive(info)) {
       const std::string mode = gst_video_interlace_mode_to_string(GST_VIDEO_INFO_INTERLACE_MODE(&info));
-      if (s.misfit.first()) // upstream tries other caps, again and again
+      if (s.told.misfit.first()) // upstream tries other caps, again and again
         report_interlaced(transform, ("interlace-mode=" + mode).c_str());
       return FALSE;
     }
@@ -543,9 +542,9 @@ bool label(GstBaseTransform* transform, GstBuffer* buffer, const MappedFrame& ma
     return false;
   }
   const Supervision supervision =
-      read_pixels(transform, s.info, buffer, s.training, s.training_flaw, "training pixels");
+      read_pixels(transform, s.info, buffer, s.training, s.told.training_flaw, "training pixels");
   s.veto.choose(set.veto_roi_types);
-  const Veto veto = read_pixels(transform, s.info, buffer, s.veto, s.veto_flaw, "veto");
+  const Veto veto = read_pixels(transform, s.info, buffer, s.veto, s.told.veto_flaw, "veto");
   const Status status = run(transform, buffer, frame, supervision, veto,
                             {{mask.data(), width}, width, height}, boundary.data(), outcome);
   s.training.release();
@@ -564,7 +563,7 @@ bool label(GstBaseTransform* transform, GstBuffer* buffer, const MappedFrame& ma
 }
 
 void post_message(GstBaseTransform* transform, Streaming& s, GstBuffer* buffer, const Estimate& estimate) {
-  if ((estimate.flags & flag_window_still) && s.still_window.first())
+  if ((estimate.flags & flag_window_still) && s.told.still_window.first())
     GST_ELEMENT_WARNING(GST_ELEMENT(transform), STREAM, FAILED,
                         ("The training window does not change, but the picture above it does: it shows the "
                          "vehicle or a still picture. Move it onto the ground (window-bottom, window-rect)."),
@@ -602,7 +601,7 @@ bool check_shape(GstBaseTransform* transform, Streaming& s) {
   if (s.shape_flaw.empty())
     return true;
   if (s.fresh) { // what the user asked for cannot be had; later it is the stream that changed
-    if (s.misfit.first())
+    if (s.told.misfit.first())
       GST_ELEMENT_ERROR(GST_ELEMENT(transform), STREAM, WRONG_TYPE,
                         ("The calibration \"%s\" of property camera-info does not fit: %s.",
                          s.settings.values().camera_info.c_str(), s.shape_flaw.c_str()),

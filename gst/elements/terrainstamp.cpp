@@ -36,8 +36,7 @@ const Property<StampSettings> stamp_table[] = {
 
 } // namespace
 
-/// Everything behind the instance. "streaming": touched by the streaming thread alone, or while there is
-/// none.
+/// Everything behind the instance.
 struct StampState {
   GstElement* element = nullptr;
   StampSettings settings; // object lock

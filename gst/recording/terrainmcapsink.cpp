@@ -12,8 +12,10 @@
 #include "recording/recording_file.hpp"
 #include "recording/terrain_recording.hpp"
 #include "support/element.hpp"
+#include "support/meta.hpp"
 #include "support/segment_time.hpp"
 #include "support/wall_clock.hpp"
+#include "terrainseg_config.h"
 
 GST_DEBUG_CATEGORY_STATIC(terrainmcapsink_debug);
 #define GST_CAT_DEFAULT terrainmcapsink_debug
@@ -103,7 +105,7 @@ class RecordingClock {
 
 } // namespace
 
-/// The state of an element. "streaming": used only by the streaming thread, or while it does not run.
+/// Everything behind the instance.
 struct SinkState {
   GstElement* element = nullptr;
   SinkSettings settings; // under the object lock
@@ -343,3 +345,12 @@ static void gst_terrain_mcap_sink_init(GstTerrainMcapSink* self) {
   gst_base_sink_set_sync(GST_BASE_SINK(self), FALSE); // a file is written as fast as frames come
   gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
 }
+
+// A separate plugin, so that the main one does not depend on zstd.
+static gboolean plugin_init(GstPlugin* plugin) {
+  return terrainseg::register_metas() && GST_ELEMENT_REGISTER(terrainmcapsink, plugin);
+}
+
+GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, terrainmcap,
+                  "Records terrain metadata for Foxglove and ROS 2", plugin_init, TERRAINSEG_VERSION, "LGPL",
+                  "terrainseg", TERRAINSEG_ORIGIN)

@@ -17,8 +17,10 @@
 #include "ros2/outlet.hpp"
 #include "ros2/participant.hpp"
 #include "support/element.hpp"
+#include "support/meta.hpp"
 #include "support/segment_time.hpp"
 #include "support/wall_clock.hpp"
+#include "terrainseg_config.h"
 
 GST_DEBUG_CATEGORY_STATIC(terrainros2sink_debug);
 #define GST_CAT_DEFAULT terrainros2sink_debug
@@ -81,7 +83,7 @@ static_assert(std::size(topics) == topic_count);
 
 } // namespace
 
-/// The state of an element. "streaming": used only by the streaming thread, or while it does not run.
+/// Everything behind the instance.
 struct Ros2State {
   GstElement* element = nullptr;
   SinkSettings settings;                       // under the object lock
@@ -172,10 +174,8 @@ std::optional<GstClockTime> running_time_at(Ros2State& s, std::uint64_t utc) {
 }
 
 void take_pose(Ros2State& s, std::optional<recording::Attitude> attitude) {
-  if (!attitude) {
-    refuse(s, "pose-topic");
-    return;
-  }
+  if (!attitude)
+    return refuse(s, "pose-topic");
   ++s.taken;
   const auto time = running_time_at(s, attitude->time);
   if (!time)
@@ -187,10 +187,8 @@ void take_pose(Ros2State& s, std::optional<recording::Attitude> attitude) {
 }
 
 void take_near(Ros2State& s, std::optional<bool> clear) {
-  if (!clear) {
-    refuse(s, "near-clear-topic");
-    return;
-  }
+  if (!clear)
+    return refuse(s, "near-clear-topic");
   ++s.taken;
   const auto state = *clear ? Ros2State::near_clear : Ros2State::near_blocked;
   if (s.near_state.exchange(state) != state)
@@ -514,3 +512,12 @@ static void gst_terrain_ros2_sink_init(GstTerrainRos2Sink* self) {
   self->state->element = GST_ELEMENT(self);
   gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
 }
+
+// A separate plugin, so that the main one does not depend on Cyclone DDS.
+static gboolean plugin_init(GstPlugin* plugin) {
+  return terrainseg::register_metas() && GST_ELEMENT_REGISTER(terrainros2sink, plugin);
+}
+
+GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, terrainros2,
+                  "Terrain metadata as ROS 2 topics over DDS", plugin_init, TERRAINSEG_VERSION, "LGPL",
+                  "terrainseg", TERRAINSEG_ORIGIN)

@@ -40,10 +40,10 @@ class MappedBuffer {
   bool mapped_ = false;
 };
 
-struct BufferUnref {
-  void operator()(GstBuffer* buffer) const { gst_buffer_unref(buffer); }
+struct ObjectUnref {
+  void operator()(gpointer object) const { gst_mini_object_unref(GST_MINI_OBJECT_CAST(object)); }
 };
-using OwnedBuffer = std::unique_ptr<GstBuffer, BufferUnref>;
+using OwnedBuffer = std::unique_ptr<GstBuffer, ObjectUnref>;
 
 /// A pool of buffers of one size. It grows to the number of buffers in flight and then allocates no more.
 class SmallPool {

@@ -23,15 +23,11 @@ class ColourWatch {
   bool see(const GstVideoFrame& frame) {
     if (told_ || GST_VIDEO_FRAME_N_COMPONENTS(&frame) < 3) // grey formats have no colour
       return false;
-    switch (look(frame)) {
-    case Look::coloured:
+    const Look seen = look(frame);
+    if (seen == Look::coloured)
       grey_ = 0;
+    if (seen != Look::grey)
       return false;
-    case Look::flat:
-      return false;
-    case Look::grey:
-      break;
-    }
     told_ = ++grey_ >= frames_before_news;
     return told_;
   }

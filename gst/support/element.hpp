@@ -61,7 +61,8 @@ inline void* printable(void* object) {
 
 /// The member `state` of an instance struct. GObject zeroes the memory and calls no constructor: call make()
 /// in init and init_class() in class_init. The init function of an instance cannot fail, so the constructor
-/// of the state must not allocate.
+/// of the state must not allocate. "streaming" in a state: touched by the streaming thread alone, or while
+/// there is none.
 template <class State> class InstanceState {
  public:
   void make() noexcept {

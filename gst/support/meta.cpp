@@ -4,8 +4,6 @@
 #include <gst/terrainseg/terrainsegmeta.h>
 #include <gst/video/video.h>
 
-#include <algorithm>
-
 #include "support/buffers.hpp"
 
 namespace terrainseg {

@@ -21,10 +21,6 @@ inline constexpr Time default_tolerance = 10 * GST_MSECOND;
 /// Longer durations are invalid.
 inline constexpr Time most_tolerance = 1800 * Time{GST_SECOND};
 
-struct ObjectUnref {
-  void operator()(gpointer object) const { gst_mini_object_unref(GST_MINI_OBJECT_CAST(object)); }
-};
-
 /// A frame or a serialized event on its way through.
 struct Item {
   std::unique_ptr<GstMiniObject, ObjectUnref> object;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "elements/terraincombine/units.hpp"
 
-#include <algorithm>
 #include <cstdlib>
 #include <iterator>
 #include <utility>

@@ -46,16 +46,11 @@ void warn_unused(GstElement* element, const std::string& names, bool free_space)
 bool FrameSettings::start(GstElement* element, Shared& shared) {
   if (!read_file(element, shared))
     return false;
-  std::optional<SettingsError> error;
-  std::string unused;
   {
     const Lock lock(shared.mutex);
     shared.book.forget_told();
-    error = shared.book.error();
-    unused = shared.book.take_unused();
-    values_ = shared.book.settings();
-    sequence_ = shared.book.sequence();
   }
+  const auto error = take(element, shared);
   if (error) {
     GST_ELEMENT_ERROR(element, LIBRARY, SETTINGS,
                       ("Property %s cannot be %s: %s.", error->property.c_str(), error->value.c_str(),
@@ -64,7 +59,6 @@ bool FrameSettings::start(GstElement* element, Shared& shared) {
                        error->reason.c_str()));
     return false;
   }
-  warn_unused(element, unused, values_.core.free_space);
   configured_sequence_ = sequence_;
   configured_learnable_ = true;
   fitted_sequence_ = 0;
@@ -74,32 +68,33 @@ bool FrameSettings::start(GstElement* element, Shared& shared) {
 }
 
 void FrameSettings::update(GstElement* element, Shared& shared, const GstVideoInfo& info) {
-  refresh(element, shared);
-  fit_window(element, GST_VIDEO_INFO_WIDTH(&info), GST_VIDEO_INFO_HEIGHT(&info));
-  check_vanishing_row(element, GST_VIDEO_INFO_HEIGHT(&info));
-}
-
-void FrameSettings::refresh(GstElement* element, Shared& shared) {
-  std::optional<SettingsError> error;
-  std::string unused;
-  {
-    const Lock lock(shared.mutex);
-    if (sequence_ == shared.book.sequence())
-      return;
-    sequence_ = shared.book.sequence();
-    error = shared.book.error();
-    if (!error) {
-      values_ = shared.book.settings();
-      unused = shared.book.take_unused();
-    }
-  }
-  warn_unused(element, unused, values_.core.free_space);
+  const auto error = is_current(shared) ? std::nullopt : take(element, shared);
   if (error)
     GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
                         ("Property %s cannot be %s: %s. The previous values are kept.",
                          error->property.c_str(), error->value.c_str(), error->reason.c_str()),
                         ("property %s, value %s, rule: %s", error->property.c_str(), error->value.c_str(),
                          error->reason.c_str()));
+  fit_window(element, GST_VIDEO_INFO_WIDTH(&info), GST_VIDEO_INFO_HEIGHT(&info));
+  check_vanishing_row(element, GST_VIDEO_INFO_HEIGHT(&info));
+}
+
+std::optional<SettingsError> FrameSettings::take(GstElement* element, Shared& shared) {
+  Lock lock(shared.mutex);
+  sequence_ = shared.book.sequence();
+  auto error = shared.book.error();
+  if (error)
+    return error;
+  values_ = shared.book.settings();
+  const std::string unused = shared.book.take_unused();
+  lock.unlock();
+  warn_unused(element, unused, values_.core.free_space);
+  return error;
+}
+
+bool FrameSettings::is_current(Shared& shared) const {
+  const Lock lock(shared.mutex);
+  return sequence_ == shared.book.sequence();
 }
 
 /// Moves and cuts a window that does not fit the frame: a stream may shrink at any time.

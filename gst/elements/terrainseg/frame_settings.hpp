@@ -33,7 +33,9 @@ class FrameSettings {
   void configure(Segmenter& segmenter, bool learnable);
 
  private:
-  void refresh(GstElement* element, Shared& shared);
+  /// Takes the values of the book. Returns what is wrong with them: then the previous ones are kept.
+  std::optional<SettingsError> take(GstElement* element, Shared& shared);
+  bool is_current(Shared& shared) const;
   void fit_window(GstElement* element, int width, int height);
   void check_vanishing_row(GstElement* element, int height);
 

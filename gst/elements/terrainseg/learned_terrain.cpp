@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "elements/terrainseg/learned_terrain.hpp"
 
-#include <algorithm>
-#include <utility>
-
 namespace terrainseg {
 namespace {
 

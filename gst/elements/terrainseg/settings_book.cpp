@@ -346,14 +346,17 @@ template <class Change> SettingsBook::Ids SettingsBook::changed_by(Change change
 }
 
 void SettingsBook::apply(guint id, const GValue* value, Layer layer) {
-  if (is_row(id))
-    return apply_row(id, value, layer);
   if (id == id_of(special_stages))
     return apply_stages(g_value_get_flags(value), layer);
   if (layer == Layer::file && explicit_.test(id))
     return;
   (layer == Layer::user ? explicit_ : from_file_).set(id);
-  if (id == id_of(special_preset))
+  if (is_row(id)) {
+    const Setting& row = row_of(id);
+    if (row.kind == SettingKind::fraction)
+      as_set_[id] = g_value_get_double(value);
+    row.set(settings_.core, kept(row, value));
+  } else if (id == id_of(special_preset))
     choose_preset(static_cast<Preset>(g_value_get_enum(value)));
   else if (id == id_of(special_window_rect))
     set_window_rect(g_value_get_string(value));
@@ -363,16 +366,6 @@ void SettingsBook::apply(guint id, const GValue* value, Layer layer) {
     own_of(id).set(settings_, value);
 }
 
-void SettingsBook::apply_row(guint id, const GValue* value, Layer layer) {
-  if (layer == Layer::file && explicit_.test(id))
-    return;
-  (layer == Layer::user ? explicit_ : from_file_).set(id);
-  const Setting& row = row_of(id);
-  if (row.kind == SettingKind::fraction)
-    as_set_[id] = g_value_get_double(value);
-  row.set(settings_.core, kept(row, value));
-}
-
 void SettingsBook::apply_stages(guint flags, Layer layer) {
   GValue value = G_VALUE_INIT;
   g_value_init(&value, G_TYPE_BOOLEAN);
@@ -380,7 +373,7 @@ void SettingsBook::apply_stages(guint flags, Layer layer) {
   for (guint id = 1; id <= row_count(); ++id)
     if (row_of(id).stage) {
       g_value_set_boolean(&value, (flags & bit) != 0);
-      apply_row(id, &value, layer);
+      apply(id, &value, layer);
       bit <<= 1;
     }
 }

@@ -82,7 +82,6 @@ class SettingsBook {
   template <class Change> Ids changed_by(Change change);
   Ids pinned() const { return explicit_ | from_file_; }
   void apply(guint id, const GValue* value, Layer layer);
-  void apply_row(guint id, const GValue* value, Layer layer);
   void apply_stages(guint flags, Layer layer);
   void choose_preset(Preset preset);
   void set_ignore_regions(const GValue* value);
