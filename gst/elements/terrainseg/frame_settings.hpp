@@ -6,16 +6,49 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "elements/terrainseg/settings_book.hpp"
+#include "elements/terrainseg/shared.hpp"
 #include "support/warnings.hpp"
 #include "support/window_request.hpp"
 #include "terrainseg/segmenter.hpp"
 
 namespace terrainseg {
 
-struct Shared;
+/// Reads the file of settings-location. False after an error was posted.
+inline bool read_file(GstElement* element, Shared& shared) {
+  SettingsFile file;
+  {
+    const Lock lock(shared.mutex);
+    file.path = shared.book.settings().settings_location;
+  }
+  if (!file.path.empty())
+    file = read_settings_file(file.path);
+  std::optional<SettingsError> wrong;
+  SettingsBook::Ids changed;
+  if (file.error.empty()) {
+    const Lock lock(shared.mutex);
+    wrong = shared.book.take_file(file, changed);
+  }
+  SettingsBook::notify(element, changed);
+  const std::string reason = wrong ? "key " + wrong->message() : file.error;
+  if (!reason.empty())
+    GST_ELEMENT_ERROR(element, RESOURCE, SETTINGS,
+                      ("The settings file \"%s\" of property settings-location cannot be used: %s.",
+                       file.path.c_str(), reason.c_str()),
+                      ("property settings-location, value \"%s\": %s", file.path.c_str(), reason.c_str()));
+  return reason.empty();
+}
+
+inline void warn_unused(GstElement* element, const std::string& names, bool free_space) {
+  if (!names.empty())
+    GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
+                        ("Properties without effect: %s. The %s pipeline does not use them.", names.c_str(),
+                         free_space ? "default" : "paper's"),
+                        ("properties %s", names.c_str()));
+}
 
 /// A snapshot of the book, its window fitted to the frame, and what of it the segmenter has. Used by the
 /// streaming thread alone, or while there is none.
@@ -24,20 +57,99 @@ class FrameSettings {
   const ElementSettings& values() const { return values_; }
 
   /// Reads the file of settings-location and takes the first snapshot. False after an error was posted.
-  bool start(GstElement* element, Shared& shared);
+  bool start(GstElement* element, Shared& shared) {
+    if (!read_file(element, shared))
+      return false;
+    {
+      const Lock lock(shared.mutex);
+      shared.book.forget_told();
+    }
+    const auto error = take(element, shared);
+    if (error) {
+      GST_ELEMENT_ERROR(element, LIBRARY, SETTINGS,
+                        ("Property %s cannot be %s: %s.", error->property.c_str(), error->value.c_str(),
+                         error->reason.c_str()),
+                        ("property %s, value %s, rule: %s", error->property.c_str(), error->value.c_str(),
+                         error->reason.c_str()));
+      return false;
+    }
+    configured_sequence_ = sequence_;
+    configured_learnable_ = true;
+    fitted_sequence_ = 0;
+    misfit_.again();
+    line_.again();
+    return true;
+  }
   /// Takes properties that changed since the last frame, and fits them to the frame. Contradictory values are
   /// reported, and the previous ones are kept.
-  void update(GstElement* element, Shared& shared, const GstVideoInfo& info);
+  void update(GstElement* element, Shared& shared, const GstVideoInfo& info) {
+    const auto error = is_current(shared) ? std::nullopt : take(element, shared);
+    if (error)
+      GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
+                          ("Property %s cannot be %s: %s. The previous values are kept.",
+                           error->property.c_str(), error->value.c_str(), error->reason.c_str()),
+                          ("property %s, value %s, rule: %s", error->property.c_str(), error->value.c_str(),
+                           error->reason.c_str()));
+    fit_window(element, GST_VIDEO_INFO_WIDTH(&info), GST_VIDEO_INFO_HEIGHT(&info));
+    check_vanishing_row(element, GST_VIDEO_INFO_HEIGHT(&info));
+  }
   /// Gives the segmenter its settings when they changed. A frame that is not learnable is scored all the
   /// same.
-  void configure(Segmenter& segmenter, bool learnable);
+  void configure(Segmenter& segmenter, bool learnable) {
+    if (configured_sequence_ == sequence_ && configured_learnable_ == learnable)
+      return;
+    Settings wanted = fitted_;
+    wanted.learning = wanted.learning && learnable;
+    segmenter.configure(wanted);
+    configured_sequence_ = sequence_;
+    configured_learnable_ = learnable;
+  }
 
  private:
   /// Takes the values of the book. Returns what is wrong with them: then the previous ones are kept.
-  std::optional<SettingsError> take(GstElement* element, Shared& shared);
-  bool is_current(Shared& shared) const;
-  void fit_window(GstElement* element, int width, int height);
-  void check_vanishing_row(GstElement* element, int height);
+  std::optional<SettingsError> take(GstElement* element, Shared& shared) {
+    Lock lock(shared.mutex);
+    sequence_ = shared.book.sequence();
+    auto error = shared.book.error();
+    if (error)
+      return error;
+    values_ = shared.book.settings();
+    const std::string unused = shared.book.take_unused();
+    lock.unlock();
+    warn_unused(element, unused, values_.core.free_space);
+    return error;
+  }
+  bool is_current(Shared& shared) const {
+    const Lock lock(shared.mutex);
+    return sequence_ == shared.book.sequence();
+  }
+  /// Moves and cuts a window that does not fit the frame: a stream may shrink at any time.
+  void fit_window(GstElement* element, int width, int height) {
+    const Settings& set = values_.core;
+    const WindowRequest request{
+        set.window_width, set.window_height, set.window_bottom, set.window_x, width, height};
+    if (fitted_sequence_ == sequence_ && request_ == request)
+      return;
+    fitted_sequence_ = sequence_;
+    request_ = request;
+    configured_sequence_ = 0; // the segmenter has older ones
+    fitted_ = with_fitting_window(set, width, height);
+    if (fitted_ != set && misfit_.first(request))
+      TERRAINSEG_POST_WARNING(
+          element, LIBRARY, SETTINGS,
+          window_warning(request, fitted_, " Use window-rect for a window that scales with the frame."));
+  }
+  void check_vanishing_row(GstElement* element, int height) {
+    const int row = values_.core.vanishing_row;
+    if (row < height || !line_.first({row, height}))
+      return;
+    GST_ELEMENT_WARNING(
+        element, LIBRARY, SETTINGS,
+        ("vanishing-row = %d is below the last of %d rows and is ignored: set the row of the frame at "
+         "which level ground would end.",
+         row, height),
+        ("property vanishing-row, value %d", row));
+  }
 
   ElementSettings values_;
   std::uint64_t sequence_ = 0;            ///< of values_
