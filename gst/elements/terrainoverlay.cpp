@@ -91,11 +91,6 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
   return TRUE;
 }
 
-PaintStyle style_of(gpointer object, const OverlayState& s) {
-  ObjectLock lock(object);
-  return s.settings.drawing.paint();
-}
-
 /// Says that nothing can be seen, when no frame had metadata.
 void warn_bare(GstBaseTransform* transform, const OverlayState& s) {
   TERRAINSEG_POST_WARNING(
@@ -111,7 +106,11 @@ gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
 }
 
 GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buffer) {
-  const PaintStyle style = style_of(transform, s);
+  PaintStyle style;
+  {
+    ObjectLock lock(transform);
+    style = s.settings.drawing.paint();
+  }
   const EstimateReader reader(buffer, s.settings.source.c_str());
   GST_LOG_OBJECT(transform, "%s: %" GST_PTR_FORMAT,
                  reader           ? "draws on"

@@ -20,14 +20,9 @@ gboolean propose_allocation(GstBaseSink*, GstQuery* query) {
 
 } // namespace
 
-void init_message_sink_class(gpointer klass, const MessageSinkFunctions& functions) {
+void init_message_sink_class(gpointer klass) {
   gst_element_class_add_static_pad_template(GST_ELEMENT_CLASS(klass), &sink_template);
-  GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
-  sink_class->start = functions.start;
-  sink_class->stop = functions.stop;
-  sink_class->set_caps = functions.set_caps;
-  sink_class->render = functions.render;
-  sink_class->propose_allocation = propose_allocation;
+  GST_BASE_SINK_CLASS(klass)->propose_allocation = propose_allocation;
 }
 
 PictureKind kind_of(const GstCaps* caps) {

@@ -20,16 +20,8 @@ namespace terrainseg {
 enum class PictureKind : std::uint8_t { raw, h264, jpeg };
 PictureKind kind_of(const GstCaps* caps);
 
-/// Virtual functions of such a sink.
-struct MessageSinkFunctions {
-  gboolean (*start)(GstBaseSink*);
-  gboolean (*stop)(GstBaseSink*);
-  gboolean (*set_caps)(GstBaseSink*, GstCaps*);
-  GstFlowReturn (*render)(GstBaseSink*, GstBuffer*);
-};
-/// Sets the functions, and the pad for raw, H.264 and JPEG video. Upstream need not map or copy pixels: none
-/// are read.
-void init_message_sink_class(gpointer klass, const MessageSinkFunctions& functions);
+/// Adds the pad for raw, H.264 and JPEG video. Upstream need not map or copy pixels: none are read.
+void init_message_sink_class(gpointer klass);
 
 /// The settings of both sinks.
 struct MessageSettings {

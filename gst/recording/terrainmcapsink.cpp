@@ -335,8 +335,13 @@ static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
   init_class<GstTerrainMcapSink, gst_terrain_mcap_sink_parent_class, table>(
       klass, {"Terrain recorder", "Sink/File/Metadata/Video",
               "Records video and terrain metadata as MCAP, for Foxglove and ROS 2"});
-  init_message_sink_class(klass, {start, stop, set_caps, render});
-  GST_BASE_SINK_CLASS(klass)->event = take_event;
+  init_message_sink_class(klass);
+  GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
+  sink_class->start = start;
+  sink_class->stop = stop;
+  sink_class->set_caps = set_caps;
+  sink_class->render = render;
+  sink_class->event = take_event;
 }
 
 static void gst_terrain_mcap_sink_init(GstTerrainMcapSink* self) {

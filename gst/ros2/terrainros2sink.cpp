@@ -500,7 +500,12 @@ static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
   init_class<GstTerrainRos2Sink, gst_terrain_ros2_sink_parent_class, table>(
       klass, {"ROS 2 sink", "Sink/Network/Metadata/Video",
               "Sends terrain metadata and video as ROS 2 topics over DDS"});
-  init_message_sink_class(klass, {start, stop, set_caps, render});
+  init_message_sink_class(klass);
+  GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
+  sink_class->start = start;
+  sink_class->stop = stop;
+  sink_class->set_caps = set_caps;
+  sink_class->render = render;
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->set_property = set_property;
   object_class->get_property = get_property;

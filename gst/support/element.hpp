@@ -111,18 +111,14 @@ void get_in_table(GObject* object, guint id, GValue* value, GParamSpec* spec) {
 struct ElementTexts {
   const char *name, *classification, *description;
 };
-inline void set_texts(gpointer klass, const ElementTexts& texts) {
-  gst_element_class_set_static_metadata(GST_ELEMENT_CLASS(klass), texts.name, texts.classification,
-                                        texts.description, "The terrainseg developers");
-}
-
 /// Sets what every element sets of its class; `parent_class` is defined by G_DEFINE_TYPE.
 template <class Self, gpointer& parent_class> void init_class(gpointer klass, const ElementTexts& texts) {
   G_OBJECT_CLASS(klass)->finalize = [](GObject* object) {
     std::destroy_at(&*reinterpret_cast<Self*>(object)->state);
     G_OBJECT_CLASS(parent_class)->finalize(object);
   };
-  set_texts(klass, texts);
+  gst_element_class_set_static_metadata(GST_ELEMENT_CLASS(klass), texts.name, texts.classification,
+                                        texts.description, "The terrainseg developers");
 }
 /// And the properties of a table.
 template <class Self, gpointer& parent_class, const auto& table>

@@ -111,17 +111,14 @@ bool attach(GstBuffer* buffer, const Estimate& e, GstBuffer* mask, GstBuffer* bo
   set_uint(fields, "horizon-confidence"_field, e.horizon_confidence);
   set_double(fields, "vanishing-row"_field, e.vanishing_row < 0 ? -1 : e.vanishing_row / 65536.0);
   set_double(fields, "speed-over-height"_field, e.speed_over_height / 65536.0);
-  if (mask)
-    set_buffer(fields, "mask"_field, mask);
+  set_buffer(fields, "mask"_field, mask);
   set_uint(fields, "confidence"_field, e.confidence);
-  if (confidence_map)
-    set_buffer(fields, "confidence-map"_field, confidence_map);
+  set_buffer(fields, "confidence-map"_field, confidence_map);
   set_int(fields, "mask-x"_field, e.mask_region.x);
   set_int(fields, "mask-y"_field, e.mask_region.y);
   set_int(fields, "mask-w"_field, e.mask_region.width);
   set_int(fields, "mask-h"_field, e.mask_region.height);
-  if (boundary)
-    set_buffer(fields, "boundary"_field, boundary);
+  set_buffer(fields, "boundary"_field, boundary);
   set_uint(fields, "traversable-permille"_field, e.traversable_permille);
   set_int(fields, "window-x"_field, e.window.x);
   set_int(fields, "window-y"_field, e.window.y);

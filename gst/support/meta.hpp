@@ -65,9 +65,10 @@ inline void set_uint64(GstStructure* fields, GQuark name, std::uint64_t v) {
 inline void set_double(GstStructure* fields, GQuark name, double v) {
   set(fields, name, G_TYPE_DOUBLE, [&](GValue* value) { g_value_set_double(value, v); });
 }
-/// The structure takes its own reference.
+/// Nothing for nullptr. The structure takes its own reference.
 inline void set_buffer(GstStructure* fields, GQuark name, GstBuffer* v) {
-  set(fields, name, GST_TYPE_BUFFER, [&](GValue* value) { g_value_set_boxed(value, v); });
+  if (v)
+    set(fields, name, GST_TYPE_BUFFER, [&](GValue* value) { g_value_set_boxed(value, v); });
 }
 /// `v` must be static or interned.
 inline void set_static_string(GstStructure* fields, GQuark name, const char* v) {

@@ -73,19 +73,23 @@ template <class S> struct Property {
   Field<S> field;
 };
 
-/// The functions of GObject for the values of a number.
-template <class Number> struct NumberFunctions;
-template <> struct NumberFunctions<int> {
+/// The functions of GObject for values that are no enumeration and no text.
+template <class Value> struct ValueFunctions;
+template <> struct ValueFunctions<bool> {
+  static constexpr auto get = g_value_get_boolean;
+  static constexpr auto set = g_value_set_boolean;
+};
+template <> struct ValueFunctions<int> {
   static constexpr auto spec = g_param_spec_int;
   static constexpr auto get = g_value_get_int;
   static constexpr auto set = g_value_set_int;
 };
-template <> struct NumberFunctions<std::uint32_t> {
+template <> struct ValueFunctions<std::uint32_t> {
   static constexpr auto spec = g_param_spec_uint;
   static constexpr auto get = g_value_get_uint;
   static constexpr auto set = g_value_set_uint;
 };
-template <> struct NumberFunctions<double> {
+template <> struct ValueFunctions<double> {
   static constexpr auto spec = g_param_spec_double;
   static constexpr auto get = g_value_get_double;
   static constexpr auto set = g_value_set_double;
@@ -124,22 +128,18 @@ template <auto... path> constexpr Field<OwnerOf<path...>> field(double low = 0, 
       const Value kept = member<path...>(s);
       g_value_set_enum(value, static_cast<int>(kept));
     };
-  } else if constexpr (std::is_same_v<Value, bool>) {
-    made.spec = [](const Property<S>& p) {
-      const S standard;
-      return g_param_spec_boolean(p.name, p.nick, p.blurb, member<path...>(standard), p.flags);
-    };
-    made.set = [](S& s, const GValue* value) { member<path...>(s) = g_value_get_boolean(value); };
-    made.get = [](const S& s, GValue* value) { g_value_set_boolean(value, member<path...>(s)); };
   } else if constexpr (std::is_arithmetic_v<Value>) {
-    using Number = NumberFunctions<Value>;
+    using Functions = ValueFunctions<Value>;
     made.spec = [](const Property<S>& p) {
       const S standard;
-      return Number::spec(p.name, p.nick, p.blurb, static_cast<Value>(p.field.low),
-                          static_cast<Value>(p.field.high), member<path...>(standard), p.flags);
+      if constexpr (std::is_same_v<Value, bool>)
+        return g_param_spec_boolean(p.name, p.nick, p.blurb, member<path...>(standard), p.flags);
+      else
+        return Functions::spec(p.name, p.nick, p.blurb, static_cast<Value>(p.field.low),
+                               static_cast<Value>(p.field.high), member<path...>(standard), p.flags);
     };
-    made.set = [](S& s, const GValue* value) { member<path...>(s) = Number::get(value); };
-    made.get = [](const S& s, GValue* value) { Number::set(value, member<path...>(s)); };
+    made.set = [](S& s, const GValue* value) { member<path...>(s) = Functions::get(value); };
+    made.get = [](const S& s, GValue* value) { Functions::set(value, member<path...>(s)); };
   } else {
     made.spec = [](const Property<S>& p) {
       return g_param_spec_string(p.name, p.nick, p.blurb, nullptr, p.flags);

@@ -103,14 +103,10 @@ bool LearnedTerrain::was_loaded() {
   return loaded_by_signal_;
 }
 
-void LearnedTerrain::drop_loaded() {
-  loaded_.reset();
-  loaded_by_signal_ = false;
-}
-
 void LearnedTerrain::discard_loaded() {
   const Lock lock(mutex_);
-  drop_loaded();
+  loaded_.reset();
+  loaded_by_signal_ = false;
 }
 
 std::optional<std::string> LearnedTerrain::foreign(const ColorSpace& space) {
@@ -124,7 +120,8 @@ std::optional<std::string> LearnedTerrain::foreign(const ColorSpace& space) {
 void LearnedTerrain::reset() {
   Lock lock(mutex_);
   wait_for_frame(lock);
-  drop_loaded();
+  loaded_.reset();
+  loaded_by_signal_ = false;
   others_.clear();
   recalled_.reset();
   if (segmenter_)

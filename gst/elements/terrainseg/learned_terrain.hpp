@@ -92,7 +92,6 @@ class LearnedTerrain {
  private:
   void wait_for_frame(Lock& lock) TERRAINSEG_REQUIRES(mutex_);
   void keep(const std::string& stream) TERRAINSEG_REQUIRES(mutex_);
-  void drop_loaded() TERRAINSEG_REQUIRES(mutex_);
 
   Mutex mutex_;
   std::condition_variable processed_; ///< when processing_ ends

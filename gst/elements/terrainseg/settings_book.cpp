@@ -124,9 +124,6 @@ guint first_own_id() {
 bool is_row(guint id) {
   return id >= 1 && id <= row_count();
 }
-bool is_own(guint id) {
-  return id >= first_own_id() && id <= SettingsBook::last_id();
-}
 const Setting& row_of(guint id) {
   return rows()[id - 1];
 }
@@ -509,6 +506,8 @@ std::optional<SettingsError> SettingsBook::apply_entry(const SettingsFile::Entry
 // ---- getting ---------------------------------------------------------------------------------------------
 
 bool SettingsBook::get(guint id, GValue* value) const {
+  if (id < 1 || id > last_id())
+    return false;
   if (is_row(id)) {
     GValue number = G_VALUE_INIT;
     g_value_init(&number, G_TYPE_INT64);
@@ -525,10 +524,8 @@ bool SettingsBook::get(guint id, GValue* value) const {
     g_value_set_string(value, window_rect_.empty() ? nullptr : window_rect_.c_str());
   } else if (id == id_of(special_ignore_regions)) {
     put_regions(settings_.core.ignore_regions, value);
-  } else if (is_own(id)) {
-    own_of(id).get(settings_, value);
   } else {
-    return false;
+    own_of(id).get(settings_, value);
   }
   return true;
 }
