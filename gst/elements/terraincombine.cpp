@@ -33,7 +33,7 @@
 #include "support/element.hpp"
 #include "support/mutex.hpp"
 #include "support/precision_time.hpp"
-#include "support/segment_time.hpp"
+#include "support/times.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terraincombine_debug);
 #define GST_CAT_DEFAULT terraincombine_debug

@@ -20,7 +20,7 @@
 #include "support/estimate_meta.hpp"
 #include "support/metric_meta.hpp"
 #include "support/precision_time.hpp"
-#include "support/wall_clock.hpp"
+#include "support/times.hpp"
 #include "support/warnings.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainextract_debug);

@@ -25,9 +25,9 @@
 #include "support/metric_drawing.hpp"
 #include "support/metric_meta.hpp"
 #include "support/pixel_metas.hpp"
+#include "support/times.hpp"
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
-#include "support/wall_clock.hpp"
 
 GST_DEBUG_CATEGORY(terrainseg_debug);
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <gst/base/gstbasesink.h>
+#include <gst/video/video.h>
 
 #include <array>
 #include <optional>
@@ -11,6 +12,7 @@
 
 #include "recording/terrain_messages.hpp"
 #include "support/buffers.hpp"
+#include "support/calibration_files.hpp"
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
 #include "support/metric_meta.hpp"
@@ -18,10 +20,25 @@
 namespace terrainseg {
 
 enum class PictureKind : std::uint8_t { raw, h264, jpeg };
-PictureKind kind_of(const GstCaps* caps);
+inline PictureKind kind_of(const GstCaps* caps) {
+  const GstStructure* structure = gst_caps_get_structure(caps, 0);
+  if (gst_structure_has_name(structure, "video/x-h264"))
+    return PictureKind::h264;
+  return gst_structure_has_name(structure, "image/jpeg") ? PictureKind::jpeg : PictureKind::raw;
+}
 
 /// Adds the pad for raw, H.264 and JPEG video. Upstream need not map or copy pixels: none are read.
-void init_message_sink_class(gpointer klass);
+inline void init_message_sink_class(gpointer klass) {
+  static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
+      "sink", GST_PAD_SINK, GST_PAD_ALWAYS,
+      GST_STATIC_CAPS("video/x-h264, stream-format = (string) byte-stream, alignment = (string) au; "
+                      "image/jpeg; video/x-raw(ANY)"));
+  gst_element_class_add_static_pad_template(GST_ELEMENT_CLASS(klass), &sink_template);
+  GST_BASE_SINK_CLASS(klass)->propose_allocation = [](GstBaseSink*, GstQuery* query) -> gboolean {
+    gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+    return TRUE;
+  };
+}
 
 /// The settings of both sinks.
 struct MessageSettings {
@@ -49,12 +66,25 @@ constexpr std::array<Property<OwnerOf<path...>>, 6> message_rows(const char* cam
   }};
 }
 /// What messages are made with, calibration included. Returns nothing after posting an error.
-std::optional<recording::MessageOptions> read_options(GstElement* element, const MessageSettings& settings);
+inline std::optional<recording::MessageOptions> read_options(GstElement* element,
+                                                             const MessageSettings& settings) {
+  recording::MessageOptions options;
+  options.body_frame = settings.frame_id;
+  options.camera_frame = settings.camera_frame_id;
+  options.grid_resolution = settings.grid_resolution;
+  const auto flaw = read_calibration(settings.camera_info, settings.mount, options.camera, options.mount);
+  if (!flaw)
+    return options;
+  post_error(element, *flaw);
+  return std::nullopt;
+}
 
 /// Reads a buffer. The data is valid until the reader is destroyed.
 class FrameReader {
  public:
-  FrameReader(GstBuffer* buffer, PictureKind kind, const char* source);
+  FrameReader(GstBuffer* buffer, PictureKind kind, const char* source)
+      : kind_(kind), picture_(kind == PictureKind::raw ? nullptr : buffer, GST_MAP_READ),
+        estimate_(buffer, source), metric_(buffer, source) {}
 
   /// The error in the metadata, or nullptr.
   const char* flaw() const { return estimate_.error() ? estimate_.error() : metric_.error(); }
@@ -65,7 +95,15 @@ class FrameReader {
   }
   /// Whether an H.264 picture refers to a later one (B-frame), which players of messages do not show.
   bool has_b_frame() const { return recording::inspect_h264(frame(0).video).b_slice; }
-  recording::MessageFrame frame(std::uint64_t time) const;
+  recording::MessageFrame frame(std::uint64_t time) const {
+    recording::MessageFrame frame;
+    frame.time = time;
+    frame.estimate = estimate_ ? &estimate_.estimate() : nullptr;
+    frame.metric = metric_ ? &metric_.metric() : nullptr;
+    if (picture_.data())
+      (kind_ == PictureKind::h264 ? frame.video : frame.picture) = {picture_.data(), picture_.size()};
+    return frame;
+  }
 
  private:
   PictureKind kind_;

@@ -13,8 +13,7 @@
 #include "recording/terrain_recording.hpp"
 #include "support/element.hpp"
 #include "support/meta.hpp"
-#include "support/segment_time.hpp"
-#include "support/wall_clock.hpp"
+#include "support/times.hpp"
 #include "terrainseg_config.h"
 
 GST_DEBUG_CATEGORY_STATIC(terrainmcapsink_debug);

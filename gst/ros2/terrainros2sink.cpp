@@ -18,8 +18,7 @@
 #include "ros2/participant.hpp"
 #include "support/element.hpp"
 #include "support/meta.hpp"
-#include "support/segment_time.hpp"
-#include "support/wall_clock.hpp"
+#include "support/times.hpp"
 #include "terrainseg_config.h"
 
 GST_DEBUG_CATEGORY_STATIC(terrainros2sink_debug);

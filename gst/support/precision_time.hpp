@@ -10,8 +10,7 @@
 #include <optional>
 
 #include "exchange/precision_stamp.hpp"
-#include "support/segment_time.hpp"
-#include "support/wall_clock.hpp"
+#include "support/times.hpp"
 
 namespace terrainseg {
 

@@ -4,7 +4,7 @@
 
 #include <gst/base/gstbasetransform.h>
 
-#include "support/segment_time.hpp"
+#include "support/times.hpp"
 
 namespace terrainseg {
 

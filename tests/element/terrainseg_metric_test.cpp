@@ -10,8 +10,7 @@
 
 #include "harness.hpp"
 #include "support/metric_meta.hpp"
-#include "support/segment_time.hpp"
-#include "support/wall_clock.hpp"
+#include "support/times.hpp"
 
 namespace terrainseg::test {
 namespace {

@@ -13,7 +13,7 @@
 #include "support/buffers.hpp"
 #include "support/estimate_meta.hpp"
 #include "support/meta.hpp"
-#include "support/wall_clock.hpp"
+#include "support/times.hpp"
 
 namespace terrainseg {
 

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <optional>
 
-#include "support/segment_time.hpp"
+#include "support/times.hpp"
 #include "terrainseg/estimate.hpp"
 
 namespace terrainseg {

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Times of a frame: in a segment that a peer sends and that may have any values, and the time of day: a
+// GstReferenceTimestampMeta of cameras, RTP or NTP, or the start time of a recording.
+#pragma once
+
+#include <gst/gst.h>
+#include <gst/terrainseg/terrainsegmeta.h>
+
+#include <charconv>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace terrainseg {
+
+/// GST_CLOCK_TIME_NONE if the segment is in bytes or frames, which have no stream time.
+inline GstClockTime stream_time_of(const GstSegment& segment, GstClockTime timestamp) {
+  return segment.format == GST_FORMAT_TIME ? gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, timestamp)
+                                           : GST_CLOCK_TIME_NONE;
+}
+
+/// Whether positions have a running time. They have none with a negative rate and no stop; GStreamer logs a
+/// critical in that case.
+inline bool has_running_time(const GstSegment& segment) {
+  return segment.format == GST_FORMAT_TIME && (segment.rate > 0 || GST_CLOCK_TIME_IS_VALID(segment.stop));
+}
+
+/// GST_CLOCK_TIME_NONE if there is none, or if it does not fit into a signed number.
+inline GstClockTime running_time_of(const GstSegment& segment, GstClockTime timestamp) {
+  const GstClockTime time = has_running_time(segment)
+                                ? gst_segment_to_running_time(&segment, GST_FORMAT_TIME, timestamp)
+                                : GST_CLOCK_TIME_NONE;
+  return time <= static_cast<GstClockTime>(G_MAXINT64) ? time : GST_CLOCK_TIME_NONE;
+}
+
+inline void note_utc(GstBuffer* buffer, GstClockTime time) {
+  static GstStaticCaps unix_time = GST_STATIC_CAPS("timestamp/x-unix");
+  g_autoptr(GstCaps) caps = gst_static_caps_get(&unix_time);
+  gst_buffer_add_reference_timestamp_meta(buffer, caps, time, GST_BUFFER_DURATION(buffer));
+}
+
+/// Nanoseconds since 1970 from a meta with the reference `timestamp/x-unix` or `timestamp/x-ntp`; nothing
+/// without one.
+inline std::optional<GstClockTime> utc_of(GstBuffer* buffer) {
+  const GstClockTime time = gst_buffer_get_terrain_utc(buffer);
+  return GST_CLOCK_TIME_IS_VALID(time) ? std::optional(time) : std::nullopt;
+}
+
+/// Parses `2026-11-21T20:00:00.5Z` (ISO 8601; UTC without a zone) or an integer of nanoseconds since 1970. On
+/// an error it returns nothing and sets `error` to the valid forms.
+inline std::optional<GstClockTime> parse_start_time(const std::string& text, std::string& error) {
+  guint64 nanoseconds = 0;
+  const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), nanoseconds);
+  const bool whole = end == text.data() + text.size() && !text.empty();
+  constexpr GstClockTime latest = G_MAXINT64; // 2262: sums of times do not overflow
+  // Current times in seconds, milliseconds or microseconds, read as nanoseconds, would be before 1973.
+  constexpr GstClockTime least = 100'000'000 * GST_SECOND;
+  if (whole && status == std::errc{} && nanoseconds > 0 && nanoseconds < least) {
+    error = "a number is nanoseconds since 1970, and " + text +
+            " lies before 1973; expected is ISO 8601, as 2026-11-21T20:00:00Z, or 19 digits, as `date +%s%N` "
+            "prints";
+    return std::nullopt;
+  }
+  if (whole && status == std::errc{} && nanoseconds <= latest)
+    return nanoseconds;
+  g_autoptr(GTimeZone) utc = g_time_zone_new_utc();
+  g_autoptr(GDateTime) date = whole ? nullptr : g_date_time_new_from_iso8601(text.c_str(), utc);
+  if (date) {
+    const gint64 seconds = g_date_time_to_unix(date);
+    if (seconds >= 0 && static_cast<GstClockTime>(seconds) < latest / GST_SECOND)
+      return static_cast<GstClockTime>(seconds) * GST_SECOND +
+             static_cast<GstClockTime>(g_date_time_get_microsecond(date)) * GST_USECOND;
+  }
+  error =
+      "expected is ISO 8601, as 2026-11-21T20:00:00.123456Z, or whole nanoseconds since 1970, between 1970 "
+      "and 2262";
+  return std::nullopt;
+}
+
+/// Adds the time of day, `start` + PTS, to a buffer (writable) without one. Does nothing without a PTS.
+inline void stamp_utc(GstBuffer* buffer, GstClockTime start) {
+  constexpr GstClockTime latest = G_MAXINT64; // as for start-time: sums do not overflow
+  if (GST_BUFFER_PTS_IS_VALID(buffer) && start <= latest && GST_BUFFER_PTS(buffer) <= latest - start &&
+      !utc_of(buffer))
+    note_utc(buffer, start + GST_BUFFER_PTS(buffer));
+}
+
+/// Adds the time of day of a KLV unit, microseconds since 1970, to a buffer (writable) without one. Senders
+/// that do not know the time of day write stream time instead: values before September 2001 are ignored.
+inline void stamp_unit_time(GstBuffer* buffer, std::uint64_t microseconds) {
+  constexpr std::uint64_t earliest = 1'000'000'000'000'000, latest = G_MAXINT64 / 1000;
+  if (microseconds >= earliest && microseconds <= latest && !utc_of(buffer))
+    note_utc(buffer, microseconds * GST_USECOND);
+}
+
+} // namespace terrainseg
