@@ -628,11 +628,9 @@ void keep_unit(CombineState& s, OwnedBuffer unit) {
   if (timeless)
     GST_ELEMENT_WARNING(s.element, STREAM, FORMAT,
                         ("The KLV units carry no time stamps. They are matched by the precision times in "
-                         "them, starting with the "
-                         "first frame and the first unit. If the two streams do not start together, masks "
-                         "appear on wrong frames: "
-                         "mux the units with time stamps (mpegtsmux keeps those of terrainextract; \"ffmpeg "
-                         "-c copy\" drops them)."),
+                         "them, starting with the first frame and the first unit. If the two streams do not "
+                         "start together, masks appear on wrong frames: mux the units with time stamps "
+                         "(mpegtsmux keeps those of terrainextract; \"ffmpeg -c copy\" drops them)."),
                         ("units without PTS, or in a segment that is not in time"));
 }
 

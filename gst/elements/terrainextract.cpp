@@ -168,8 +168,8 @@ GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS_ANY);
 GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(GRAY_CAPS "; application/x-ndjson; meta/x-klv, parsed = (boolean) true; "
-                              "application/x-mavlink"));
+    GST_STATIC_CAPS(GRAY_CAPS
+                    "; application/x-ndjson; meta/x-klv, parsed = (boolean) true; application/x-mavlink"));
 
 ExtractState& state_of(gpointer object) {
   return *reinterpret_cast<GstTerrainExtract*>(object)->state;
@@ -405,8 +405,8 @@ void read_place(ExtractState& s, const std::string& text) {
   if (const char* flaw = read_position(text, s.place))
     GST_ELEMENT_WARNING(
         s.element, RESOURCE, SETTINGS,
-        ("KLV units carry no position: klv-position=\"%s\" is invalid: %s. Set "
-         "latitude,longitude,altitude or latitude,longitude,altitude,heading, such as 52.5163,13.3777,34.",
+        ("KLV units carry no position: klv-position=\"%s\" is invalid: %s. Set latitude,longitude,altitude "
+         "or latitude,longitude,altitude,heading, such as 52.5163,13.3777,34.",
          text.c_str(), flaw),
         ("%s", flaw));
 }
@@ -650,9 +650,9 @@ static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainextract_debug, "terrainextract", 0,
                           "terrain masks, lines, KLV and MAVLink from metadata");
   init_class<GstTerrainExtract, gst_terrain_extract_parent_class, table>(
-      klass, {"Terrain extractor", "Formatter/Metadata/Video",
-              "Turns the terrain metadata of video into mask pictures, JSON lines, MISB ST 0903 KLV or "
-              "MAVLink"});
+      klass,
+      {"Terrain extractor", "Formatter/Metadata/Video",
+       "Turns the terrain metadata of video into mask pictures, JSON lines, MISB ST 0903 KLV or MAVLink"});
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = change_state;
   gst_element_class_add_static_pad_template(element_class, &sink_template);

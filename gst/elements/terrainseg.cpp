@@ -485,8 +485,7 @@ void note_times(gpointer object, const Outcome& outcome, bool supplied,
     GST_DEBUG_OBJECT(object, "%s", line->c_str());
   GST_LOG_OBJECT(object,
                  "frame %" G_GUINT64_FORMAT
-                 ": flags %#x, generation %u, horizon %d, traversable %d permille, "
-                 "%" G_GINT64_FORMAT " us",
+                 ": flags %#x, generation %u, horizon %d, traversable %d permille, %" G_GINT64_FORMAT " us",
                  e.frame, e.flags, e.model_generation, e.horizon_row, e.traversable_permille, took / 1000);
 }
 

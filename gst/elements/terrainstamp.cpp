@@ -169,11 +169,10 @@ void warn_formless(StampState& s, GstBuffer* in) {
   GST_WARNING_OBJECT(s.element, "no slice in %" GST_PTR_FORMAT, printable(in));
   if (!s.formless.first())
     return;
-  GST_ELEMENT_WARNING(
-      s.element, STREAM, FORMAT,
-      ("A buffer without a complete picture was passed through without a stamp: add a parser before "
-       "terrainstamp, or check the link for packet loss."),
-      ("no slice in %" GST_PTR_FORMAT, printable(in)));
+  GST_ELEMENT_WARNING(s.element, STREAM, FORMAT,
+                      ("A buffer without a complete picture was passed through without a stamp: add a parser "
+                       "before terrainstamp, or check the link for packet loss."),
+                      ("no slice in %" GST_PTR_FORMAT, printable(in)));
 }
 
 /// Once: there is no time to be written.

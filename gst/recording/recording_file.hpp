@@ -67,17 +67,16 @@ class RecordingFile {
     for (const fs::path& path : {path_, metadata_}) {
       std::error_code ignored;
       if (!path.empty() && fs::exists(fs::symlink_status(path, ignored)))
-        return FileProblem{quoted(path) +
-                               " already exists, and recordings never replace files. Choose another location "
-                               "or move it away",
+        return FileProblem{quoted(path) + " already exists, and recordings never replace files. Choose "
+                                          "another location or move it away",
                            EEXIST};
     }
     fd_ = create(part_);
     if (fd_ < 0 && errno == EEXIST)
-      return FileProblem{
-          quoted(part_) + " already exists: another recording is writing it, or was killed. Choose another "
-                          "location, or move the file away: it can be read up to its end",
-          EEXIST};
+      return FileProblem{quoted(part_) +
+                             " already exists: another recording is writing it, or was killed. Choose "
+                             "another location, or move the file away: it can be read up to its end",
+                         EEXIST};
     if (fd_ < 0)
       return failed("Cannot write", part_, errno);
     return std::nullopt;

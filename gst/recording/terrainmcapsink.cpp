@@ -176,10 +176,10 @@ bool open_recording(SinkState& s) {
     s.settings.bag_metadata.clear();
   }
   if (set.location.empty() == (set.fd < 0)) {
-    GST_ELEMENT_ERROR(s.element, RESOURCE, NOT_FOUND,
-                      ("Set either location or fd, not both, for example: terrainmcapsink "
-                       "location=drive.mcap."),
-                      ("location \"%s\", fd %d", set.location.c_str(), set.fd));
+    GST_ELEMENT_ERROR(
+        s.element, RESOURCE, NOT_FOUND,
+        ("Set either location or fd, not both, for example: terrainmcapsink location=drive.mcap."),
+        ("location \"%s\", fd %d", set.location.c_str(), set.fd));
     return false;
   }
   auto options = read_options(s.element, set.messages);

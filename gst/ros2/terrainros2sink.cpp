@@ -349,11 +349,10 @@ std::uint64_t time_of(Ros2State& s, GstBuffer* buffer) {
 GstFlowReturn send(Ros2State& s, GstBuffer* buffer) {
   const FrameReader reader(buffer, s.kind, s.settings.messages.source.c_str());
   if (reader.has_b_frame()) {
-    GST_ELEMENT_ERROR(
-        s.element, STREAM, FORMAT,
-        ("The H.264 video has B-frames, which receivers of messages do not show. Set bframes=0 on "
-         "x264enc, or the equivalent property of another encoder."),
-        (nullptr));
+    GST_ELEMENT_ERROR(s.element, STREAM, FORMAT,
+                      ("The H.264 video has B-frames, which receivers of messages do not show. Set bframes=0 "
+                       "on x264enc, or the equivalent property of another encoder."),
+                      (nullptr));
     return GST_FLOW_ERROR;
   }
   if (reader.flaw() && !std::exchange(s.warned_metadata, true))

@@ -79,13 +79,13 @@ class ColourWatch {
 /// Warning: pictures in a colour format are grey.
 inline Warning colourless_warning(const GstVideoInfo& info) {
   const std::string format = gst_video_format_to_string(GST_VIDEO_INFO_FORMAT(&info));
-  return {"The video format " + format + " has colour, but the last " +
-              std::to_string(ColourWatch::frames_before_news) +
-              " frames have none: the ground is learned from brightness and texture only, which is less "
-              "accurate. For a colour camera, set a colour format directly after it "
-              "(video/x-raw,format=NV12) and switch its infrared mode off; for a mono camera, use GRAY8 to "
-              "avoid this warning.",
-          "format " + format + ", chroma within 2 of neutral in every pixel that was looked at"};
+  return {
+      "The video format " + format + " has colour, but the last " +
+          std::to_string(ColourWatch::frames_before_news) +
+          " frames have none: the ground is learned from brightness and texture only, which is less "
+          "accurate. For a colour camera, set a colour format directly after it (video/x-raw,format=NV12) "
+          "and switch its infrared mode off; for a mono camera, use GRAY8 to avoid this warning.",
+      "format " + format + ", chroma within 2 of neutral in every pixel that was looked at"};
 }
 
 } // namespace terrainseg

@@ -71,9 +71,8 @@ inline std::optional<GstClockTime> parse_start_time(const std::string& text, std
       return static_cast<GstClockTime>(seconds) * GST_SECOND +
              static_cast<GstClockTime>(g_date_time_get_microsecond(date)) * GST_USECOND;
   }
-  error =
-      "expected is ISO 8601, as 2026-11-21T20:00:00.123456Z, or whole nanoseconds since 1970, between 1970 "
-      "and 2262";
+  error = "expected is ISO 8601, as 2026-11-21T20:00:00.123456Z, or whole nanoseconds since 1970, between "
+          "1970 and 2262";
   return std::nullopt;
 }
 

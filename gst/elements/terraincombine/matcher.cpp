@@ -214,8 +214,7 @@ std::string Matcher::silence_reason(const Frame& frame, Clock::duration latency)
     return "the units' time stamps are " + seconds_text(ahead < 0 ? -ahead : ahead) +
            (ahead < 0 ? " before" : " after") + " the video's: both streams need the same clock and segment";
   return "the units are more than half a frame away from any frame: check for a videorate between the "
-         "sender's "
-         "terrainextract and encoder";
+         "sender's terrainextract and encoder";
 }
 
 } // namespace terrainseg

@@ -143,12 +143,11 @@ class FrameSettings {
     const int row = values_.core.vanishing_row;
     if (row < height || !line_.first({row, height}))
       return;
-    GST_ELEMENT_WARNING(
-        element, LIBRARY, SETTINGS,
-        ("vanishing-row = %d is below the last of %d rows and is ignored: set the row of the frame at "
-         "which level ground would end.",
-         row, height),
-        ("property vanishing-row, value %d", row));
+    GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
+                        ("vanishing-row = %d is below the last of %d rows and is ignored: set the row of the "
+                         "frame at which level ground would end.",
+                         row, height),
+                        ("property vanishing-row, value %d", row));
   }
 
   ElementSettings values_;

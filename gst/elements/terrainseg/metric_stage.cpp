@@ -54,8 +54,8 @@ std::string MetricStage::fit(int width, int height) {
   return "the camera was calibrated with pictures of " + std::to_string(camera_->width) + " x " +
          std::to_string(camera_->height) + " but the frames are " + std::to_string(width) + " x " +
          std::to_string(height) +
-         ", another aspect ratio: calibrate with pictures of this aspect ratio (a cropped picture "
-         "is not a scaled one)";
+         ", another aspect ratio: calibrate with pictures of this aspect ratio (a cropped picture is not a "
+         "scaled one)";
 }
 
 const char* MetricStage::take_pose(const GstStructure* fields) {

@@ -269,12 +269,11 @@ void SettingsBook::install(GObjectClass* object_class) {
   };
   for (guint i = 0; i < row_count(); ++i)
     add(i + 1, spec_of(rows()[i]));
-  add(id_of(special_preset),
-      g_param_spec_enum("preset", "Preset",
-                        "Chooses the pipeline and the values of all settings that are not set explicitly "
-                        "(not of drawing, ranges and files)",
-                        choice_type("GstTerrainSegPreset", presets), static_cast<int>(Preset::standard),
-                        property_playing));
+  add(id_of(special_preset), g_param_spec_enum("preset", "Preset",
+                                               "Chooses the pipeline and the values of all settings that are "
+                                               "not set explicitly (not of drawing, ranges and files)",
+                                               choice_type("GstTerrainSegPreset", presets),
+                                               static_cast<int>(Preset::standard), property_playing));
   add(id_of(special_stages),
       g_param_spec_flags("stages", "Stages",
                          "Stages of the default pipeline that run (not used with preset=paper)",
