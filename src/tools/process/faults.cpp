@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "tools/process/faults.hpp"
 
+#include <algorithm>
 #include <cerrno>
+#include <cstddef>
 #include <cstring>
 #include <optional>
 
@@ -10,92 +12,48 @@
 namespace terrainseg::process {
 namespace {
 
-/// Whether an errno is temporary, for writing and for reading. Others are permanent, such as a long name, a
+/// The errors that are temporary, for writing and for reading. Others are permanent, such as a long name, a
 /// read-only file system, a file size limit, or a loop of links.
-constexpr struct {
-  int error;
-  bool writing, reading;
-} errors_that_pass[] = {
+constexpr int errors_that_pass[] = {
     // The machine lacks a resource.
-    {ENOSPC, true, true},
-    {EDQUOT, true, true},
-    {ENOMEM, true, true},
-    {ENOBUFS, true, true},
-    {EMFILE, true, true},
-    {ENFILE, true, true},
-    {EAGAIN, true, true},
-    {ENOLCK, true, true},
-    {EDEADLK, true, true},
-    {EBUSY, true, true},
-    {EINTR, true, true},
-    {ETXTBSY, true, true},
-    {EUSERS, true, true},
-    {ENOSR, true, true},
+    ENOSPC, EDQUOT, ENOMEM, ENOBUFS, EMFILE, ENFILE, EAGAIN, ENOLCK, EDEADLK, EBUSY, EINTR, ETXTBSY, EUSERS,
+    ENOSR,
     // The disk or its connection.
-    {EIO, true, true},
-    {EREMOTEIO, true, true},
-    {ESTALE, true, true},
-    {ETIMEDOUT, true, true},
-    {ETIME, true, true},
-    {ENOMEDIUM, true, true},
-    {ENXIO, true, true},
-    {ENODEV, true, true},
-    {ENOTCONN, true, true},
-    {ECONNREFUSED, true, true},
-    {ECONNRESET, true, true},
-    {ECONNABORTED, true, true},
-    {ENETDOWN, true, true},
-    {ENETUNREACH, true, true},
-    {ENETRESET, true, true},
-    {EHOSTDOWN, true, true},
-    {EHOSTUNREACH, true, true},
-    {ENOLINK, true, true},
-    {ECOMM, true, true},
-    {ESHUTDOWN, true, true},
-    {EPIPE, true, true},
-    {ECANCELED, true, true},
-    {EOWNERDEAD, true, true},
+    EIO, EREMOTEIO, ESTALE, ETIMEDOUT, ETIME, ENOMEDIUM, ENXIO, ENODEV, ENOTCONN, ECONNREFUSED, ECONNRESET,
+    ECONNABORTED, ENETDOWN, ENETUNREACH, ENETRESET, EHOSTDOWN, EHOSTUNREACH, ENOLINK, ECOMM, ESHUTDOWN, EPIPE,
+    ECANCELED, EOWNERDEAD,
     // Writing: the folder was removed. Reading: the input does not exist yet.
-    {ENOENT, true, true},
-    {EACCES, false, true},
-    {EPERM, false, true},
-    {EKEYEXPIRED, true, true}};
+    ENOENT};
+/// The errors that are temporary only for reading.
+constexpr int reading_errors_that_pass[] = {EACCES, EPERM, EKEYEXPIRED};
+
+constexpr int errno_end = 134; ///< above all errors of Linux
+
+template <std::size_t count> bool has(const int (&errors)[count], int error) {
+  return std::find(errors, errors + count, error) != errors + count;
+}
 
 enum class Side { reader, decoder, output, filter };
 
-/// Errors of GStreamer's RESOURCE domain, for the source and for the other elements.
-constexpr struct {
-  GstResourceError code;
-  Cause reader, decoder, output, filter;
-} resource_errors[] = {
-    {GST_RESOURCE_ERROR_FAILED, Cause::missing, Cause::damaged, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_TOO_LAZY, Cause::missing, Cause::damaged, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_NOT_FOUND, Cause::missing, Cause::damaged, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_BUSY, Cause::missing, Cause::resources, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_OPEN_READ, Cause::missing, Cause::damaged, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_OPEN_WRITE, Cause::missing, Cause::resources, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_OPEN_READ_WRITE, Cause::missing, Cause::resources, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_CLOSE, Cause::missing, Cause::damaged, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_READ, Cause::missing, Cause::damaged, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_WRITE, Cause::missing, Cause::resources, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_SEEK, Cause::missing, Cause::damaged, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_SYNC, Cause::missing, Cause::damaged, Cause::disk, Cause::resources},
-    {GST_RESOURCE_ERROR_SETTINGS, Cause::unsupported, Cause::unsupported, Cause::unsupported,
-     Cause::unsupported},
-    {GST_RESOURCE_ERROR_NO_SPACE_LEFT, Cause::missing, Cause::resources, Cause::disk, Cause::resources},
-    // A wrong password is permanent.
-    {GST_RESOURCE_ERROR_NOT_AUTHORIZED, Cause::unsupported, Cause::unsupported, Cause::unwritable,
-     Cause::unsupported}};
+/// The cause of an error of GStreamer's RESOURCE domain.
+Cause cause_of_resource(int code, Side side) {
+  if (code == GST_RESOURCE_ERROR_SETTINGS)
+    return Cause::unsupported;
+  if (code == GST_RESOURCE_ERROR_NOT_AUTHORIZED) // a wrong password is permanent
+    return side == Side::output ? Cause::unwritable : Cause::unsupported;
+  if (side != Side::decoder)
+    return side == Side::reader ? Cause::missing : side == Side::output ? Cause::disk : Cause::resources;
+  for (const int lacking : {GST_RESOURCE_ERROR_BUSY, GST_RESOURCE_ERROR_OPEN_WRITE, GST_RESOURCE_ERROR_WRITE,
+                            GST_RESOURCE_ERROR_OPEN_READ_WRITE, GST_RESOURCE_ERROR_NO_SPACE_LEFT})
+    if (code == lacking)
+      return Cause::resources;
+  return Cause::damaged;
+}
 
 Cause cause_of(const GError* error, Side side) {
   if (error->domain == GST_RESOURCE_ERROR)
-    for (const auto& row : resource_errors)
-      if (row.code == error->code)
-        return side == Side::reader    ? row.reader
-               : side == Side::decoder ? row.decoder
-               : side == Side::output  ? row.output
-                                       : row.filter;
-  if (error->domain == GST_CORE_ERROR && error->code == GST_CORE_ERROR_THREAD)
+    return cause_of_resource(error->code, side);
+  if (g_error_matches(error, GST_CORE_ERROR, GST_CORE_ERROR_THREAD))
     return Cause::resources;
   // CORE, LIBRARY and STREAM: the content of the stream, a setting, or a missing feature of an element.
   return side == Side::reader || side == Side::decoder ? Cause::damaged : Cause::unsupported;
@@ -111,8 +69,7 @@ bool source_gave_up(GstMessage* message) {
 
 /// The errno whose text ends a message: GStreamer's sinks report it only there.
 std::optional<int> errno_in(const std::string& text) {
-  constexpr int most = 134;
-  for (int error = 1; error < most; ++error)
+  for (int error = 1; error < errno_end; ++error)
     if (text.ends_with(g_strerror(error)))
       return error;
   return std::nullopt;
@@ -121,24 +78,18 @@ std::optional<int> errno_in(const std::string& text) {
 } // namespace
 
 Cause cause_of_writing(int error) {
-  for (const auto& row : errors_that_pass)
-    if (row.error == error && row.writing)
-      return Cause::disk;
-  return Cause::unwritable;
+  return has(errors_that_pass, error) ? Cause::disk : Cause::unwritable;
 }
 
 Cause cause_of_reading(int error) {
-  for (const auto& row : errors_that_pass)
-    if (row.error == error && row.reading)
-      return Cause::missing;
-  return Cause::unsupported;
+  const bool passes = has(errors_that_pass, error) || has(reading_errors_that_pass, error);
+  return passes ? Cause::missing : Cause::unsupported;
 }
 
 Cause cause_of_reading(const GError* error) {
-  for (const auto& row : errors_that_pass)
-    if (row.reading && static_cast<gint>(g_file_error_from_errno(row.error)) == error->code &&
-        error->code != G_FILE_ERROR_FAILED)
-      return Cause::missing;
+  for (int each = 1; each < errno_end && error->code != G_FILE_ERROR_FAILED; ++each)
+    if (static_cast<gint>(g_file_error_from_errno(each)) == error->code)
+      return cause_of_reading(each);
   return Cause::unsupported;
 }
 
