@@ -606,7 +606,7 @@ TEST(Workers, TakeWhatTheyAreGivenWhateverItsBytes) {
   input.stem = "\xc3(";
   input.path = "/x/\x80";
   input.images = {"/x/1.png", "/x/\xfe.png"};
-  const Input same = unpacked_input(packed(input));
+  const Input same = unpacked<Input>(packed(input));
   EXPECT_EQ(same.kind, input.kind);
   EXPECT_EQ(same.label, input.label);
   EXPECT_EQ(same.stem, input.stem);
@@ -636,17 +636,17 @@ TEST(Workers, AnswerWithTheWholeRecord) {
   record.filter_milliseconds = 1.25;
   record.still_rows = 4;
   record.warnings = {"one", "two"};
-  record.outputs[1] = Record::Written{"\xff.masks.mkv", 99};
-  const Outcome same = unpacked_outcome(packed(outcome));
+  record.outputs[1] = {"\xff.masks.mkv", 99};
+  const Outcome same = unpacked<Outcome>(packed(outcome));
   EXPECT_EQ(same.kind, outcome.kind);
   EXPECT_EQ(same.record.to_json(), record.to_json());
   EXPECT_EQ(same.record.input, record.input);
   EXPECT_EQ(same.record.place, record.place);
   EXPECT_EQ(same.record.cause, record.cause);
   EXPECT_EQ(same.record.traversable_sum, record.traversable_sum);
-  ASSERT_TRUE(same.record.outputs[1]);
-  EXPECT_EQ(same.record.outputs[1]->file, "\xff.masks.mkv");
-  EXPECT_FALSE(same.record.outputs[0]);
+  EXPECT_EQ(same.record.outputs[1].file, "\xff.masks.mkv");
+  EXPECT_EQ(same.record.outputs[1].bytes, 99u);
+  EXPECT_EQ(same.record.outputs[0].file, "");
 }
 
 TEST(Workers, WhatCrashedIsTheInputsFaultAndWhatWasEndedIsNot) {

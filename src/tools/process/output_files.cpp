@@ -70,7 +70,7 @@ std::optional<Fault> OutputFiles::name_files(Record& record, bool partial) {
     if (!options_.wanted[i])
       continue;
     const fs::path path = naming_.output(static_cast<Output>(i), partial);
-    record.outputs[i] = Record::Written{path.lexically_relative(folder).string(), files_[i].size()};
+    record.outputs[i] = {path.lexically_relative(folder).string(), files_[i].size()};
     if (auto fault = make_folder(path.parent_path()))
       return fault;
     if (auto fault = files_[i].commit(path))

@@ -178,8 +178,8 @@ std::string Record::to_json() const {
   json["warnings"] = warnings;
   ordered_json files = ordered_json::object();
   for (int i = 0; i < output_count; ++i)
-    if (outputs[i])
-      files[output_kinds[i].name] = {{"file", outputs[i]->file}, {"bytes", outputs[i]->bytes}};
+    if (!outputs[i].file.empty())
+      files[output_kinds[i].name] = {{"file", outputs[i].file}, {"bytes", outputs[i].bytes}};
   json["outputs"] = files;
   // File names are bytes; invalid UTF-8 must not stop the run.
   return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";

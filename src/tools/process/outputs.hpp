@@ -97,10 +97,10 @@ struct Record {
   int still_rows = 0;                ///< rows at the bottom, below the training window, that never changed
   std::vector<std::string> warnings; ///< warnings of this project's elements, without repetitions
   struct Written {
-    std::string file;
+    std::string file; ///< empty = not written
     std::uint64_t bytes = 0;
   };
-  std::array<std::optional<Written>, output_count> outputs;
+  std::array<Written, output_count> outputs;
 
   double fps() const { return seconds > 0 ? static_cast<double>(frames) / seconds : 0; }
   double traversable() const {

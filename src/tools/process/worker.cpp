@@ -18,6 +18,7 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <thread>
+#include <tuple>
 #include <utility>
 
 #include "exchange/write_all.hpp"
@@ -28,10 +29,34 @@
 extern char** environ;
 
 namespace terrainseg::process {
+
+// The messages' fields. File names are bytes, which MessagePack takes as they are.
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Identity, bytes, fingerprint)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Input, kind, label, stem, path, images, problem, cause)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Record::Written, file, bytes)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Record, input, place, identity, settings, problem, cause, frames, width,
+                                   height, seconds, traversable_sum, blocked, horizon_frames,
+                                   filter_milliseconds, still_rows, warnings, outputs)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Outcome, kind, record)
+
+template <typename Value> std::string packed(const Value& value) {
+  std::string bytes;
+  nlohmann::json::to_msgpack(value, bytes);
+  return bytes;
+}
+
+template <typename Value> Value unpacked(const std::string& bytes) {
+  return nlohmann::json::from_msgpack(bytes).get<Value>();
+}
+
+template std::string packed(const Input&);
+template std::string packed(const Outcome&);
+template Input unpacked(const std::string&);
+template Outcome unpacked(const std::string&);
+
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
 
 constexpr int tick = 100; // interval of checking signals and progress, milliseconds
 
@@ -39,6 +64,9 @@ constexpr int tick = 100; // interval of checking signals and progress, millisec
 constexpr int hangs = 124;
 /// Time limit of a pipeline that the user interrupted.
 constexpr std::chrono::seconds interrupted_limit{10};
+
+/// Content of a message on the progress: frames and permille.
+using FramesDone = std::pair<std::uint64_t, int>;
 
 /// Kind of a message: its first byte.
 enum Kind : char { work = 'w', interrupt = 'i', progress_made = 'p', done = 'd' };
@@ -85,11 +113,6 @@ class Messages {
   std::string bytes_;
 };
 
-std::string packed(const json& value) {
-  const std::vector<std::uint8_t> bytes = json::to_msgpack(value);
-  return {bytes.begin(), bytes.end()};
-}
-
 Outcome lost(const Input& input, const Options& options, Cause cause, const std::string& problem) {
   Outcome outcome;
   outcome.record.input = input.label;
@@ -120,54 +143,6 @@ void remove_parts(const Naming& naming, const Options& options) {
     if (path.parent_path() != naming.record().parent_path())
       fs::remove(path.parent_path(), error); // folder of a recording; fails if it contains other files
   }
-}
-
-json to_json(const Record& record) {
-  json outputs = json::array();
-  for (const auto& output : record.outputs)
-    outputs.push_back(output ? json{output->file, output->bytes} : json());
-  return {{"input", record.input},
-          {"place", record.place},
-          {"bytes", record.identity.bytes},
-          {"fingerprint", record.identity.fingerprint},
-          {"settings", record.settings},
-          {"problem", record.problem},
-          {"cause", record.cause},
-          {"frames", record.frames},
-          {"width", record.width},
-          {"height", record.height},
-          {"seconds", record.seconds},
-          {"traversable_sum", record.traversable_sum},
-          {"blocked", record.blocked},
-          {"horizon_frames", record.horizon_frames},
-          {"filter_milliseconds", record.filter_milliseconds},
-          {"still_rows", record.still_rows},
-          {"warnings", record.warnings},
-          {"outputs", outputs}};
-}
-
-Record to_record(const json& from) {
-  Record record;
-  record.input = from.at("input");
-  record.place = from.at("place");
-  record.identity = {from.at("bytes"), from.at("fingerprint")};
-  record.settings = from.at("settings");
-  record.problem = from.at("problem");
-  record.cause = from.at("cause");
-  record.frames = from.at("frames");
-  record.width = from.at("width");
-  record.height = from.at("height");
-  record.seconds = from.at("seconds");
-  record.traversable_sum = from.at("traversable_sum");
-  record.blocked = from.at("blocked");
-  record.horizon_frames = from.at("horizon_frames");
-  record.filter_milliseconds = from.at("filter_milliseconds");
-  record.still_rows = from.at("still_rows");
-  record.warnings = from.at("warnings").get<std::vector<std::string>>();
-  for (std::size_t i = 0; i < record.outputs.size(); ++i)
-    if (const json& output = from.at("outputs").at(i); !output.is_null())
-      record.outputs[i] = Record::Written{output.at(0), output.at(1)};
-  return record;
 }
 
 /// A worker's end of the socket, for its two threads.
@@ -227,7 +202,7 @@ void Line::listen() {
       if (message->first == interrupt)
         ++interrupted_;
       else if (message->first == work)
-        input_ = unpacked_input(message->second);
+        input_ = unpacked<Input>(message->second);
       given_.notify_all();
     }
     tell_progress();
@@ -253,49 +228,10 @@ void Line::tell_progress() {
   if (!progress_ || progress_->frames == told_frames_)
     return;
   told_frames_ = progress_->frames;
-  send(socket_, progress_made, packed(json{told_frames_, progress_->permille.load()}));
+  send(socket_, progress_made, packed(FramesDone(told_frames_, progress_->permille)));
 }
 
 } // namespace
-
-std::string packed(const Input& input) {
-  json images = json::array();
-  for (const fs::path& image : input.images)
-    images.push_back(image.string());
-  return packed(json{{"kind", input.kind},
-                     {"label", input.label},
-                     {"stem", input.stem},
-                     {"path", input.path.string()},
-                     {"images", images},
-                     {"problem", input.problem},
-                     {"cause", input.cause}});
-}
-
-std::string packed(const Outcome& outcome) {
-  return packed(json{{"kind", outcome.kind}, {"record", to_json(outcome.record)}});
-}
-
-Input unpacked_input(const std::string& bytes) {
-  const json from = json::from_msgpack(bytes);
-  Input input;
-  input.kind = from.at("kind");
-  input.label = from.at("label");
-  input.stem = from.at("stem");
-  input.path = from.at("path").get<std::string>();
-  for (const json& image : from.at("images"))
-    input.images.emplace_back(image.get<std::string>());
-  input.problem = from.at("problem");
-  input.cause = from.at("cause");
-  return input;
-}
-
-Outcome unpacked_outcome(const std::string& bytes) {
-  const json from = json::from_msgpack(bytes);
-  Outcome outcome;
-  outcome.kind = from.at("kind");
-  outcome.record = to_record(from.at("record"));
-  return outcome;
-}
 
 Loss loss_of(int status, bool file) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == hangs)
@@ -383,10 +319,8 @@ std::optional<Outcome> Worker::ask(const Input& input, Progress& progress,
   for (int told = 0; messages.receive();) {
     while (const auto message = messages.next()) {
       if (message->first == done)
-        return unpacked_outcome(message->second);
-      const json made = json::from_msgpack(message->second);
-      progress.frames = made.at(0).get<std::uint64_t>();
-      progress.permille = made.at(1).get<int>();
+        return unpacked<Outcome>(message->second);
+      std::tie(progress.frames, progress.permille) = unpacked<FramesDone>(message->second);
     }
     for (; told < interrupted; ++told)
       send(socket_, interrupt, {});

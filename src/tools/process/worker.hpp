@@ -54,10 +54,8 @@ struct Loss {
 };
 Loss loss_of(int status, bool file);
 
-/// Messages of the socket. File names are bytes and may be invalid UTF-8.
-std::string packed(const Input& input);
-std::string packed(const Outcome& outcome);
-Input unpacked_input(const std::string& bytes);
-Outcome unpacked_outcome(const std::string& bytes);
+/// Messages of the socket: an Input or an Outcome. File names are bytes and may be invalid UTF-8.
+template <typename Value> std::string packed(const Value& value);
+template <typename Value> Value unpacked(const std::string& bytes);
 
 } // namespace terrainseg::process
