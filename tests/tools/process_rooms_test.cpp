@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/command_line.hpp"
 #include "tools/process/conflicts.hpp"
 #include "tools/process/container.hpp"
 #include "tools/process/display.hpp"
@@ -479,11 +480,12 @@ class Environment : public testing::Test {
       setenv(name, value, 1);
   }
   static std::string text(const std::string& argument) {
-    const auto result = read_shard(argument);
-    if (const auto* problem = std::get_if<std::string>(&result))
-      return *problem;
-    const auto& shard = std::get<Shard>(result);
-    return std::to_string(shard.index) + "/" + std::to_string(shard.count);
+    try {
+      const Shard shard = read_shard(argument);
+      return std::to_string(shard.index) + "/" + std::to_string(shard.count);
+    } catch (const tools::UsageError& error) {
+      return error.what();
+    }
   }
   static constexpr const char* names[] = {"SLURM_ARRAY_TASK_ID",    "SLURM_ARRAY_TASK_MIN",
                                           "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_STEP",
@@ -728,9 +730,7 @@ class Manifests : public InFolder {
   Check checked(const std::string& text) {
     Options options;
     options.check = write("manifest", text).string();
-    const auto result = check_manifest(options, {});
-    EXPECT_TRUE(std::holds_alternative<Check>(result));
-    return std::holds_alternative<Check>(result) ? std::get<Check>(result) : Check();
+    return check_manifest(options, {});
   }
   static std::string head(const std::string& shard, const std::string& shards, const std::string& inputs) {
     return R"({"manifest":1,"output_dir":"/","shard":)" + shard + R"(,"shards":)" + shards + R"(,"inputs":)" +

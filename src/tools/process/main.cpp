@@ -66,8 +66,8 @@ std::optional<std::string> check_settings(const Options& options) {
   return start_problem(terrainseg.get());
 }
 
-/// Returns true, and prints the conflicts, if the run would overwrite files.
-bool refuse_conflicts(const std::vector<Input>& inputs, const Options& options) {
+/// Prints the conflicts and throws if the run would overwrite files.
+void refuse_conflicts(const std::vector<Input>& inputs, const Options& options) {
   constexpr std::size_t shown = 20;
   const std::vector<std::string> conflicts = find_conflicts(inputs, options);
   for (std::size_t i = 0; i < std::min(conflicts.size(), shown); ++i)
@@ -75,8 +75,7 @@ bool refuse_conflicts(const std::vector<Input>& inputs, const Options& options) 
   if (conflicts.size() > shown)
     complain("and " + std::to_string(conflicts.size() - shown) + " more like these");
   if (!conflicts.empty())
-    complain("nothing was written");
-  return !conflicts.empty();
+    throw EarlyExit{Exit::usage, "nothing was written"};
 }
 
 /// Number of inputs of a run by result.
@@ -319,12 +318,7 @@ Exit Batch::run() {
 
 /// --check: prints what is missing or damaged.
 Exit check(const Options& options, const std::vector<Input>& inputs) {
-  const auto result = check_manifest(options, inputs);
-  if (const std::string* problem = std::get_if<std::string>(&result)) {
-    complain(*problem);
-    return Exit::usage;
-  }
-  const Check& found = std::get<Check>(result);
+  const Check found = check_manifest(options, inputs);
   for (const auto* list : {&found.again, &found.damaged})
     for (const std::string& line : *list)
       complain(line);
@@ -334,39 +328,16 @@ Exit check(const Options& options, const std::vector<Input>& inputs) {
   return !found.again.empty() ? Exit::try_again : !found.damaged.empty() ? Exit::damaged : Exit::ok;
 }
 
-int process(int argc, char** argv) {
-  std::setlocale(LC_CTYPE, ""); // for file names; numbers keep decimal points
-  const std::vector<std::string> arguments(argv, argv + argc);
-  if (argc < 2 || std::string_view(argv[1]) != worker_option) // a worker inherits it from the run
-    point_to_own_plugin();
-  const auto parsed = parse_options(arguments);
-  if (const EarlyExit* early = std::get_if<EarlyExit>(&parsed)) {
-    if (!early->message.empty())
-      complain(early->message);
-    return static_cast<int>(early->code);
-  }
-  const Options& options = std::get<Options>(parsed);
-  if (options.worker_socket) {
-    std::signal(SIGPIPE, SIG_IGN);
-    listen_to_the_log(arguments);
-    serve(*options.worker_socket, options);
-  }
-  if (!options.check.empty())
-    return static_cast<int>(
-        check(options, share_of(options.shard, find_inputs(options.inputs, options.names).inputs)));
-  if (auto problem = missing_elements(options)) {
-    complain(*problem);
-    return static_cast<int>(Exit::environment);
-  }
-  if (auto problem = check_settings(options)) {
-    complain(*problem);
-    return static_cast<int>(Exit::usage);
-  }
+/// The exit code for an output that cannot be written.
+Exit exit_for(const Fault& fault) {
+  return may_pass_later(fault.cause) ? Exit::try_again : Exit::output;
+}
+
+/// The inputs of the run that this process takes; throws EarlyExit if they cannot be processed.
+std::vector<Input> inputs_of(const Options& options) {
   auto [inputs, notes] = find_inputs(options.inputs, options.names);
-  if (inputs.empty()) {
-    complain("--inputs-from: the list is empty");
-    return static_cast<int>(Exit::usage);
-  }
+  if (inputs.empty())
+    throw EarlyExit{Exit::usage, "--inputs-from: the list is empty"};
   if (!options.quiet)
     for (const std::string& note : notes)
       complain(note);
@@ -375,19 +346,30 @@ int process(int argc, char** argv) {
                    [](const Input& input) { return input.kind == Input::Kind::images; }))
     complain("warning: --fps is for image sequences; what is named here has a frame rate of its own, and "
              "keeps it");
-  if (options.name && inputs.size() > 1) {
-    complain("--name is for one input, but these are " + std::to_string(inputs.size()));
-    return static_cast<int>(Exit::usage);
-  }
+  if (options.name && inputs.size() > 1)
+    throw EarlyExit{Exit::usage, "--name is for one input, but these are " + std::to_string(inputs.size())};
   refuse_long_names(inputs, options);
   // Checks the whole list, not only this shard: all concurrent tasks must refuse a conflict.
-  if (refuse_conflicts(inputs, options))
-    return static_cast<int>(Exit::usage);
-  inputs = share_of(options.shard, std::move(inputs));
-  if (auto problem = prepare_folder(options.output_dir)) {
-    complain(problem->text);
-    return static_cast<int>(may_pass_later(problem->cause) ? Exit::try_again : Exit::output);
+  refuse_conflicts(inputs, options);
+  return share_of(options.shard, std::move(inputs));
+}
+
+Exit process(const std::vector<std::string>& arguments) {
+  const Options options = parse_options(arguments);
+  if (options.worker_socket) {
+    std::signal(SIGPIPE, SIG_IGN);
+    listen_to_the_log(arguments);
+    serve(*options.worker_socket, options);
   }
+  if (!options.check.empty())
+    return check(options, share_of(options.shard, find_inputs(options.inputs, options.names).inputs));
+  if (auto problem = missing_elements(options))
+    throw EarlyExit{Exit::environment, *problem};
+  if (auto problem = check_settings(options))
+    throw EarlyExit{Exit::usage, *problem};
+  std::vector<Input> inputs = inputs_of(options);
+  if (auto problem = prepare_folder(options.output_dir))
+    throw EarlyExit{exit_for(*problem), problem->text};
   struct sigaction action {};
   action.sa_handler = on_signal;
   sigaction(SIGINT, &action, nullptr);
@@ -396,29 +378,35 @@ int process(int argc, char** argv) {
 
   Manifest manifest;
   if (!options.manifest.empty())
-    if (auto problem = manifest.open(options, inputs.size())) {
-      complain(problem->text);
-      return static_cast<int>(may_pass_later(problem->cause) ? Exit::try_again : Exit::output);
-    }
+    if (auto problem = manifest.open(options, inputs.size()))
+      throw EarlyExit{exit_for(*problem), problem->text};
   Exit result = Batch(options, std::move(inputs), manifest, arguments).run();
   if (auto problem = manifest.close()) {
     complain(problem->text);
-    result = may_pass_later(problem->cause) ? Exit::try_again : Exit::output;
+    result = exit_for(*problem);
   }
   if (last_signal && result != Exit::ok) {
     complain("interrupted; finished outputs are kept, the unfinished one is gone");
-    return last_signal == SIGINT ? 128 + SIGINT : static_cast<int>(Exit::try_again);
+    return last_signal == SIGINT ? Exit::interrupted : Exit::try_again;
   }
-  return static_cast<int>(result);
+  return result;
 }
 
 } // namespace
 
 int main(int argc, char** argv) {
+  EarlyExit early;
   try {
-    return process(argc, argv);
+    std::setlocale(LC_CTYPE, "");                               // for file names; numbers keep decimal points
+    if (argc < 2 || std::string_view(argv[1]) != worker_option) // a worker inherits it from the run
+      point_to_own_plugin();
+    return static_cast<int>(process({argv, argv + argc}));
+  } catch (const EarlyExit& reason) {
+    early = reason;
   } catch (const std::exception& problem) { // such as out of memory
-    std::fprintf(stderr, "terrainseg-process: %s\n", problem.what());
-    return static_cast<int>(Exit::try_again);
+    early = {Exit::try_again, problem.what()};
   }
+  if (!early.message.empty())
+    complain(early.message);
+  return static_cast<int>(early.code);
 }

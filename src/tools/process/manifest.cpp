@@ -264,19 +264,20 @@ bool is_manifest(const fs::path& path) {
   return json.is_object() && json.contains("manifest");
 }
 
-std::variant<Check, std::string> check_manifest(const Options& options, const std::vector<Input>& inputs) {
+Check check_manifest(const Options& options, const std::vector<Input>& inputs) {
   Checker checker(options);
   if (options.check == "-") {
     checker.read(std::cin);
   } else {
     std::ifstream file(options.check);
     if (!file)
-      return "--check: cannot read " + options.check + ": " + std::strerror(errno);
+      throw EarlyExit{Exit::usage, "--check: cannot read " + options.check + ": " + std::strerror(errno)};
     checker.read(file);
   }
   if (!checker.read_any())
-    return "--check: " + (options.check == "-" ? "what standard input gave" : options.check) +
-           " is not a manifest of this tool (--manifest FILE writes one)";
+    throw EarlyExit{Exit::usage,
+                    "--check: " + (options.check == "-" ? "what standard input gave" : options.check) +
+                        " is not a manifest of this tool (--manifest FILE writes one)"};
   return checker.finish(inputs);
 }
 

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "tools/process/inputs.hpp"
@@ -45,7 +44,7 @@ struct Check {
 };
 
 /// Verifies a manifest file, or standard input for "-". Each of the given inputs must have a line in it.
-/// Returns a text if it cannot be read.
-std::variant<Check, std::string> check_manifest(const Options& options, const std::vector<Input>& inputs);
+/// Throws EarlyExit if it cannot be read.
+Check check_manifest(const Options& options, const std::vector<Input>& inputs);
 
 } // namespace terrainseg::process

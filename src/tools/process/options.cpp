@@ -200,13 +200,6 @@ void read_fps(const std::string& text, Options& options) {
   options.fps_given = true;
 }
 
-void read_shard_of(const std::string& text, Options& options) {
-  auto result = read_shard(text);
-  if (const std::string* problem = std::get_if<std::string>(&result))
-    throw UsageError(*problem);
-  options.shard = std::get<Shard>(result);
-}
-
 /// Calibration is set by properties of terrainseg; the recording uses the same.
 void read_settings(const Given& given, Options& options) {
   for (const std::string& setting : given.settings.all()) {
@@ -262,7 +255,8 @@ void apply(const Given& given, Options& options) {
   options.manifest = given.manifest.value();
   if (given.check.text && given.manifest.text)
     throw UsageError("--check and --manifest exclude each other: --check does not process inputs");
-  read(given.shard, read_shard_of);
+  if (given.shard.text)
+    options.shard = read_shard(given.shard.text);
   options.output_dir_given = given.output_dir.text != nullptr;
   options.output_dir = given.output_dir.value(".");
   if (options.output_dir.empty())
@@ -284,7 +278,7 @@ void apply(const Given& given, Options& options) {
 
 } // namespace
 
-std::variant<Options, EarlyExit> parse_options(const std::vector<std::string>& arguments) {
+Options parse_options(const std::vector<std::string>& arguments) {
   Options options;
   Given given;
   const std::vector<GOptionEntry> entries = entries_of(given, options);
@@ -297,11 +291,11 @@ std::variant<Options, EarlyExit> parse_options(const std::vector<std::string>& a
     tools::parse(context.get(), {arguments.begin() + 1, arguments.end()}, arguments.front().c_str());
     if (given.version) {
       g_printf("terrainseg-process %s\n", TERRAINSEG_VERSION);
-      return EarlyExit{Exit::ok, {}};
+      throw EarlyExit{Exit::ok, {}};
     }
     apply(given, options);
   } catch (const UsageError& error) {
-    return EarlyExit{Exit::usage, error.what() + std::string("\nTry 'terrainseg-process --help'.")};
+    throw EarlyExit{Exit::usage, error.what() + std::string("\nTry 'terrainseg-process --help'.")};
   }
   return options;
 }

@@ -8,7 +8,6 @@
 #include <string>
 #include <string_view>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "tools/process/inputs.hpp"
@@ -18,12 +17,13 @@ namespace terrainseg::process {
 
 /// Exit codes, as documented in docs/tasks/files.md.
 enum class Exit : int {
-  ok = 0,          ///< every input was processed completely, or skipped because it was complete
-  damaged = 1,     ///< an input is permanently damaged: another attempt gives the same result
-  usage = 2,       ///< a wrong option, setting or value, or a name conflict; nothing was written
-  environment = 3, ///< a GStreamer plugin is missing; nothing was written
-  output = 4,      ///< the output folder is not writable; nothing was written
-  try_again = 75,  ///< EX_TEMPFAIL: disk, memory, a missing input, SIGTERM. Has priority over 1.
+  ok = 0,            ///< every input was processed completely, or skipped because it was complete
+  damaged = 1,       ///< an input is permanently damaged: another attempt gives the same result
+  usage = 2,         ///< a wrong option, setting or value, or a name conflict; nothing was written
+  environment = 3,   ///< a GStreamer plugin is missing; nothing was written
+  output = 4,        ///< the output folder is not writable; nothing was written
+  try_again = 75,    ///< EX_TEMPFAIL: disk, memory, a missing input, SIGTERM. Has priority over 1.
+  interrupted = 130, ///< Ctrl-C
 };
 
 /// The outputs of an input, in the order of `output_kinds`. `bag` is the metadata.yaml of a recording and is
@@ -77,14 +77,14 @@ struct Options {
   }
 };
 
-/// Why the program ends before it starts: 0 for --version, otherwise an error text for stderr.
+/// Thrown when the program ends before it starts: 0 for --version, otherwise an error text for stderr.
 struct EarlyExit {
-  Exit code;
+  Exit code = Exit::ok;
   std::string message;
 };
 
 /// Parses the command line, including the program's name. Also initialises GStreamer and applies its
-/// --gst-... options.
-std::variant<Options, EarlyExit> parse_options(const std::vector<std::string>& arguments);
+/// --gst-... options. Throws EarlyExit.
+Options parse_options(const std::vector<std::string>& arguments);
 
 } // namespace terrainseg::process

@@ -4,42 +4,46 @@
 #include <glib.h>
 
 #include <charconv>
-#include <cstring>
 #include <optional>
+#include <string_view>
+
+#include "tools/command_line.hpp"
 
 namespace terrainseg::process {
 namespace {
 
-std::optional<int> read_number(const char* begin, const char* end) {
+std::optional<int> read_number(std::string_view text) {
   int value = 0;
-  const auto [stopped, error] = std::from_chars(begin, end, value);
-  if (begin == end || error != std::errc() || stopped != end || value < 0)
+  const auto [stopped, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || stopped != text.data() + text.size() || value < 0)
     return std::nullopt;
   return value;
 }
 
 std::optional<int> variable(const char* name) {
   const char* text = g_getenv(name);
-  return text ? read_number(text, text + std::strlen(text)) : std::nullopt;
+  return text ? read_number(text) : std::nullopt;
 }
 
-std::variant<Shard, std::string> from_environment() {
+Shard from_environment() {
   const auto fixed = variable("TERRAINSEG_SHARD_COUNT");
   if (const auto id = variable("SLURM_ARRAY_TASK_ID")) {
     const auto first = variable("SLURM_ARRAY_TASK_MIN"), count = variable("SLURM_ARRAY_TASK_COUNT");
     const int step = std::max(variable("SLURM_ARRAY_TASK_STEP").value_or(1), 1);
     if (!first || !count)
-      return "--shard auto: SLURM_ARRAY_TASK_ID is set, but not SLURM_ARRAY_TASK_MIN and "
-             "SLURM_ARRAY_TASK_COUNT";
+      throw tools::UsageError("--shard auto: SLURM_ARRAY_TASK_ID is set, but not SLURM_ARRAY_TASK_MIN and "
+                              "SLURM_ARRAY_TASK_COUNT");
     return Shard{(*id - *first) / step + 1, fixed.value_or(*count)};
   }
   if (const auto index = variable("JOB_COMPLETION_INDEX")) {
     if (!fixed)
-      return "--shard auto: JOB_COMPLETION_INDEX is set, but TERRAINSEG_SHARD_COUNT, the Job's completions, "
-             "is not";
+      throw tools::UsageError(
+          "--shard auto: JOB_COMPLETION_INDEX is set, but TERRAINSEG_SHARD_COUNT, the Job's completions, "
+          "is not");
     return Shard{*index + 1, *fixed};
   }
-  return "--shard auto: neither SLURM_ARRAY_TASK_ID nor JOB_COMPLETION_INDEX is set; is this an array task?";
+  throw tools::UsageError(
+      "--shard auto: neither SLURM_ARRAY_TASK_ID nor JOB_COMPLETION_INDEX is set; is this an array task?");
 }
 
 /// Evenly distributed in 0..count-1: the first 8 bytes of the SHA-256 of the path as given.
@@ -62,25 +66,20 @@ int shard_of(const Input& input, int count) {
 
 } // namespace
 
-std::variant<Shard, std::string> read_shard(const std::string& text) {
-  std::variant<Shard, std::string> result;
-  if (text == "auto") {
-    result = from_environment();
-  } else {
-    const std::size_t slash = text.find('/');
-    const char* begin = text.data();
-    const char* end = begin + text.size();
-    const auto index = slash == std::string::npos ? std::nullopt : read_number(begin, begin + slash);
-    const auto count = slash == std::string::npos ? std::nullopt : read_number(begin + slash + 1, end);
+Shard read_shard(const std::string& text) {
+  const auto written = [all = std::string_view(text)] {
+    const std::size_t slash = all.find('/');
+    const auto index = read_number(all.substr(0, slash)),
+               count = slash == all.npos ? std::nullopt : read_number(all.substr(slash + 1));
     if (!index || !count)
-      return "--shard: '" + text + "' is neither I/N, such as 1/4, nor auto";
-    result = Shard{*index, *count};
-  }
-  if (const Shard* shard = std::get_if<Shard>(&result))
-    if (shard->index < 1 || shard->index > shard->count || shard->count > most_shards)
-      return "--shard: " + std::to_string(shard->index) + "/" + std::to_string(shard->count) +
-             " is not one of 1/N to N/N with N up to 1000000";
-  return result;
+      throw tools::UsageError("--shard: '" + std::string(all) + "' is neither I/N, such as 1/4, nor auto");
+    return Shard{*index, *count};
+  };
+  const Shard shard = text == "auto" ? from_environment() : written();
+  if (shard.index < 1 || shard.index > shard.count || shard.count > most_shards)
+    throw tools::UsageError("--shard: " + std::to_string(shard.index) + "/" + std::to_string(shard.count) +
+                            " is not one of 1/N to N/N with N up to 1000000");
+  return shard;
 }
 
 std::vector<Input> share_of(const Shard& shard, std::vector<Input> inputs) {

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "tools/process/inputs.hpp"
@@ -19,8 +18,8 @@ struct Shard {
 
 /// Parses "I/N" with I in 1..N, or "auto": from the environment, either a Slurm array (SLURM_ARRAY_TASK_ID,
 /// _MIN, _STEP and _COUNT) or a Kubernetes indexed Job (JOB_COMPLETION_INDEX, from 0, and
-/// TERRAINSEG_SHARD_COUNT). Returns an error text if that is invalid.
-std::variant<Shard, std::string> read_shard(const std::string& text);
+/// TERRAINSEG_SHARD_COUNT). Throws tools::UsageError if that is invalid.
+Shard read_shard(const std::string& text);
 
 /// The inputs of a shard. The shard of an input depends only on its path as given and the number of shards: a
 /// list that grows between two tasks loses no input.
