@@ -354,7 +354,10 @@ TEST_F(Inputs, UrisGiveSafeNames) {
 
 TEST_F(Inputs, IdentityFollowsTheContent) {
   const auto path = write("clip.mp4", std::string(3'000'000, 'a'));
-  const auto identity = [&path] { return find_inputs({path.string()}).inputs[0].identity(); };
+  const auto identity_of = [](const fs::path& file) {
+    return find_inputs({file.string()}).inputs[0].identity();
+  };
+  const auto identity = [&] { return identity_of(path); };
   const Identity before = identity();
   EXPECT_EQ(before.bytes, 3'000'000u);
   EXPECT_EQ(before.fingerprint.size(), 64u);
@@ -372,8 +375,9 @@ TEST_F(Inputs, IdentityFollowsTheContent) {
   }
   write("clip.mp4", std::string(3'000'001, 'a'));
   EXPECT_NE(identity(), before) << "longer";
+  Input gone = find_inputs({path.string()}).inputs[0];
   fs::remove(path);
-  EXPECT_EQ(identity_of(path).fingerprint, "") << "gone";
+  EXPECT_EQ(gone.identity().fingerprint, "") << "gone";
 }
 
 // ---- conflicts

@@ -6,23 +6,8 @@
 #include <algorithm>
 
 #include "tools/process/handles.hpp"
-#include "tools/process/reasons.hpp"
 
 namespace terrainseg::process {
-namespace {
-
-/// Limit of stored warnings per input; a stream that changes its size may warn each time.
-constexpr std::size_t most_warnings = 16;
-
-/// Whether the message is from an element of this project: only its warnings about settings and pictures are
-/// for users.
-bool is_of_this_project(const GstObject* from) {
-  const GstElementFactory* factory =
-      GST_IS_ELEMENT(from) ? gst_element_get_factory(GST_ELEMENT(from)) : nullptr;
-  return factory && g_str_has_prefix(GST_OBJECT_NAME(factory), "terrain");
-}
-
-} // namespace
 
 void Complaints::take_all(GstBus* bus, GstClockTime timeout) {
   constexpr auto wanted =
@@ -68,13 +53,13 @@ void Complaints::take_error(GstMessage* message) {
 
 /// Without repetitions: several outputs use the same metadata.
 void Complaints::warn(GstMessage* message) {
-  GError* error = nullptr;
-  gst_message_parse_warning(message, &error, nullptr);
-  const std::unique_ptr<GError, Releaser<g_error_free>> owner(error);
+  const ErrorPointer error = error_in(message);
   if (!graph_.holds(message->src) && warning_.empty() && error->domain == GST_STREAM_ERROR)
     warning_ = text_of(message);
+  constexpr std::size_t most_warnings = 16; // a stream that changes its size may warn each time
   std::vector<std::string>& known = record_.warnings;
-  if (is_of_this_project(message->src) && known.size() < most_warnings &&
+  // Of this project's elements only: those warnings are about settings and pictures.
+  if (factory_of(message->src).starts_with("terrain") && known.size() < most_warnings &&
       std::find(known.begin(), known.end(), error->message) == known.end())
     known.emplace_back(error->message);
 }

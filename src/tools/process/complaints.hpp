@@ -8,7 +8,7 @@
 
 #include "tools/process/faults.hpp"
 #include "tools/process/graph.hpp"
-#include "tools/process/output_files.hpp"
+#include "tools/process/outputs.hpp"
 
 namespace terrainseg::process {
 

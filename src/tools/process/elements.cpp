@@ -207,12 +207,8 @@ std::optional<std::string> start_problem(GstElement* element) {
   gst_element_set_bus(element, bus.get());
   const bool failed = gst_element_set_state(element, GST_STATE_PAUSED) == GST_STATE_CHANGE_FAILURE;
   std::string text = "does not start";
-  if (const MessagePointer message{gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ERROR)}) {
-    GError* error = nullptr;
-    gst_message_parse_error(message.get(), &error, nullptr);
-    text = error->message;
-    g_error_free(error);
-  }
+  if (const MessagePointer message{gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ERROR)})
+    text = error_in(message.get())->message;
   gst_element_set_state(element, GST_STATE_NULL);
   gst_element_set_bus(element, nullptr);
   return failed ? std::optional(text) : std::nullopt;

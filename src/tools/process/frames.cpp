@@ -4,11 +4,159 @@
 #include <gst/terrainseg/terrainsegmeta.h>
 
 #include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
 
-#include "tools/process/csv_rows.hpp"
+#include "exchange/json_lines.hpp"
 #include "tools/process/handles.hpp"
 
 namespace terrainseg::process {
+namespace {
+
+/// The names of the columns of the CSV file.
+constexpr const char* csv_header =
+    "frame,pts,width,height,horizon_row,horizon_confidence,traversable,confidence,"
+    "blocked,learned,generation,utc,range_max,ranges,bearings,low,high\n";
+
+constexpr int millimetres = 3, microradians = 6; ///< decimals
+
+void append_number(std::string& row, double value, int decimals) {
+  if (std::isnan(value)) {
+    row += "nan";
+    return;
+  }
+  char text[64];
+  const auto [end, error] =
+      std::to_chars(text, text + sizeof text, value, std::chars_format::fixed, decimals);
+  if (error == std::errc{})
+    row.append(text, end);
+}
+
+/// A field with one number for each little-endian float in `values`.
+void append_list(std::string& row, GstBuffer* values, int decimals) {
+  row += ',';
+  GstMapInfo map;
+  if (!values || !gst_buffer_map(values, &map, GST_MAP_READ))
+    return;
+  for (gsize at = 0; at + 4 <= map.size; at += 4) {
+    if (at > 0)
+      row += ' ';
+    gfloat value = 0; // the address may be unaligned
+    std::memcpy(&value, map.data + at, sizeof value);
+    append_number(row, GFLOAT_FROM_LE(value), decimals);
+  }
+  gst_buffer_unmap(values, &map);
+}
+
+void append_metres(std::string& row, const GstStructure* metric) {
+  row += ',';
+  append_number(row, gst_terrain_metric_meta_get_range_max(metric), millimetres);
+  append_list(row, gst_terrain_metric_meta_get_ranges(metric), millimetres);
+  append_list(row, gst_terrain_metric_meta_get_bearings(metric), microradians);
+  append_list(row, gst_terrain_metric_meta_get_low(metric), millimetres);
+  append_list(row, gst_terrain_metric_meta_get_high(metric), millimetres);
+}
+
+/// Replaces `row` by the row of a frame. Columns of the boundary are lists in one field, separated by spaces:
+/// metres and radians, `inf` = free, `nan` = unknown. They and the time of day are empty if unknown.
+void make_csv_row(std::string& row, GstBuffer* frame, const GstStructure* e) {
+  const guint permille = gst_terrain_seg_meta_get_traversable_permille(e);
+  const guint flags = gst_terrain_seg_meta_get_flags(e);
+  const gint horizon = gst_terrain_seg_meta_get_horizon_row(e);
+  char text[256];
+  g_snprintf(
+      text, sizeof text, "%" G_GUINT64_FORMAT ",%" G_GUINT64_FORMAT ",%d,%d,%s,%u,%u.%03u,%u,%d,%d,%u,",
+      gst_terrain_seg_meta_get_frame(e), GST_BUFFER_PTS(frame), gst_terrain_seg_meta_get_frame_width(e),
+      gst_terrain_seg_meta_get_frame_height(e), horizon >= 0 ? std::to_string(horizon).c_str() : "",
+      gst_terrain_seg_meta_get_horizon_confidence(e), permille / 1000, permille % 1000,
+      gst_terrain_seg_meta_get_confidence(e), (flags & GST_TERRAIN_SEG_FLAG_BLOCKED) != 0,
+      (flags & GST_TERRAIN_SEG_FLAG_LEARNED) != 0, gst_terrain_seg_meta_get_model_generation(e));
+  row = text;
+  if (const GstClockTime utc = gst_buffer_get_terrain_utc(frame); GST_CLOCK_TIME_IS_VALID(utc))
+    row += utc_text(utc);
+  const gchar* instance = gst_terrain_seg_meta_get_instance(e);
+  if (const GstStructure* metric = gst_buffer_get_terrain_metric_structure(frame, instance ? instance : ""))
+    append_metres(row, metric);
+  else
+    row += ",,,,,";
+  row += '\n';
+}
+
+constexpr std::uint64_t stride = 5;   ///< compares every fifth frame
+constexpr int least_compared = 6;     ///< minimum number of pairs: a second of video at 30 frames per second
+constexpr double still = 2;           ///< maximum mean change of an unchanged row: coding noise
+constexpr double moving = 6;          ///< minimum mean change of the picture above
+constexpr int least_permille = 30;    ///< minimum share of the height
+constexpr int looked_at_percent = 60; ///< share of the height, from the bottom
+
+/// 8-bit brightness of a pixel: luma, or green.
+int brightness(const GstVideoFrame& frame, int component, int x, int y) {
+  const auto* data = static_cast<const std::uint8_t*>(GST_VIDEO_FRAME_COMP_DATA(&frame, component));
+  const std::uint8_t* pixel =
+      data + static_cast<std::ptrdiff_t>(y) * GST_VIDEO_FRAME_COMP_STRIDE(&frame, component) +
+      static_cast<std::ptrdiff_t>(x) * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, component);
+  const int depth = GST_VIDEO_FRAME_COMP_DEPTH(&frame, component);
+  if (depth <= 8)
+    return pixel[0];
+  const int shift = GST_VIDEO_FORMAT_INFO_SHIFT(frame.info.finfo, component);
+  return ((pixel[0] | pixel[1] << 8) >> shift) >> (depth - 8) & 0xff;
+}
+
+} // namespace
+
+int StillBottom::frame_row(int grid_row) const {
+  return grid_row * height_ * looked_at_percent / (100 * grid_rows);
+}
+
+void StillBottom::look(const GstVideoFrame& frame, Grid& grid) const {
+  const int component = GST_VIDEO_INFO_IS_RGB(&frame.info) ? 1 : 0;
+  for (int row = 0; row < grid_rows; ++row)
+    for (int column = 0; column < grid_columns; ++column)
+      grid[row * grid_columns + column] = static_cast<std::uint8_t>(brightness(
+          frame, component, width_ / 4 + column * width_ / (2 * grid_columns), height_ - 1 - frame_row(row)));
+}
+
+void StillBottom::take(const GstVideoInfo& info, GstBuffer* buffer) {
+  if (info.width != width_ || info.height != height_) {
+    *this = StillBottom();
+    width_ = info.width;
+    height_ = info.height;
+  }
+  if (frames_++ % stride != 0)
+    return;
+  GstVideoFrame frame;
+  GstVideoInfo copy = info;
+  if (!gst_video_frame_map(&frame, &copy, buffer, GST_MAP_READ))
+    return;
+  Grid grid;
+  look(frame, grid);
+  gst_video_frame_unmap(&frame);
+  if (frames_ > 1) {
+    for (std::size_t i = 0; i < grid.size(); ++i)
+      change_[i / grid_columns] += static_cast<std::uint64_t>(std::abs(grid[i] - last_[i]));
+    ++compared_;
+  }
+  last_ = grid;
+}
+
+int StillBottom::rows() const {
+  if (compared_ < least_compared)
+    return 0;
+  const double pixels = static_cast<double>(compared_) * grid_columns;
+  int still_rows = 0;
+  while (still_rows < grid_rows && static_cast<double>(change_[still_rows]) / pixels < still)
+    ++still_rows;
+  std::uint64_t above = 0;
+  for (int row = still_rows; row < grid_rows; ++row)
+    above += change_[row];
+  const int rows_above = grid_rows - still_rows;
+  if (rows_above == 0 || static_cast<double>(above) / (pixels * rows_above) < moving)
+    return 0;
+  const int rows = still_rows < 2 ? 0 : frame_row(still_rows);
+  return rows * 1000 < least_permille * height_ ? 0 : rows;
+}
 
 Frames::Frames(const Options& options, Graph& graph, AtomicFile& rows, Record& record)
     : options_(options), graph_(graph), rows_(rows), record_(record) {

@@ -21,11 +21,22 @@ using PadPointer = std::unique_ptr<GstPad, Releaser<gst_object_unref>>;
 using BusPointer = std::unique_ptr<GstBus, Releaser<gst_object_unref>>;
 using CapsPointer = std::unique_ptr<GstCaps, Releaser<gst_caps_unref>>;
 using MessagePointer = std::unique_ptr<GstMessage, Releaser<gst_message_unref>>;
+using ErrorPointer = std::unique_ptr<GError, Releaser<g_error_free>>;
 
 /// Copies and frees a string that a C function returned; nothing for null.
 inline std::string take(char* text) {
   const CharPointer owner(text);
   return text ? text : "";
+}
+
+/// What an error or a warning says; `debug`, where it is asked for, must be freed.
+inline ErrorPointer error_in(GstMessage* message, gchar** debug = nullptr) {
+  GError* error = nullptr;
+  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
+    gst_message_parse_warning(message, &error, debug);
+  else
+    gst_message_parse_error(message, &error, debug);
+  return ErrorPointer(error);
 }
 
 } // namespace terrainseg::process

@@ -7,10 +7,17 @@
 #include <string>
 #include <vector>
 
-#include "tools/process/cause.hpp"
-#include "tools/process/fingerprint.hpp"
+#include "tools/process/faults.hpp"
 
 namespace terrainseg::process {
+
+/// Identifies a recording by its content without reading all of it. Does not change when a file is touched,
+/// renamed, moved or copied. A change that keeps the length and all sampled blocks is not detected.
+struct Identity {
+  std::uint64_t bytes = 0; ///< of all files
+  std::string fingerprint; ///< hexadecimal; empty = unknown (a stream, or an unreadable file)
+  bool operator==(const Identity&) const = default;
+};
 
 struct Input {
   enum class Kind { file, images, uri };

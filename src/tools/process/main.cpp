@@ -25,7 +25,6 @@
 #include "tools/process/options.hpp"
 #include "tools/process/outputs.hpp"
 #include "tools/process/pipeline.hpp"
-#include "tools/process/reasons.hpp"
 #include "tools/process/worker.hpp"
 
 using namespace terrainseg::process;

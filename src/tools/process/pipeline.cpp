@@ -6,13 +6,11 @@
 
 #include "exchange/counted.hpp"
 #include "tools/process/complaints.hpp"
+#include "tools/process/container.hpp"
 #include "tools/process/frames.hpp"
 #include "tools/process/graph.hpp"
 #include "tools/process/handles.hpp"
-#include "tools/process/output_files.hpp"
-#include "tools/process/running_clock.hpp"
 #include "tools/process/source.hpp"
-#include "tools/process/verdict.hpp"
 
 namespace terrainseg::process {
 namespace {
@@ -31,6 +29,27 @@ Outcome failed(Record record, const Fault& fault) {
   record.problem = without_credentials(fault.text);
   record.cause = fault.cause;
   return {Outcome::Kind::failed, std::move(record)};
+}
+
+/// Adds the image of a sequence to a fault.
+Fault of_image(const std::string& image, Fault fault) {
+  if (!image.empty())
+    fault.text = image + ": " + fault.text;
+  return fault;
+}
+
+Fault cut_off(const Input& input) {
+  if (input.kind != Input::Kind::file)
+    return {};
+  if (const auto length = missing_length(input.path)) {
+    std::error_code error;
+    return {Cause::damaged,
+            "the file is cut off: " + std::to_string(std::filesystem::file_size(input.path, error)) + " of " +
+                std::to_string(*length) + " bytes are there"};
+  }
+  if (lacks_end_mark(input.path))
+    return {Cause::damaged, "the file is cut off: its end mark is missing"};
+  return {};
 }
 
 /// Processes one input with open output files.
@@ -55,6 +74,9 @@ class Run {
   void update_progress();
   void learn_from_the_run();
   Fault miscount() const;
+  Fault broken_promise() const;
+  Fault why_empty() const;
+  Fault damage() const;
 
   const Input& input_;
   const Options& options_;
@@ -187,6 +209,74 @@ Fault Run::miscount() const {
                                     : Fault{error.cause, error.text + "; " + text};
 }
 
+/// Fewer frames or a shorter duration than the container specifies.
+Fault Run::broken_promise() const {
+  if (const std::uint64_t promised = source_.promised(); record_.frames < promised)
+    return {Cause::damaged, "only " + std::to_string(record_.frames) + " of the " +
+                                counted(promised, "frame") + " that the file lists came out of it"};
+  constexpr gint64 slack = GST_SECOND; // the last frame may have a long duration, and headers are rounded
+  if (input_.kind != Input::Kind::file || !source_.other_streams().empty() || !tells_duration(input_.path) ||
+      duration_ <= static_cast<gint64>(frames_.end()) + slack)
+    return {};
+  const auto seconds = [](gint64 time) {
+    char text[G_ASCII_DTOSTR_BUF_SIZE];
+    return std::string(g_ascii_formatd(text, sizeof text, "%.1f", static_cast<double>(time) / GST_SECOND));
+  };
+  return {Cause::damaged, "the file says that it lasts " + seconds(duration_) +
+                              " s, and its frames end after " + seconds(static_cast<gint64>(frames_.end())) +
+                              " s"};
+}
+
+/// Why there was no frame.
+Fault Run::why_empty() const {
+  const Fault& error = complaints_.source();
+  const bool failed = error.cause != Cause::none;
+  if (!complaints_.missing_decoder().empty())
+    return {Cause::unsupported, complaints_.missing_decoder()};
+  if (const std::string problem = source_.problem(); !problem.empty() && (problem != no_video || !failed))
+    return {source_.cause(), problem};
+  if (!source_.has_video() && !source_.other_streams().empty())
+    return {Cause::unsupported, "there is no video in it, only " + source_.other_streams()};
+  if (Fault cut = cut_off(input_); cut.cause != Cause::none) {
+    cut.text += failed ? "; " + error.text : "";
+    return cut;
+  }
+  if (!failed) {
+    const std::string listed = source_.listed();
+    return listed.empty() ? Fault{Cause::unsupported, no_video} : Fault{Cause::damaged, listed};
+  }
+  Fault fault = of_image(source_.image_after(0), error);
+  if (complaints_.source_gave_up() && fault.cause == Cause::damaged)
+    fault.text += std::string("; ") + make_it_anew;
+  return fault;
+}
+
+/// What is wrong with an input that gave frames. No cause: it is complete.
+Fault Run::damage() const {
+  const auto damaged = [](const std::string& text) { return Fault{Cause::damaged, text}; };
+  const std::string image = source_.image_after(record_.frames);
+  if (!source_.problem().empty())
+    return {source_.cause(), source_.problem()};
+  if (complaints_.source().cause != Cause::none)
+    return of_image(image, complaints_.source());
+  if (options_.max_frames && record_.frames >= options_.max_frames)
+    return {};
+  const std::string& warning = complaints_.decoder_warning();
+  if (!image.empty())
+    return damaged(image + ": it could not be decoded" + (warning.empty() ? "" : ": " + warning));
+  if (Fault cut = cut_off(input_); cut.cause != Cause::none)
+    return cut;
+  if (!warning.empty())
+    return damaged(warning);
+  if (const std::uint64_t lost = source_.lost(); lost > 0)
+    return damaged(counted(lost, "frame") + " in it could not be decoded");
+  if (const std::string cut = source_.cut_images(); !cut.empty())
+    return damaged(cut);
+  if (source_.corrupted() > 0)
+    return damaged("the decoder marked " + counted(source_.corrupted(), "frame") + " as damaged");
+  return broken_promise();
+}
+
 /// Checks that need the complete run.
 void Run::learn_from_the_run() {
   update_progress();
@@ -214,17 +304,17 @@ Outcome Run::conclude() {
   }
   if (complaints_.behind_source().cause != Cause::none)
     return failed(record_, complaints_.behind_source());
-  const Ended ended{input_,         options_,      source_,   complaints_,
-                    record_.frames, frames_.end(), duration_, input_.state() != state_};
+  const Fault changed{Cause::changed, "it was written to or replaced while it was read"};
+  const bool is_changed = input_.state() != state_;
   if (record_.frames == 0)
-    return failed(record_, why_empty(ended));
+    return failed(record_, is_changed ? changed : why_empty());
   if (const std::string metadata = graph_.bag_metadata(); !metadata.empty()) {
     files_[Output::bag].write(metadata);
     graph_.count(Output::bag, graph_.written(Output::mcap));
   }
   if (const Fault fault = miscount(); fault.cause != Cause::none)
     return failed(record_, fault);
-  const Fault damage = damage_of(ended);
+  const Fault damage = is_changed ? changed : this->damage();
   record_.problem = without_credentials(damage.text);
   for (std::string& warning : record_.warnings)
     warning = without_credentials(warning);

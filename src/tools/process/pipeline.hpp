@@ -2,7 +2,9 @@
 // Processes one input with one pipeline: decoder -> terrainseg -> tee -> an encoder or writer per output.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <string>
 
@@ -11,6 +13,25 @@
 #include "tools/process/outputs.hpp"
 
 namespace terrainseg::process {
+
+/// A clock for time limits. It stands while the process is stopped (Ctrl-Z), so that a limit does not expire
+/// at once when the process goes on. Read by one thread, many times a second.
+class RunningClock {
+ public:
+  using Clock = std::chrono::steady_clock;
+  /// Since the construction.
+  Clock::duration now() {
+    const Clock::time_point at = Clock::now();
+    time_ += std::min<Clock::duration>(at - last_, most);
+    last_ = at;
+    return time_;
+  }
+
+ private:
+  static constexpr std::chrono::seconds most{1}; ///< between two readings
+  Clock::time_point last_ = Clock::now();
+  Clock::duration time_{};
+};
 
 /// Progress of an input: written by its pipeline, read by the display and by the worker's second thread.
 struct Progress {

@@ -23,8 +23,6 @@
 
 #include "exchange/write_all.hpp"
 #include "tools/process/conflicts.hpp"
-#include "tools/process/reasons.hpp"
-#include "tools/process/running_clock.hpp"
 
 extern char** environ;
 
