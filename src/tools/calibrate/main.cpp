@@ -7,6 +7,7 @@
 #include <fstream>
 #include <iostream>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,7 +16,7 @@
 #include "tools/calibrate/chessboard.hpp"
 #include "tools/calibrate/files.hpp"
 #include "tools/calibrate/horizon_check.hpp"
-#include "tools/calibrate/options.hpp"
+#include "tools/calibrate/mount_fit.hpp"
 #include "tools/calibrate/pictures.hpp"
 #include "tools/command_line.hpp"
 
@@ -23,13 +24,98 @@ namespace {
 
 using namespace terrainseg;
 using namespace terrainseg::calibrate;
-using Words = std::vector<std::string>;
+using tools::OptionContext, tools::UsageError, tools::Word, tools::Words;
+using Arguments = std::vector<std::string>;
+
+constexpr const char* overview = R"(usage: terrainseg-calibrate COMMAND [OPTIONS]
+
+  camera FOLDER   the lens, from pictures of a chessboard: writes a ROS camera_info file
+  mount           height, pitch and roll of the camera, from points of flat ground: writes a mount file
+  check [LINES]   whether a recording (JSON lines) and a picture agree with both
+
+terrainseg-calibrate COMMAND --help lists the options; docs/tasks/calibration.md shows the way.
+Exit code: 0 done and in agreement, 1 something could not be read, does not fit or does not agree, 2 wrong usage.
+)";
 
 constexpr int exit_usage = 2;
 constexpr double most_degrees = 1; ///< maximum difference of the horizons, degrees
 
 double degrees(double radians) {
   return radians * 180 / std::numbers::pi;
+}
+
+// Options that several commands have.
+
+GOptionEntry file_option(const char* name, Word& target, const char* help, const char* value = "FILE") {
+  return {name, 0, 0, G_OPTION_ARG_FILENAME, &target.text, help, value};
+}
+GOptionEntry text_option(const char* name, Word& target, const char* help, const char* value) {
+  return {name, 0, 0, G_OPTION_ARG_STRING, &target.text, help, value};
+}
+GOptionEntry lens_option(Word& target) {
+  return file_option("camera-info", target, "The lens: ROS camera_info, Kalibr or OpenCV YAML");
+}
+GOptionEntry picture_option(Word& target) {
+  return file_option("picture", target, "Draws metres over the frame: a PNG or JPEG file");
+}
+
+/// Parses the arguments into the targets of the entries; returns the arguments that are not options.
+Arguments parse(std::vector<GOptionEntry> entries, const char* usage, const char* summary,
+                const Arguments& arguments, const char* name) {
+  Words rest;
+  entries.push_back({G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &rest.list, nullptr, nullptr});
+  entries.push_back({});
+  const OptionContext context(g_option_context_new(usage));
+  g_option_context_add_main_entries(context.get(), entries.data(), nullptr);
+  g_option_context_set_summary(context.get(), summary);
+  tools::parse(context.get(), arguments, name);
+  return rest.all();
+}
+
+std::string only_one(const Arguments& all, const char* what) {
+  if (all.size() > 1)
+    throw UsageError(std::string("more than one ") + what + ": " + all[1]);
+  return all.empty() ? std::string() : all.front();
+}
+
+void need(const std::string& value, const char* option) {
+  if (value.empty())
+    throw UsageError(std::string(option) + " is missing");
+}
+
+void check_picture(const Word& frame, const Word& picture) {
+  if (!picture.value().empty())
+    need(frame.value(), "--frame FILE, over which --picture draws,");
+}
+
+/// Parses a value of the command line; errors are usage errors.
+template <class Read> auto used(Read read) -> decltype(read()) {
+  try {
+    return read();
+  } catch (const std::runtime_error& error) {
+    throw UsageError(error.what());
+  }
+}
+
+std::optional<double> metres(const Word& word, const char* option) {
+  if (!word.text)
+    return std::nullopt;
+  return used([&] { return parse_number(word.value(), option); });
+}
+
+/// Degrees, or radians if the suffix is `rad`.
+std::optional<double> angle(const Word& word, const char* option) {
+  if (!word.text)
+    return std::nullopt;
+  std::string text = word.value();
+  const bool radians = text.size() > 3 && text.ends_with("rad");
+  if (radians || (text.size() > 3 && text.ends_with("deg")))
+    text.resize(text.size() - 3);
+  const double value =
+      used([&] { return parse_number(text, option); }) * (radians ? 1 : std::numbers::pi / 180);
+  if (std::abs(value) > std::numbers::pi)
+    throw UsageError(std::string(option) + ": '" + word.value() + "' is more than half a turn");
+  return value;
 }
 
 void draw(const std::string& frame, const metric::Camera& camera, const metric::Mount& mount,
@@ -44,9 +130,31 @@ metric::Camera fitted_to(const metric::Camera& camera, const std::string& frame)
   return fitted(camera, size.width, size.height);
 }
 
-int run_camera(const Words& words) {
-  const CameraOptions o = parse_camera(words);
-  const Calibration c = calibrate_from_folder(o.folder, o.board, o.fisheye);
+void write(const std::string& path, const std::string& content) {
+  write_file(path, content);
+  std::printf("%s: written\n", path.c_str());
+}
+
+int run_camera(const Arguments& arguments) {
+  Word board_text, out;
+  gboolean fisheye = FALSE;
+  const Arguments rest = parse(
+      {text_option("board", board_text, "Inner corners of the board (default: 9x6, a board of 10x7 squares)",
+                   "COLUMNSxROWS"),
+       {"fisheye", 0, 0, G_OPTION_ARG_NONE, &fisheye,
+        "For lenses of 120 degrees and more: the equidistant model instead of plumb_bob", nullptr},
+       file_option("out", out, "Output file (default: camera.yaml)")},
+      "FOLDER",
+      "Calibrates a lens from pictures of a chessboard: 20 of them, in the size that the camera delivers to "
+      "the\nfilter, the board tilted by up to 45 degrees in all directions, near the corners of the picture "
+      "too.",
+      arguments, "terrainseg-calibrate camera");
+  const std::string folder = only_one(rest, "FOLDER");
+  need(folder, "FOLDER");
+  Board board;
+  if (board_text.text)
+    board = used([&] { return parse_board(board_text.value()); });
+  const Calibration c = calibrate_from_folder(folder, board, fisheye);
   for (const View& view : c.views)
     std::printf("%s: %.3f px\n", view.name.c_str(), view.error);
   for (const std::string& name : c.without_board)
@@ -60,8 +168,7 @@ int run_camera(const Words& words) {
         "warning: more than 1 px: remove the views with the largest residuals (blurred, board bent)\n");
   if (c.coverage < 0.6)
     std::printf("warning: little of the picture is covered: add views with the board near its corners\n");
-  write_file(o.out, metric::camera_info_file(c.camera, "camera"));
-  std::printf("%s: written\n", o.out.c_str());
+  write(out.value("camera.yaml"), metric::camera_info_file(c.camera, "camera"));
   return EXIT_SUCCESS;
 }
 
@@ -91,32 +198,82 @@ void print_fit(const MountFit& fit, const std::vector<MeasuredPoint>& points) {
         fit.root_mean_square);
 }
 
-int run_mount(const Words& words) {
-  const MountOptions o = parse_mount(words);
-  metric::Camera camera = read_camera(o.camera_info);
-  if (!o.frame.empty())
-    camera = fitted_to(camera, o.frame);
-  const MountFit fit = fit_mount(camera, o.points, o.known);
-  print_fit(fit, o.points);
-  write_file(o.out, metric::mount_file(fit.mount));
-  std::printf("%s: written\n", o.out.c_str());
-  if (!o.picture.empty())
-    draw(o.frame, camera, fit.mount, o.points, o.picture);
+int run_mount(const Arguments& arguments) {
+  Words point_texts;
+  Word lens, file, height, roll, yaw, x, y, out, frame, picture;
+  const Arguments rest = parse(
+      {lens_option(lens),
+       {"point", 'p', 0, G_OPTION_ARG_STRING_ARRAY, &point_texts.list,
+        "A point of flat ground, at least twice: its pixel, and its distance over ground from the point "
+        "below "
+        "the lens",
+        "COLUMN,ROW,METRES"},
+       file_option("points", file, "Points from a file, one a line"),
+       text_option("height", height, "Measured height of the lens over the ground", "METRES"),
+       text_option("roll", roll,
+                   "Known roll, positive = right side down (default: fitted to four or more points, with "
+                   "--height to two "
+                   "or more, if they determine it; otherwise 0)",
+                   "DEGREES"),
+       text_option("yaw", yaw, "Copied to the file, positive = the camera looks to the left", "DEGREES"),
+       text_option("x", x, "Copied to the file: distance of the lens ahead of the origin", "METRES"),
+       text_option("y", y, "Copied to the file: distance of the lens to the left of the origin", "METRES"),
+       file_option(
+           "frame", frame,
+           "The picture in which the pixels were read: needed for --picture, and if its size is not the "
+           "calibration's"),
+       picture_option(picture),
+       file_option("out", out, "Output file (default: mount.yaml)")},
+      nullptr,
+      "Fits the pose of the camera to points of flat ground at measured distances: two or more, one near the "
+      "lower\nedge, one at least twice as far. Four points on both sides also give the roll.",
+      arguments, "terrainseg-calibrate mount");
+  if (!rest.empty())
+    throw UsageError(rest.front() + ": not an option");
+  need(lens.value(), "--camera-info FILE");
+  std::vector<MeasuredPoint> points;
+  for (const std::string& text : point_texts.all())
+    points.push_back(used([&] { return parse_point(text); }));
+  if (file.text)
+    try {
+      for (const MeasuredPoint& point : parse_points(read_file(file.value())))
+        points.push_back(point);
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error(file.value() + ": " + error.what());
+    }
+  if (points.empty())
+    throw UsageError("no --point is given");
+  Known known;
+  known.height = metres(height, "--height");
+  known.roll = angle(roll, "--roll");
+  known.yaw = angle(yaw, "--yaw").value_or(0);
+  known.x = metres(x, "--x").value_or(0);
+  known.y = metres(y, "--y").value_or(0);
+  check_picture(frame, picture);
+
+  metric::Camera camera = read_camera(lens.value());
+  if (!frame.value().empty())
+    camera = fitted_to(camera, frame.value());
+  const MountFit fit = fit_mount(camera, points, known);
+  print_fit(fit, points);
+  write(out.value("mount.yaml"), metric::mount_file(fit.mount));
+  if (!picture.value().empty())
+    draw(frame.value(), camera, fit.mount, points, picture.value());
   return EXIT_SUCCESS;
 }
 
 /// Returns true if the recording agrees with the mount.
-bool check_recording(const CheckOptions& o, const metric::Camera& camera, const metric::Mount& mount) {
-  std::ifstream file(o.lines);
+bool check_recording(const std::string& lines, const metric::Camera& camera, const metric::Mount& mount) {
+  std::ifstream file(lines);
   if (!file)
-    throw std::runtime_error(o.lines + ": cannot be opened");
+    throw std::runtime_error(lines + ": cannot be opened");
   HorizonCheck check;
   Horizons horizons;
   try {
     horizons = read_horizons(file);
     check = check_horizon(horizons, camera, mount);
   } catch (const std::runtime_error& error) {
-    throw std::runtime_error(o.lines + ": " + error.what());
+    throw std::runtime_error(lines + ": " + error.what());
   }
   std::printf(
       "horizon of the recording: row %.1f (median of %zu confident of %zu frames, middle half %.1f..%.1f)\n",
@@ -132,19 +289,34 @@ bool check_recording(const CheckOptions& o, const metric::Camera& camera, const 
   return agrees;
 }
 
-int run_check(const Words& words) {
-  const CheckOptions o = parse_check(words);
-  const metric::Camera camera = read_camera(o.camera_info);
-  const metric::Mount mount = read_mount_argument(o.mount);
-  const bool agrees = o.lines.empty() || check_recording(o, camera, mount);
-  if (!o.picture.empty())
-    draw(o.frame, fitted_to(camera, o.frame), mount, {}, o.picture);
+int run_check(const Arguments& arguments) {
+  Word lens, mount_text, frame, picture;
+  const Arguments rest = parse(
+      {lens_option(lens),
+       file_option("mount", mount_text, "The mount: a file, or its text (height=0.5,pitch=10deg)",
+                   "FILE|TEXT"),
+       file_option("frame", frame, "A picture of the camera, for --picture"), picture_option(picture)},
+      "[LINES]",
+      "Compares the horizon that terrainseg found in a recording with the mount's, and draws metres over a "
+      "picture.\nLINES are JSON lines of terrainextract, or of terrainseg-process.",
+      arguments, "terrainseg-calibrate check");
+  const std::string lines = only_one(rest, "LINES");
+  need(lens.value(), "--camera-info FILE");
+  need(mount_text.value(), "--mount FILE");
+  check_picture(frame, picture);
+  if (lines.empty() && picture.value().empty())
+    throw UsageError("nothing to check: name LINES of a recording, or --frame and --picture");
+  const metric::Camera camera = read_camera(lens.value());
+  const metric::Mount mount = read_mount_argument(mount_text.value());
+  const bool agrees = lines.empty() || check_recording(lines, camera, mount);
+  if (!picture.value().empty())
+    draw(frame.value(), fitted_to(camera, frame.value()), mount, {}, picture.value());
   return agrees ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
-int run(const Words& words) {
+int run(const Arguments& words) {
   const std::string& command = words[0];
-  const Words rest(words.begin() + 1, words.end());
+  const Arguments rest(words.begin() + 1, words.end());
   if (command == "camera")
     return run_camera(rest);
   if (command == "mount")
@@ -152,7 +324,7 @@ int run(const Words& words) {
   if (command == "check")
     return run_check(rest);
   if (command == "--help" || command == "-h") {
-    std::cout << help();
+    std::cout << overview;
     return EXIT_SUCCESS;
   }
   throw tools::UsageError("'" + command + "' is not a command: use camera, mount or check");
@@ -162,10 +334,10 @@ int run(const Words& words) {
 
 int main(int argc, char** argv) {
   std::setlocale(LC_CTYPE, ""); // for GLib's help; numbers keep decimal points
-  const Words words(argv + 1, argv + argc);
+  const Arguments words(argv + 1, argv + argc);
   try {
     if (words.empty()) {
-      std::cerr << help();
+      std::cerr << overview;
       return exit_usage;
     }
     return run(words);
