@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "tools/calibrate/chessboard.hpp"
+#include "tools/calibrate/pictures.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -3,6 +3,7 @@
 
 #include <glib.h>
 
+#include <charconv>
 #include <cmath>
 #include <stdexcept>
 
@@ -10,6 +11,21 @@
 
 namespace terrainseg::calibrate {
 namespace {
+
+std::string_view trimmed(std::string_view text) {
+  constexpr std::string_view blank = " \t\r";
+  const std::size_t first = text.find_first_not_of(blank);
+  return first == text.npos ? std::string_view()
+                            : text.substr(first, text.find_last_not_of(blank) - first + 1);
+}
+
+/// Removes the text before the next `mark` from the front of `text` and returns it.
+std::string_view next(std::string_view& text, char mark) {
+  const std::size_t end = text.find(mark);
+  const std::string_view part = text.substr(0, end);
+  text.remove_prefix(end == text.npos ? text.size() : end + 1);
+  return part;
+}
 
 [[noreturn]] void raise(GError* error) {
   const std::string text = error->message;
@@ -64,6 +80,67 @@ metric::Camera fitted(const metric::Camera& camera, int width, int height) {
                              std::to_string(camera.height) +
                              " and has other proportions: a cut-out needs a calibration of its own");
   return metric::scaled(camera, width, height);
+}
+
+double parse_number(std::string_view text, std::string_view what) {
+  text = trimmed(text);
+  double value = 0;
+  const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (status != std::errc{} || end != text.data() + text.size() || !std::isfinite(value))
+    throw std::runtime_error(std::string(what) + ": '" + std::string(text) + "' is not a number");
+  return value;
+}
+
+MeasuredPoint parse_point(std::string_view text) {
+  const std::string what = "point '" + std::string(trimmed(text)) + "'";
+  double values[3];
+  std::string_view rest = text;
+  for (double& value : values) {
+    if (rest.empty())
+      throw std::runtime_error(what + ": three numbers are needed, column,row,metres such as 640,400,2.5");
+    value = parse_number(next(rest, ','), what);
+  }
+  if (!trimmed(rest).empty())
+    throw std::runtime_error(what + ": more than three numbers; column,row,metres are needed (a decimal "
+                                    "point is a point, not a comma)");
+  if (values[2] <= 0)
+    throw std::runtime_error(what + ": the distance must be above 0 m");
+  return {values[0], values[1], values[2]};
+}
+
+std::vector<MeasuredPoint> parse_points(std::string_view text) {
+  std::vector<MeasuredPoint> points;
+  for (int number = 1; !text.empty(); ++number) {
+    std::string_view line = next(text, '\n');
+    line = trimmed(next(line, '#'));
+    if (line.empty())
+      continue;
+    try {
+      points.push_back(parse_point(line));
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error("line " + std::to_string(number) + ": " + error.what());
+    }
+  }
+  return points;
+}
+
+Board parse_board(const std::string& text) {
+  const std::size_t x = text.find('x');
+  const std::string what = "--board";
+  Board board;
+  if (x != text.npos) {
+    const double columns = parse_number(text.substr(0, x), what),
+                 rows = parse_number(text.substr(x + 1), what);
+    if (columns >= 3 && rows >= 3 && columns <= 100 && rows <= 100 && columns == std::floor(columns) &&
+        rows == std::floor(rows)) {
+      board.columns = static_cast<int>(columns);
+      board.rows = static_cast<int>(rows);
+      return board;
+    }
+  }
+  throw std::runtime_error("--board: '" + text +
+                           "' is not COLUMNSxROWS of inner corners, each 3..100 (a board of 10x7 squares has "
+                           "9x6)");
 }
 
 } // namespace terrainseg::calibrate

@@ -1,12 +1,40 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Reads and writes the tool's files. Every function throws std::runtime_error with the file's name.
+// Reads and writes the tool's files and parses its values: ground points, chessboards, mounts. Every function
+// throws std::runtime_error, for a file with its name.
 #pragma once
 
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "metric/mount.hpp"
 
 namespace terrainseg::calibrate {
+
+/// A point of flat ground: its pixel (centres have integer coordinates) and its distance over ground from the
+/// point below the lens, metres.
+struct MeasuredPoint {
+  double u = 0, v = 0, distance = 0;
+};
+
+/// A chessboard.
+struct Board {
+  int columns = 9, rows = 6; ///< inner corners
+  double square = 1;         ///< side of a square, metres; does not change the calibration
+};
+
+/// Parses `9x6`; throws std::runtime_error.
+Board parse_board(const std::string& text);
+
+/// Parses a number that is the whole text, with a decimal point in every locale. Throws std::runtime_error
+/// that contains `what`.
+double parse_number(std::string_view text, std::string_view what);
+
+/// Parses `U,V,METRES`; throws std::runtime_error with the text.
+MeasuredPoint parse_point(std::string_view text);
+
+/// Reads one point a line; ignores empty lines and text after `#`. Throws with the number of the line.
+std::vector<MeasuredPoint> parse_points(std::string_view text);
 
 std::string read_file(const std::string& path);
 /// Writes a file atomically.

@@ -3,10 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "tools/calibrate/pictures.hpp"
 
 namespace terrainseg::calibrate {
 namespace {
@@ -148,6 +154,30 @@ void draw_point(Pen& pen, const Camera& camera, const Mount& mount, const Measur
   pen.text(metres(point.distance), {point.u + 10, point.v + 16}, point_color);
 }
 
+cv::Mat read_picture(const std::string& path) {
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+  cv::Mat picture = cv::imread(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  if (picture.empty())
+    throw std::runtime_error(path +
+                             ": not a picture that can be decoded; take one from a video with ffmpeg -i "
+                             "VIDEO -frames:v 1 frame.png");
+  return picture;
+}
+
+void write_picture(const std::string& path, const cv::Mat& picture) {
+  std::vector<std::uint8_t> bytes;
+  const std::size_t dot = path.rfind('.');
+  try {
+    if (dot == path.npos || !cv::imencode(path.substr(dot), picture, bytes))
+      bytes.clear();
+  } catch (const cv::Exception&) {
+    bytes.clear();
+  }
+  if (bytes.empty())
+    throw std::runtime_error(path + ": cannot be encoded; name it .png or .jpg");
+  write_file(path, {bytes.begin(), bytes.end()});
+}
+
 } // namespace
 
 std::optional<cv::Point2d> pixel_of(const Camera& camera, const Mount& mount, const GroundPoint& point) {
@@ -162,6 +192,18 @@ void draw_grid(cv::Mat& picture, const Camera& camera, const Mount& mount,
   draw_horizon(pen, camera, mount);
   for (const MeasuredPoint& point : points)
     draw_point(pen, camera, mount, point);
+}
+
+PictureSize size_of_picture(const std::string& path) {
+  const cv::Mat picture = read_picture(path);
+  return {picture.cols, picture.rows};
+}
+
+void draw_over(const std::string& frame, const metric::Camera& camera, const metric::Mount& mount,
+               std::span<const MeasuredPoint> points, const std::string& picture) {
+  cv::Mat drawn = read_picture(frame);
+  draw_grid(drawn, camera, mount, points);
+  write_picture(picture, drawn);
 }
 
 } // namespace terrainseg::calibrate

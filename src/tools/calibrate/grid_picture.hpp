@@ -7,7 +7,7 @@
 #include <span>
 
 #include "metric/mount.hpp"
-#include "tools/calibrate/points.hpp"
+#include "tools/calibrate/files.hpp"
 
 namespace terrainseg::calibrate {
 

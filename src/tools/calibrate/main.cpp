@@ -13,7 +13,6 @@
 
 #include "exchange/counted.hpp"
 #include "metric/camera_info.hpp"
-#include "tools/calibrate/chessboard.hpp"
 #include "tools/calibrate/files.hpp"
 #include "tools/calibrate/horizon_check.hpp"
 #include "tools/calibrate/mount_fit.hpp"

@@ -2,7 +2,6 @@
 // Error messages for pictures in a build of terrainseg-calibrate without OpenCV.
 #include <stdexcept>
 
-#include "tools/calibrate/chessboard.hpp"
 #include "tools/calibrate/pictures.hpp"
 
 namespace terrainseg::calibrate {

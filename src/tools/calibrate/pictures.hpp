@@ -1,15 +1,35 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Draws metres over a picture file. Every function throws std::runtime_error with the file's name, or with an
-// explanation in a build without OpenCV.
+// What needs OpenCV: calibrates a camera from pictures of a chessboard, and draws metres over a picture file.
+// Every function throws std::runtime_error with the file's name, or with an explanation in a build without
+// OpenCV.
 #pragma once
 
 #include <span>
 #include <string>
+#include <vector>
 
 #include "metric/mount.hpp"
-#include "tools/calibrate/points.hpp"
+#include "tools/calibrate/files.hpp"
 
 namespace terrainseg::calibrate {
+
+/// A picture in which the whole board was found.
+struct View {
+  std::string name;
+  double error = 0; ///< root mean square of the corner residuals, pixels
+};
+
+struct Calibration {
+  metric::Camera camera;
+  std::vector<View> views;
+  std::vector<std::string> without_board; ///< pictures without a complete board
+  double error = 0;                       ///< root mean square over all views, pixels
+  double coverage = 0;                    ///< share of the picture covered by the bounding box of all corners
+};
+
+/// Calibrates from all pictures of a folder, sorted by name. Throws std::runtime_error with the remedy if
+/// there are no pictures, pictures of several sizes, fewer than five views, or no OpenCV in this build.
+Calibration calibrate_from_folder(const std::string& folder, const Board& board, bool fisheye);
 
 struct PictureSize {
   int width = 0, height = 0;
