@@ -24,8 +24,8 @@
 #include "tools/process/inputs.hpp"
 #include "tools/process/iso_media.hpp"
 #include "tools/process/manifest.hpp"
+#include "tools/process/options.hpp"
 #include "tools/process/outputs.hpp"
-#include "tools/process/shard.hpp"
 #include "tools/process/worker.hpp"
 
 namespace terrainseg::process {

@@ -195,7 +195,7 @@ void Graph::add_masks(GstElement* tee, int fd) {
 void Graph::add_json(GstElement* tee, int fd) {
   GstElement* queue = branch(tee);
   GstElement* extract = add("terrainextract");
-  g_object_set(extract, "json-mask", static_cast<gboolean>(options_.json_mask), nullptr);
+  g_object_set(extract, "json-mask", options_.json_mask, nullptr);
   GstElement* lines = add("capsfilter");
   set_caps(lines, gst_caps_new_empty_simple("application/x-ndjson"));
   GstElement* sink = add_sink(Output::json, fd);

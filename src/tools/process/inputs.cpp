@@ -32,22 +32,15 @@ constexpr const char* video_extensions[] = {".mp4", ".m4v",  ".mov",  ".mkv",   
 
 template <std::size_t count>
 bool has_extension(const fs::path& path, const char* const (&extensions)[count]) {
-  std::string extension = path.extension().string();
-  for (char& letter : extension)
-    if (letter >= 'A' && letter <= 'Z')
-      letter = static_cast<char>(letter - 'A' + 'a');
+  const std::string extension = take(g_ascii_strdown(path.extension().c_str(), -1));
   return std::find(std::begin(extensions), std::end(extensions), extension) != std::end(extensions);
-}
-
-bool ends_with(const std::string& text, const std::string& end) {
-  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
 /// Outputs of an earlier run in the same folder are not inputs.
 bool is_own_output(const fs::path& path) {
   const std::string name = path.filename().string();
   for (const OutputKind& kind : output_kinds)
-    if (name == kind.bare || ends_with(name, std::string(".") + kind.suffix))
+    if (name == kind.bare || name.ends_with(std::string(".") + kind.suffix))
       return true;
   return false;
 }
@@ -57,32 +50,18 @@ bool before(const fs::path& a, const fs::path& b) {
 }
 
 Input failed(const std::string& label, const std::string& problem, Cause cause = Cause::missing) {
-  Input input;
-  input.label = label;
-  input.path = label;
-  input.problem = problem;
-  input.cause = cause;
-  return input;
+  return {.label = label, .path = label, .problem = problem, .cause = cause};
 }
 
 Input sequence(const std::string& label, const std::string& stem, std::vector<fs::path> images) {
-  Input input;
-  input.kind = Input::Kind::images;
-  input.label = label;
-  input.stem = stem;
-  input.images = std::move(images);
-  return input;
+  return {.kind = Input::Kind::images, .label = label, .stem = stem, .images = std::move(images)};
 }
 
 /// A video, or a picture, which is a sequence of one frame.
 Input file(const fs::path& path, const std::string& stem) {
   if (has_extension(path, image_extensions))
     return sequence(path.string(), stem, {path});
-  Input input;
-  input.label = path.string();
-  input.path = path;
-  input.stem = stem;
-  return input;
+  return {.label = path.string(), .stem = stem, .path = path};
 }
 
 /// As it was written; what "." and ".." mean.
@@ -98,35 +77,23 @@ std::string folder_name(const fs::path& folder) {
   return name.empty() ? "root" : name;
 }
 
-/// Files of a folder that are not inputs, summarised in one line.
-class LeftOut {
- public:
-  void add(const fs::path& path) {
-    ++count_;
-    if (count_ <= shown)
-      names_ += (names_.empty() ? "" : ", ") + path.string();
-  }
-  /// Returns nothing if there are none.
-  void note(const fs::path& folder, std::vector<std::string>& notes) const {
-    if (count_ > 0)
-      notes.push_back(
-          folder.string() + ": left out " + counted(count_, "member") +
-          (count_ == 1 ? " that is" : " that are") +
-          " no video or image by the name, an output of this tool, hidden, or a link to a folder: " + names_ +
-          (count_ > shown ? ", ..." : ""));
-  }
-
- private:
-  static constexpr int shown = 5;
-  int count_ = 0;
-  std::string names_;
-};
+/// Tells of the files of a folder that are not inputs, in one line.
+std::string note_of(const fs::path& folder, const std::vector<std::string>& left_out) {
+  constexpr std::size_t shown = 5;
+  std::string names;
+  for (std::size_t i = 0; i < std::min(left_out.size(), shown); ++i)
+    names += (i ? ", " : "") + left_out[i];
+  return folder.string() + ": left out " + counted(left_out.size(), "member") +
+         (left_out.size() == 1 ? " that is" : " that are") +
+         " no video or image by the name, an output of this tool, hidden, or a link to a folder: " + names +
+         (left_out.size() > shown ? ", ..." : "");
+}
 
 /// The content of a folder and its subfolders, by folder, in natural order.
 struct Members {
   std::vector<fs::path> videos;
   std::map<fs::path, std::vector<fs::path>> images; ///< by folder
-  LeftOut left_out;
+  std::vector<std::string> left_out;
 };
 
 /// A link to what is not there (a disk that is not mounted): an input that fails, not one that is left out.
@@ -140,24 +107,21 @@ std::error_code read_folder(const fs::path& folder, Members& members) {
   for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     const fs::path& path = entry->path();
-    const fs::path name = path.lexically_relative(folder);
     std::error_code ignored;
     const bool hidden = path.filename().string().starts_with(".");
     if (entry->is_directory(ignored)) {
       if (hidden)
         entry.disable_recursion_pending();
-      if (hidden || entry->is_symlink(ignored))
-        members.left_out.add(name);
-      // NOLINTNEXTLINE(bugprone-branch-clone)
-    } else if (hidden || !(entry->is_regular_file(ignored) || is_dead_link(*entry)) || is_own_output(path)) {
-      members.left_out.add(name);
-    } else if (has_extension(path, video_extensions)) {
-      members.videos.push_back(path);
-    } else if (has_extension(path, image_extensions)) {
-      members.images[path.parent_path()].push_back(path);
-    } else {
-      members.left_out.add(name);
+      else if (!entry->is_symlink(ignored))
+        continue;
+    } else if (!hidden && (entry->is_regular_file(ignored) || is_dead_link(*entry)) && !is_own_output(path)) {
+      const bool video = has_extension(path, video_extensions);
+      if (video || has_extension(path, image_extensions)) {
+        (video ? members.videos : members.images[path.parent_path()]).push_back(path);
+        continue;
+      }
     }
+    members.left_out.push_back(path.lexically_relative(folder).string());
   }
   return error;
 }
@@ -170,7 +134,8 @@ void add_folder(const fs::path& given, Found& found) {
                                   cause_of_reading(error.value())));
     return;
   }
-  members.left_out.note(folder, found.notes);
+  if (!members.left_out.empty())
+    found.notes.push_back(note_of(folder, members.left_out));
   if (members.videos.empty() && members.images.empty()) {
     found.inputs.push_back(
         failed(folder.string(), "there is no video and no image in this folder", Cause::unsupported));
@@ -190,33 +155,25 @@ void add_folder(const fs::path& given, Found& found) {
 /// A file name with one number: PREFIX %0WIDTHd SUFFIX.
 struct Pattern {
   std::string prefix, suffix;
-  int width = 1;
+  int width = 1; ///< where no digits are written
 };
 
 std::optional<Pattern> read_pattern(const std::string& name) {
   const std::size_t percent = name.find('%');
-  if (percent == std::string::npos)
+  if (percent == name.npos || name.find('%', percent + 1) != name.npos)
     return std::nullopt;
-  std::size_t end = percent + 1;
-  Pattern pattern{name.substr(0, percent), {}, 1};
-  if (end < name.size() && name[end] == '0')
-    ++end;
-  const std::size_t digits = end;
-  while (end < name.size() && name[end] >= '0' && name[end] <= '9')
-    ++end;
-  if (end > digits)
-    std::from_chars(name.data() + digits, name.data() + end, pattern.width);
-  if (end >= name.size() || name[end] != 'd')
+  const std::size_t digits = percent + 1 + (name[percent + 1] == '0'),
+                    end = name.find_first_not_of("0123456789", digits);
+  if (end == name.npos || name[end] != 'd')
     return std::nullopt;
-  pattern.suffix = name.substr(end + 1);
-  if (pattern.suffix.find('%') != std::string::npos)
-    return std::nullopt;
+  Pattern pattern{name.substr(0, percent), name.substr(end + 1)};
+  std::from_chars(name.data() + digits, name.data() + end, pattern.width);
   return pattern;
 }
 
 std::optional<std::uint64_t> number_in(const std::string& name, const Pattern& pattern) {
   if (name.size() <= pattern.prefix.size() + pattern.suffix.size() || !name.starts_with(pattern.prefix) ||
-      !ends_with(name, pattern.suffix))
+      !name.ends_with(pattern.suffix))
     return std::nullopt;
   const char* begin = name.data() + pattern.prefix.size();
   const char* end = name.data() + name.size() - pattern.suffix.size();
@@ -228,23 +185,20 @@ std::optional<std::uint64_t> number_in(const std::string& name, const Pattern& p
   return number;
 }
 
-void add_pattern(const fs::path& argument, const Pattern& pattern, Found& found) {
+Input numbered(const fs::path& argument, const Pattern& pattern) {
   const fs::path folder = argument.has_parent_path() ? argument.parent_path() : fs::path(".");
   std::map<std::uint64_t, fs::path> numbered;
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
     if (const auto number = number_in(entry->path().filename().string(), pattern))
       numbered[*number] = argument.has_parent_path() ? entry->path() : entry->path().filename();
-  if (numbered.empty()) {
-    found.inputs.push_back(failed(argument.string(), error ? "cannot read the folder: " + error.message()
-                                                           : "no file matches it"));
-    return;
-  }
+  if (numbered.empty())
+    return failed(argument.string(),
+                  error ? "cannot read the folder: " + error.message() : "no file matches it");
   std::vector<fs::path> images;
-  images.reserve(numbered.size());
   for (const auto& [number, path] : numbered)
     images.push_back(path);
-  found.inputs.push_back(sequence(argument.string(), folder_name(folder), std::move(images)));
+  return sequence(argument.string(), folder_name(folder), std::move(images));
 }
 
 /// "x:y" alone is treated as a missing file.
@@ -280,40 +234,38 @@ std::optional<fs::path> local_path(const std::string& uri) {
   return fs::path(path);
 }
 
+/// What is not a folder.
+Input single(const fs::path& path) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (fs::is_regular_file(status))
+    return file(path, path.stem().string());
+  if (fs::exists(status))
+    return failed(path.string(), "this is a pipe or a device, not a file", Cause::unsupported);
+  if (path == "-")
+    return failed("-", "standard input cannot be read; write it to a file first", Cause::unsupported);
+  if (const auto pattern = read_pattern(path.filename().string()))
+    return numbered(path, *pattern);
+  if (status.type() == fs::file_type::not_found)
+    return failed(path.string(), "there is no such file or folder");
+  return failed(path.string(), error.message(), cause_of_reading(error.value()));
+}
+
 void add(const std::string& argument, Found& found) {
   fs::path path(argument);
-  std::error_code error;
-  fs::file_status status = fs::status(path, error);
-  if (!fs::exists(status) && is_uri(argument)) {
+  std::error_code ignored;
+  if (!fs::exists(path, ignored) && is_uri(argument)) {
     const auto local = local_path(argument);
     if (!local) {
       found.inputs.push_back(from_uri(argument));
       return;
     }
     path = *local;
-    status = fs::status(path, error);
   }
-  if (fs::is_directory(status))
-    return add_folder(path, found);
-  if (fs::exists(status) && !fs::is_regular_file(status)) {
-    found.inputs.push_back(
-        failed(path.string(), "this is a pipe or a device, not a file", Cause::unsupported));
-    return;
-  }
-  if (fs::exists(status)) {
-    found.inputs.push_back(file(path, path.stem().string()));
-    return;
-  }
-  if (argument == "-") {
-    found.inputs.push_back(
-        failed(argument, "standard input cannot be read; write it to a file first", Cause::unsupported));
-    return;
-  }
-  if (const auto pattern = read_pattern(path.filename().string()))
-    return add_pattern(path, *pattern, found);
-  const bool absent = status.type() == fs::file_type::not_found;
-  found.inputs.push_back(failed(path.string(), absent ? "there is no such file or folder" : error.message(),
-                                absent ? Cause::missing : cause_of_reading(error.value())));
+  if (fs::is_directory(path, ignored))
+    add_folder(path, found);
+  else
+    found.inputs.push_back(single(path));
 }
 
 /// The path as given, without extension and without components that leave the output folder.
@@ -334,10 +286,17 @@ std::string written_path(const Input& input) {
   return inside.empty() ? input.stem : inside.string();
 }
 
-std::string short_hash(const std::string& text) {
+std::string sha256(const std::string& text) {
   return take(
-             g_compute_checksum_for_string(G_CHECKSUM_SHA256, text.c_str(), static_cast<gssize>(text.size())))
-      .substr(0, 8);
+      g_compute_checksum_for_string(G_CHECKSUM_SHA256, text.data(), static_cast<gssize>(text.size())));
+}
+
+/// Evenly distributed in 0..count-1: the first 8 bytes of the SHA-256 of the path as given.
+int shard_of(const Input& input, int count) {
+  const std::string written =
+      input.kind == Input::Kind::uri ? input.label : fs::path(input.label).lexically_normal().string();
+  return static_cast<int>(std::stoull(sha256(written).substr(0, 16), nullptr, 16) %
+                          static_cast<unsigned>(count));
 }
 
 void name_outputs(Names names, std::vector<Input>& inputs) {
@@ -347,7 +306,7 @@ void name_outputs(Names names, std::vector<Input>& inputs) {
     if (names == Names::path)
       input.stem = written_path(input);
     else if (names == Names::hash)
-      input.stem += "-" + short_hash(fs::path(input.label).lexically_normal().string());
+      input.stem += "-" + sha256(fs::path(input.label).lexically_normal().string()).substr(0, 8);
   }
 }
 
@@ -455,6 +414,12 @@ Found find_inputs(const std::vector<std::string>& arguments, Names names) {
   drop_repeated(found.inputs);
   name_outputs(names, found.inputs);
   return found;
+}
+
+std::vector<Input> share_of(const Shard& shard, std::vector<Input> inputs) {
+  std::erase_if(inputs,
+                [&shard](const Input& input) { return shard_of(input, shard.count) != shard.index - 1; });
+  return inputs;
 }
 
 } // namespace terrainseg::process

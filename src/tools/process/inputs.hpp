@@ -22,12 +22,12 @@ struct Identity {
 struct Input {
   enum class Kind { file, images, uri };
   Kind kind = Kind::file;
-  std::string label; ///< as given by the user, for messages
-  std::string stem;  ///< base name of the outputs: "drive", "monday/drive"; empty if there is a problem
-  std::filesystem::path path; ///< of a file; of a URI all of it, with the password that the label omits
-  std::vector<std::filesystem::path> images; ///< files of a sequence, in order
-  std::string problem;                       ///< why it cannot be processed at all; empty = no problem
-  Cause cause = Cause::none;                 ///< of the problem
+  std::string label = {}; ///< as given by the user, for messages
+  std::string stem = {};  ///< base name of the outputs: "drive", "monday/drive"; empty if there is a problem
+  std::filesystem::path path = {}; ///< of a file; of a URI all of it, with the password that the label omits
+  std::vector<std::filesystem::path> images = {}; ///< files of a sequence, in order
+  std::string problem = {};                       ///< why it cannot be processed at all; empty = no problem
+  Cause cause = Cause::none;                      ///< of the problem
 
   /// Identifies the content; unknown for a stream.
   Identity identity() const;
@@ -58,5 +58,17 @@ std::string without_credentials(std::string text);
 /// reported in order. A file that is given twice is one input. Folders are searched recursively; links to
 /// folders are not followed.
 Found find_inputs(const std::vector<std::string>& arguments, Names names = Names::base);
+
+inline constexpr int most_shards = 1'000'000;
+
+/// A part of one list of inputs, for tasks that do not communicate.
+struct Shard {
+  int index = 1; ///< 1..count
+  int count = 1;
+};
+
+/// The inputs of a shard. The shard of an input depends only on its path as given and the number of shards: a
+/// list that grows between two tasks loses no input.
+std::vector<Input> share_of(const Shard& shard, std::vector<Input> inputs);
 
 } // namespace terrainseg::process

@@ -5,52 +5,49 @@
 #include <gst/gst.h>
 
 #include <algorithm>
+#include <charconv>
 #include <fstream>
 #include <iostream>
 #include <iterator>
+#include <optional>
 #include <sstream>
+#include <string_view>
 
 #include "tools/command_line.hpp"
 #include "tools/process/handles.hpp"
 
 namespace terrainseg::process {
 
-using tools::OptionContext;
-using tools::UsageError;
-using tools::Word;
-using tools::Words;
+using tools::OptionContext, tools::UsageError, tools::Word, tools::Words;
 
 namespace {
 
 constexpr const char* summary_text =
-    "Learns the ground ahead of a rover and labels what is traversable, frame by frame, in videos, folders "
-    "of\n"
-    "videos, and image sequences. Per input, in the output folder:\n"
-    "  NAME.annotated.mp4   the video with the traversable ground drawn on it (H.264)\n"
-    "  NAME.masks.mkv       the masks without loss (FFV1, GRAY8): 0 not, 128 doubtful, 255 traversable\n"
-    "  NAME.jsonl           one JSON object a frame (docs/terrain.schema.json)\n"
-    "  NAME.csv             one row a frame\n"
-    "  NAME.bag/            terrain.mcap and metadata.yaml, for Foxglove and ROS 2 (only with --outputs)\n"
-    "  NAME.summary.json    written last: what was done, with the sizes of the files above";
+    R"(Learns the ground ahead of a rover and labels what is traversable, frame by frame, in videos, folders of
+videos, and image sequences. Per input, in the output folder:
+  NAME.annotated.mp4   the video with the traversable ground drawn on it (H.264)
+  NAME.masks.mkv       the masks without loss (FFV1, GRAY8): 0 not, 128 doubtful, 255 traversable
+  NAME.jsonl           one JSON object a frame (docs/terrain.schema.json)
+  NAME.csv             one row a frame
+  NAME.bag/            terrain.mcap and metadata.yaml, for Foxglove and ROS 2 (only with --outputs)
+  NAME.summary.json    written last: what was done, with the sizes of the files above)";
 
 constexpr const char* description_text =
-    "INPUT is a video file, a folder (every video in it, and its images as one sequence), a numbered "
-    "sequence\n"
-    "such as frames/%04d.png, or a URI that GStreamer reads. Audio is ignored.\n"
-    "\n"
-    "Files get their names when they are complete. The decoded part of a damaged input is kept as\n"
-    "NAME.partial.*.\n"
-    "\n"
-    "Exit codes: 0 all inputs are complete; 1 some are permanently damaged; 2 usage; 3 a GStreamer plugin\n"
-    "is missing; 4 the output folder is not writable; 75 try again (disk, memory, a missing input, "
-    "SIGTERM);\n"
-    "130 Ctrl-C.\n"
-    "\n"
-    "Examples:\n"
-    "  terrainseg-process --output-dir out drive.mp4\n"
-    "  terrainseg-process --output-dir out --resume --jobs 2 recordings/\n"
-    "  terrainseg-process --output-dir out --fps 15 'frames/%04d.png'\n"
-    "  terrainseg-process --set window-bottom=40 --set caution=8 --outputs json,csv drive.mp4";
+    R"(INPUT is a video file, a folder (every video in it, and its images as one sequence), a numbered sequence
+such as frames/%04d.png, or a URI that GStreamer reads. Audio is ignored.
+
+Files get their names when they are complete. The decoded part of a damaged input is kept as
+NAME.partial.*.
+
+Exit codes: 0 all inputs are complete; 1 some are permanently damaged; 2 usage; 3 a GStreamer plugin
+is missing; 4 the output folder is not writable; 75 try again (disk, memory, a missing input, SIGTERM);
+130 Ctrl-C.
+
+Examples:
+  terrainseg-process --output-dir out drive.mp4
+  terrainseg-process --output-dir out --resume --jobs 2 recordings/
+  terrainseg-process --output-dir out --fps 15 'frames/%04d.png'
+  terrainseg-process --set window-bottom=40 --set caution=8 --outputs json,csv drive.mp4)";
 
 /// The values that GLib parses, before validation.
 struct Given {
@@ -58,7 +55,7 @@ struct Given {
   Words settings, inputs;
   gint64 frames = 0;
   int worker_socket = -1;
-  gboolean json_mask = FALSE, resume = FALSE, quiet = FALSE, version = FALSE;
+  gboolean version = FALSE;
 };
 
 std::vector<GOptionEntry> entries_of(Given& given, Options& options) {
@@ -93,7 +90,7 @@ std::vector<GOptionEntry> entries_of(Given& given, Options& options) {
        "FILE"},
       {"mount", 0, 0, G_OPTION_ARG_FILENAME, &given.mount.text,
        "Pose of the camera over the ground: a file, or height=0.5,pitch=10deg", "MOUNT"},
-      {"json-mask", 0, 0, G_OPTION_ARG_NONE, &given.json_mask,
+      {"json-mask", 0, 0, G_OPTION_ARG_NONE, &options.json_mask,
        "Add the mask to the JSON lines, as run lengths", nullptr},
       {"fps", 0, 0, G_OPTION_ARG_STRING, &given.fps.text, "Frame rate of image sequences (default: 30)",
        "N[/D]"},
@@ -101,7 +98,7 @@ std::vector<GOptionEntry> entries_of(Given& given, Options& options) {
        "Only the first N frames of each input (default: all)", "N"},
       {"quality", 0, 0, G_OPTION_ARG_INT, &options.quality,
        "Quality of the annotated video, from 1 = best to 50 = smallest file (default: 21)", "Q"},
-      {"resume", 'r', 0, G_OPTION_ARG_NONE, &given.resume,
+      {"resume", 'r', 0, G_OPTION_ARG_NONE, &options.resume,
        "Skip inputs whose outputs are complete and were made with the same settings", nullptr},
       {"jobs", 'j', 0, G_OPTION_ARG_INT, &options.jobs,
        "Number of inputs processed at the same time (default: 1)", "N"},
@@ -109,12 +106,46 @@ std::vector<GOptionEntry> entries_of(Given& given, Options& options) {
        "Give up an input after this time without a frame, in seconds (default: 60)", "SECONDS"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &options.threads,
        "Threads of the decoder and of each encoder of an input (default: available processors / jobs)", "N"},
-      {"quiet", 'q', 0, G_OPTION_ARG_NONE, &given.quiet, "No progress and no summary, only problems",
+      {"quiet", 'q', 0, G_OPTION_ARG_NONE, &options.quiet, "No progress and no summary, only problems",
        nullptr},
       {"version", 0, 0, G_OPTION_ARG_NONE, &given.version, "Print the version", nullptr},
       {"worker", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_INT, &given.worker_socket, nullptr, nullptr},
       {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &given.inputs.list, nullptr, "INPUT..."},
       {}};
+}
+
+std::optional<int> read_number(std::string_view text) {
+  int value = 0;
+  const auto [stopped, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || stopped != text.data() + text.size() || value < 0)
+    return std::nullopt;
+  return value;
+}
+
+std::optional<int> variable(const char* name) {
+  const char* text = g_getenv(name);
+  return text ? read_number(text) : std::nullopt;
+}
+
+Shard from_environment() {
+  const auto fixed = variable("TERRAINSEG_SHARD_COUNT");
+  if (const auto id = variable("SLURM_ARRAY_TASK_ID")) {
+    const auto first = variable("SLURM_ARRAY_TASK_MIN"), count = variable("SLURM_ARRAY_TASK_COUNT");
+    const int step = std::max(variable("SLURM_ARRAY_TASK_STEP").value_or(1), 1);
+    if (!first || !count)
+      throw UsageError("--shard auto: SLURM_ARRAY_TASK_ID is set, but not SLURM_ARRAY_TASK_MIN and "
+                       "SLURM_ARRAY_TASK_COUNT");
+    return Shard{(*id - *first) / step + 1, fixed.value_or(*count)};
+  }
+  if (const auto index = variable("JOB_COMPLETION_INDEX")) {
+    if (!fixed)
+      throw UsageError(
+          "--shard auto: JOB_COMPLETION_INDEX is set, but TERRAINSEG_SHARD_COUNT, the Job's completions, "
+          "is not");
+    return Shard{*index + 1, *fixed};
+  }
+  throw UsageError(
+      "--shard auto: neither SLURM_ARRAY_TASK_ID nor JOB_COMPLETION_INDEX is set; is this an array task?");
 }
 
 void read_outputs(const std::string& list, Options& options) {
@@ -271,12 +302,25 @@ void apply(const Given& given, Options& options) {
   if (options.threads == 0)
     options.threads = threads_per_job(options.jobs);
   options.max_frames = static_cast<std::uint64_t>(given.frames);
-  options.json_mask = given.json_mask;
-  options.resume = given.resume;
-  options.quiet = given.quiet;
 }
 
 } // namespace
+
+Shard read_shard(const std::string& text) {
+  const auto written = [all = std::string_view(text)] {
+    const std::size_t slash = all.find('/');
+    const auto index = read_number(all.substr(0, slash)),
+               count = slash == all.npos ? std::nullopt : read_number(all.substr(slash + 1));
+    if (!index || !count)
+      throw UsageError("--shard: '" + std::string(all) + "' is neither I/N, such as 1/4, nor auto");
+    return Shard{*index, *count};
+  };
+  const Shard shard = text == "auto" ? from_environment() : written();
+  if (shard.index < 1 || shard.index > shard.count || shard.count > most_shards)
+    throw UsageError("--shard: " + std::to_string(shard.index) + "/" + std::to_string(shard.count) +
+                     " is not one of 1/N to N/N with N up to 1000000");
+  return shard;
+}
 
 Options parse_options(const std::vector<std::string>& arguments) {
   Options options;

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "tools/process/inputs.hpp"
-#include "tools/process/shard.hpp"
 
 namespace terrainseg::process {
 
@@ -54,8 +53,8 @@ struct Options {
   std::optional<std::string> name; ///< --name: replaces the input's name
   Names names = Names::base;
   bool wanted[output_count] = {true, true, true, true, false, false};
-  bool json_mask = false;
-  std::string preset; ///< empty = default of the element
+  int json_mask = false; ///< as `resume` and `quiet` an int, which GLib sets
+  std::string preset;    ///< empty = default of the element
   std::vector<std::pair<std::string, std::string>> settings;
   int fps_numerator = 30, fps_denominator = 1; ///< frame rate of image sequences
   bool fps_given = false;
@@ -64,8 +63,7 @@ struct Options {
   int jobs = 1;
   int threads = 0;        ///< of decoder and encoders of one input; 0 = available processors / jobs
   int stall_seconds = 60; ///< seconds without a frame after which an input is given up
-  bool resume = false;
-  bool quiet = false;
+  int resume = false, quiet = false;
   std::optional<int> worker_socket; ///< of a worker process (worker.hpp)
 
   /// The value of a property of terrainseg; the last one of several. Empty if it is not set.
@@ -86,5 +84,10 @@ struct EarlyExit {
 /// Parses the command line, including the program's name. Also initialises GStreamer and applies its
 /// --gst-... options. Throws EarlyExit.
 Options parse_options(const std::vector<std::string>& arguments);
+
+/// Parses --shard: "I/N" with I in 1..N, or "auto": from the environment, either a Slurm array
+/// (SLURM_ARRAY_TASK_ID, _MIN, _STEP and _COUNT) or a Kubernetes indexed Job (JOB_COMPLETION_INDEX, from 0,
+/// and TERRAINSEG_SHARD_COUNT). Throws tools::UsageError if that is invalid.
+Shard read_shard(const std::string& text);
 
 } // namespace terrainseg::process
