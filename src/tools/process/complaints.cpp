@@ -35,7 +35,7 @@ void Complaints::take(GstMessage* message) {
 /// An element without a parent belongs to the source: uridecodebin removes elements while it stops.
 void Complaints::take_error(GstMessage* message) {
   if (graph_.holds(message->src)) {
-    if (behind_.cause != Cause::none)
+    if (behind_)
       return;
     const auto output = graph_.output_of(message->src);
     behind_ = {cause_behind_source(message, output.has_value()), text_of(message)};
@@ -43,7 +43,7 @@ void Complaints::take_error(GstMessage* message) {
       behind_.text = "cannot write " + files_[*output].final_path().string() + ": " + behind_.text;
     return;
   }
-  if (source_fault_.cause != Cause::none)
+  if (source_fault_)
     return;
   gave_up_ = says_nothing(message);
   source_fault_ = {cause_in_source(message), gave_up_ ? giving_up(message) : text_of(message)};
@@ -65,12 +65,12 @@ void Complaints::warn(GstMessage* message) {
 }
 
 void Complaints::blame_source(const Fault& fault) {
-  if (source_fault_.cause == Cause::none)
+  if (!source_fault_)
     source_fault_ = fault;
 }
 
 void Complaints::blame_rest(const Fault& fault) {
-  if (behind_.cause == Cause::none)
+  if (!behind_)
     behind_ = fault;
 }
 

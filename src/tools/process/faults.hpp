@@ -43,6 +43,7 @@ inline bool may_pass_later(Cause cause) {
 struct Fault {
   Cause cause = Cause::none;
   std::string text;
+  explicit operator bool() const { return cause != Cause::none; }
 };
 
 /// For an errno while writing: Cause::disk if temporary, Cause::unwritable if permanent.

@@ -166,26 +166,17 @@ Frames::Frames(const Options& options, Graph& graph, AtomicFile& rows, Record& r
 }
 
 void Frames::watch(GstElement* source) {
-  constexpr auto all =
-      static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM);
-  const PadPointer in(gst_element_get_static_pad(source, "src"));
-  const auto on_entering = [](GstPad*, GstPadProbeInfo* info, gpointer self) {
-    return static_cast<Frames*>(self)->entering(info);
-  };
-  gst_pad_add_probe(in.get(), all, on_entering, this, nullptr);
-  const PadPointer out(gst_element_get_static_pad(graph_.terrainseg(), "src"));
-  const auto on_labelled = [](GstPad*, GstPadProbeInfo* info, gpointer self) {
-    Frames* frames = static_cast<Frames*>(self);
-    if (GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER) {
-      frames->frame_done(GST_PAD_PROBE_INFO_BUFFER(info));
-    } else if (GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info); GST_EVENT_TYPE(event) == GST_EVENT_CAPS) {
-      GstCaps* caps = nullptr;
-      gst_event_parse_caps(event, &caps);
-      frames->size_known(caps);
-    }
-    return GST_PAD_PROBE_OK;
-  };
-  gst_pad_add_probe(out.get(), all, on_labelled, this, nullptr);
+  constexpr int all = GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM;
+  add_probe<&Frames::entering>(pad_of(source, "src"), all, this);
+  add_probe<&Frames::leaving>(pad_of(graph_.terrainseg(), "src"), all, this);
+}
+
+GstPadProbeReturn Frames::leaving(GstPad*, GstPadProbeInfo* info) {
+  if (GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER)
+    frame_done(GST_PAD_PROBE_INFO_BUFFER(info));
+  else if (GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) == GST_EVENT_CAPS)
+    size_known(GST_PAD_PROBE_INFO_EVENT(info));
+  return GST_PAD_PROBE_OK;
 }
 
 int Frames::still_rows() const {
@@ -226,7 +217,7 @@ void Frames::warn_of_views(GstEvent* event) {
 }
 
 /// Ends the stream after --frames frames. Frames without a time get one, which files need.
-GstPadProbeReturn Frames::entering(GstPadProbeInfo* info) {
+GstPadProbeReturn Frames::entering(GstPad*, GstPadProbeInfo* info) {
   if (!(GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER)) {
     GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
     if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT)
@@ -262,7 +253,9 @@ GstPadProbeReturn Frames::entering(GstPadProbeInfo* info) {
 
 /// Files have one size: the first frame's. Later frames are scaled to it. Caps may arrive twice before the
 /// first frame, because the orientation is known after the size.
-void Frames::size_known(GstCaps* caps) {
+void Frames::size_known(GstEvent* event) {
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
   GstVideoInfo info;
   if (!gst_video_info_from_caps(&info, caps))
     return;

@@ -63,10 +63,11 @@ class Frames {
   int still_rows() const;
 
  private:
-  GstPadProbeReturn entering(GstPadProbeInfo* info);
+  GstPadProbeReturn entering(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn leaving(GstPad* pad, GstPadProbeInfo* info);
   void segment_entering(GstPadProbeInfo* info);
   void warn_of_views(GstEvent* caps);
-  void size_known(GstCaps* caps);
+  void size_known(GstEvent* caps);
   void frame_done(GstBuffer* buffer);
 
   const Options& options_;

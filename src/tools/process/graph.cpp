@@ -18,12 +18,6 @@ GstPadProbeReturn on_buffer(GstPad*, GstPadProbeInfo*, gpointer counter) {
   return GST_PAD_PROBE_OK;
 }
 
-GstPadProbeReturn on_end(GstPad*, GstPadProbeInfo* info, gpointer ended) {
-  if (GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) == GST_EVENT_EOS)
-    ++*static_cast<std::atomic<int>*>(ended);
-  return GST_PAD_PROBE_OK;
-}
-
 /// Width or height of the annotated video for that of a frame: H.264 with 4:2:0 needs even sides, mp4mux at
 /// least 16 pixels.
 int annotated_side(int side) {
@@ -59,24 +53,6 @@ std::string encoded_colorimetry(const GstVideoInfo& info) {
   return take(gst_video_colorimetry_to_string(&color));
 }
 
-/// Moves the start of the MP4 file to the time of the first frame: mp4mux starts every file at 0, but the
-/// other outputs have the times of the input.
-GstPadProbeReturn on_movie_box(GstPad*, GstPadProbeInfo* info, gpointer start) {
-  GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
-  constexpr gsize head = 8;
-  std::uint8_t bytes[head] = {};
-  if (gst_buffer_extract(buffer, 0, bytes, head) < head || std::memcmp(bytes + 4, "moov", 4) != 0)
-    return GST_PAD_PROBE_OK;
-  std::vector<std::uint8_t> movie(gst_buffer_get_size(buffer));
-  gst_buffer_extract(buffer, 0, movie.data(), movie.size());
-  movie = shown_from(movie, *static_cast<const std::atomic<GstClockTime>*>(start));
-  GstBuffer* changed = gst_buffer_new_memdup(movie.data(), movie.size());
-  gst_buffer_copy_into(changed, buffer, GST_BUFFER_COPY_METADATA, 0, G_MAXSIZE);
-  gst_buffer_unref(buffer);
-  GST_PAD_PROBE_INFO_DATA(info) = changed;
-  return GST_PAD_PROBE_OK;
-}
-
 void set_caps(GstElement* filter, GstCaps* caps) {
   const CapsPointer owner(caps);
   g_object_set(filter, "caps", caps, nullptr);
@@ -87,6 +63,30 @@ void set_caps(GstElement* filter, GstCaps* caps) {
 Graph::~Graph() {
   gst_element_set_state(pipeline_, GST_STATE_NULL);
   gst_object_unref(pipeline_);
+}
+
+/// Moves the start of the MP4 file to the time of the first frame: mp4mux starts every file at 0, but the
+/// other outputs have the times of the input.
+GstPadProbeReturn Graph::on_movie_box(GstPad*, GstPadProbeInfo* info) {
+  GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
+  constexpr gsize head = 8;
+  std::uint8_t bytes[head] = {};
+  if (gst_buffer_extract(buffer, 0, bytes, head) < head || std::memcmp(bytes + 4, "moov", 4) != 0)
+    return GST_PAD_PROBE_OK;
+  std::vector<std::uint8_t> movie(gst_buffer_get_size(buffer));
+  gst_buffer_extract(buffer, 0, movie.data(), movie.size());
+  movie = shown_from(movie, start_);
+  GstBuffer* changed = gst_buffer_new_memdup(movie.data(), movie.size());
+  gst_buffer_copy_into(changed, buffer, GST_BUFFER_COPY_METADATA, 0, G_MAXSIZE);
+  gst_buffer_unref(buffer);
+  GST_PAD_PROBE_INFO_DATA(info) = changed;
+  return GST_PAD_PROBE_OK;
+}
+
+GstPadProbeReturn Graph::on_end(GstPad*, GstPadProbeInfo* info) {
+  if (GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) == GST_EVENT_EOS)
+    ++sinks_ended_;
+  return GST_PAD_PROBE_OK;
 }
 
 GstElement* Graph::add(const char* factory) {
@@ -118,13 +118,11 @@ GstElement* Graph::add_sink(Output kind, int fd) {
 /// the event, at the latest when the pipeline stops.
 void Graph::watch_end(GstElement* sink) {
   ++sinks_;
-  const PadPointer pad(gst_element_get_static_pad(sink, "sink"));
-  gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_end, &sinks_ended_, nullptr);
+  add_probe<&Graph::on_end>(pad_of(sink, "sink"), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, this);
 }
 
 void Graph::count_buffers(GstElement* element, const char* name, Output kind) {
-  const PadPointer pad(gst_element_get_static_pad(element, name));
-  gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, on_buffer,
+  gst_pad_add_probe(pad_of(element, name).get(), GST_PAD_PROBE_TYPE_BUFFER, on_buffer,
                     &written_[static_cast<std::size_t>(kind)], nullptr);
 }
 
@@ -141,8 +139,7 @@ void Graph::add_annotated(GstElement* tee, int fd) {
   // A browser needs the index at the start of the file. Until it is known, the frames are in an unnamed file.
   if (scratch_.open(options_.output_dir)) {
     g_object_set(mux, "faststart", TRUE, "faststart-file", scratch_.path().c_str(), nullptr);
-    const PadPointer pad(gst_element_get_static_pad(mux, "src"));
-    gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, on_movie_box, &start_, nullptr);
+    add_probe<&Graph::on_movie_box>(pad_of(mux, "src"), GST_PAD_PROBE_TYPE_BUFFER, this);
   }
   g_object_set(scale, "add-borders", TRUE, nullptr);
   gst_element_link_many(queue, overlay_, convert, scale, annotated_caps_, annotated_box_, annotated_colors_,

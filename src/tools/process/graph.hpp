@@ -59,6 +59,8 @@ class Graph {
   GstElement* encode_h264(GstElement* from, bool recording);
   void count_buffers(GstElement* element, const char* pad, Output kind);
   void watch_end(GstElement* sink);
+  GstPadProbeReturn on_end(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_movie_box(GstPad* pad, GstPadProbeInfo* info);
 
   const Options& options_;
   GstElement* pipeline_;

@@ -29,6 +29,18 @@ inline std::string take(char* text) {
   return text ? text : "";
 }
 
+inline PadPointer pad_of(GstElement* element, const char* name) {
+  return PadPointer(gst_element_get_static_pad(element, name));
+}
+
+/// Adds a probe of these types that calls a method of `owner`.
+template <auto method, typename Owner> void add_probe(const PadPointer& pad, int types, Owner* owner) {
+  const auto call = [](GstPad* at, GstPadProbeInfo* info, gpointer self) {
+    return (static_cast<Owner*>(self)->*method)(at, info);
+  };
+  gst_pad_add_probe(pad.get(), static_cast<GstPadProbeType>(types), call, owner, nullptr);
+}
+
 /// What an error or a warning says; `debug`, where it is asked for, must be freed.
 inline ErrorPointer error_in(GstMessage* message, gchar** debug = nullptr) {
   GError* error = nullptr;

@@ -125,7 +125,7 @@ bool Run::starts(GstBus* bus) {
   if (gst_element_set_state(graph_.pipeline(), GST_STATE_PLAYING) != GST_STATE_CHANGE_FAILURE)
     return true;
   complaints_.take_all(bus, 0);
-  if (complaints_.source().cause == Cause::none)
+  if (!complaints_.source())
     complaints_.blame_rest({Cause::resources, "the pipeline does not start"});
   return false;
 }
@@ -138,7 +138,7 @@ void Run::end_source() {
 /// Handles a source that failed, stalled or was interrupted.
 Run::Step Run::watch_source(Clock::duration now, bool interrupted) {
   const bool none_yet = frames_.labelled() == 0;
-  const bool has_failed = complaints_.source().cause != Cause::none || !source_.problem().empty();
+  const bool has_failed = complaints_.source() || source_.fault();
   const bool quiet = now - last_move_ > grace;
   if (has_failed && none_yet && (!source_.has_video() || quiet))
     return Step::stop;
@@ -165,7 +165,7 @@ void Run::play(const std::atomic<int>& interrupted) {
     return;
   last_move_ = clock_.now();
   std::uint64_t last_moved = 0;
-  while (!graph_.ended() && complaints_.behind_source().cause == Cause::none) {
+  while (!graph_.ended() && !complaints_.behind_source()) {
     complaints_.take_all(bus.get(), poll_interval);
     update_progress();
     const auto now = clock_.now();
@@ -180,8 +180,7 @@ void Run::play(const std::atomic<int>& interrupted) {
     }
     if (watch_source(now, interrupted > 0) == Step::stop) {
       // The error with the cause may arrive late on a busy machine.
-      for (const auto until = now + error_delay;
-           complaints_.source().cause == Cause::none && clock_.now() < until;)
+      for (const auto until = now + error_delay; !complaints_.source() && clock_.now() < until;)
         complaints_.take_all(bus.get(), poll_interval);
       return;
     }
@@ -230,14 +229,14 @@ Fault Run::broken_promise() const {
 /// Why there was no frame.
 Fault Run::why_empty() const {
   const Fault& error = complaints_.source();
-  const bool failed = error.cause != Cause::none;
+  const bool failed = bool(error);
   if (!complaints_.missing_decoder().empty())
     return {Cause::unsupported, complaints_.missing_decoder()};
-  if (const std::string problem = source_.problem(); !problem.empty() && (problem != no_video || !failed))
-    return {source_.cause(), problem};
+  if (const Fault fault = source_.fault(); fault && (fault.text != no_video || !failed))
+    return fault;
   if (!source_.has_video() && !source_.other_streams().empty())
     return {Cause::unsupported, "there is no video in it, only " + source_.other_streams()};
-  if (Fault cut = cut_off(input_); cut.cause != Cause::none) {
+  if (Fault cut = cut_off(input_)) {
     cut.text += failed ? "; " + error.text : "";
     return cut;
   }
@@ -255,16 +254,16 @@ Fault Run::why_empty() const {
 Fault Run::damage() const {
   const auto damaged = [](const std::string& text) { return Fault{Cause::damaged, text}; };
   const std::string image = source_.image_after(record_.frames);
-  if (!source_.problem().empty())
-    return {source_.cause(), source_.problem()};
-  if (complaints_.source().cause != Cause::none)
+  if (const Fault fault = source_.fault())
+    return fault;
+  if (complaints_.source())
     return of_image(image, complaints_.source());
   if (options_.max_frames && record_.frames >= options_.max_frames)
     return {};
   const std::string& warning = complaints_.decoder_warning();
   if (!image.empty())
     return damaged(image + ": it could not be decoded" + (warning.empty() ? "" : ": " + warning));
-  if (Fault cut = cut_off(input_); cut.cause != Cause::none)
+  if (Fault cut = cut_off(input_))
     return cut;
   if (!warning.empty())
     return damaged(warning);
@@ -302,7 +301,7 @@ Outcome Run::conclude() {
     outcome.kind = Outcome::Kind::interrupted;
     return outcome;
   }
-  if (complaints_.behind_source().cause != Cause::none)
+  if (complaints_.behind_source())
     return failed(record_, complaints_.behind_source());
   const Fault changed{Cause::changed, "it was written to or replaced while it was read"};
   const bool is_changed = input_.state() != state_;
@@ -312,7 +311,7 @@ Outcome Run::conclude() {
     files_[Output::bag].write(metadata);
     graph_.count(Output::bag, graph_.written(Output::mcap));
   }
-  if (const Fault fault = miscount(); fault.cause != Cause::none)
+  if (const Fault fault = miscount())
     return failed(record_, fault);
   const Fault damage = is_changed ? changed : this->damage();
   record_.problem = without_credentials(damage.text);
@@ -321,7 +320,7 @@ Outcome Run::conclude() {
   record_.cause = damage.cause;
   if (auto fault = files_.keep(record_))
     return failed(record_, *fault);
-  return {damage.cause == Cause::none ? Outcome::Kind::complete : Outcome::Kind::partial, record_};
+  return {damage ? Outcome::Kind::partial : Outcome::Kind::complete, record_};
 }
 
 } // namespace

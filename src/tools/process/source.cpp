@@ -150,6 +150,30 @@ void bound_threads(GstElement* decoder, int threads) {
       gst_util_set_object_arg(G_OBJECT(decoder), name, std::to_string(threads).c_str());
 }
 
+/// Sets range and matrix where a decoder leaves them unknown. With an unknown matrix GStreamer 1.22 replaces
+/// the whole colorimetry by the default, and a full range is lost.
+GstPadProbeReturn on_decoded_caps(GstPad*, GstPadProbeInfo* info, gpointer) {
+  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+  if (GST_EVENT_TYPE(event) != GST_EVENT_CAPS)
+    return GST_PAD_PROBE_OK;
+  auto color = colorimetry_of(event);
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
+  const CapsPointer plain(gst_caps_copy(caps));
+  gst_structure_remove_field(gst_caps_get_structure(plain.get(), 0), "colorimetry");
+  GstVideoInfo usual;
+  if (!color || !gst_video_info_from_caps(&usual, plain.get()) || GST_VIDEO_INFO_IS_RGB(&usual))
+    return GST_PAD_PROBE_OK;
+  const GstVideoColorimetry before = *color;
+  if (color->range == GST_VIDEO_COLOR_RANGE_UNKNOWN)
+    color->range = usual.colorimetry.range;
+  if (color->matrix == GST_VIDEO_COLOR_MATRIX_UNKNOWN)
+    color->matrix = usual.colorimetry.matrix;
+  if (!gst_video_colorimetry_is_equal(&*color, &before))
+    set_colorimetry(info, *color);
+  return GST_PAD_PROBE_OK;
+}
+
 } // namespace
 
 Source::Source(const Input& input, const Options& options)
@@ -159,42 +183,41 @@ Source::Source(const Input& input, const Options& options)
   tail_ = gst_element_factory_make("queue", nullptr);
   g_object_set(tail_, "max-size-buffers", 4, "max-size-bytes", 0, "max-size-time", guint64{0}, nullptr);
   gst_bin_add(GST_BIN(bin_), tail_);
-  const PadPointer end(gst_element_get_static_pad(tail_, "src"));
-  gst_element_add_pad(bin_, gst_ghost_pad_new("src", end.get()));
-  if (input.kind == Input::Kind::images)
-    build_image_feeder(options);
-  else
-    build_decoder();
-}
-
-void Source::build_decoder() {
-  GstElement* decoder = gst_element_factory_make("uridecodebin", nullptr);
-  const CharPointer uri(input_.kind == Input::Kind::uri ? g_strdup(input_.path.c_str())
-                                                        : gst_filename_to_uri(input_.path.c_str(), nullptr));
-  g_object_set(decoder, "uri", uri.get(), nullptr);
-  g_signal_connect(decoder, "pad-added", G_CALLBACK(on_pad_added), this);
-  g_signal_connect(decoder, "no-more-pads", G_CALLBACK(on_no_more_pads), this);
-  g_signal_connect(decoder, "autoplug-continue", G_CALLBACK(on_autoplug_continue), this);
-  g_signal_connect(decoder, "deep-element-added", G_CALLBACK(on_element_added), this);
+  gst_element_add_pad(bin_, gst_ghost_pad_new("src", pad_of(tail_, "src").get()));
+  const bool images = input.kind == Input::Kind::images;
+  GstElement* decoder = gst_element_factory_make(images ? "decodebin" : "uridecodebin", nullptr);
+  const auto connect = [this, decoder](const char* signal, GCallback handler) {
+    g_signal_connect(decoder, signal, handler, this);
+  };
+  connect("pad-added", G_CALLBACK(+[](GstElement*, GstPad* pad, Source* self) { self->pad_added(pad); }));
+  connect("no-more-pads", G_CALLBACK(+[](GstElement*, Source* self) { self->no_more_pads(); }));
+  connect("autoplug-continue", G_CALLBACK(+[](GstElement*, GstPad*, GstCaps* caps, Source* self) -> gboolean {
+            return self->wants(caps);
+          }));
+  connect("deep-element-added", G_CALLBACK(+[](GstBin*, GstBin*, GstElement* element, Source* self) {
+            self->element_added(element);
+          }));
   gst_bin_add(GST_BIN(bin_), decoder);
+  if (images) {
+    build_image_feeder(decoder, options);
+  } else {
+    const CharPointer uri(input.kind == Input::Kind::uri ? g_strdup(input.path.c_str())
+                                                         : gst_filename_to_uri(input.path.c_str(), nullptr));
+    g_object_set(decoder, "uri", uri.get(), nullptr);
+  }
 }
 
-void Source::build_image_feeder(const Options& options) {
+void Source::build_image_feeder(GstElement* decoder, const Options& options) {
   fps_numerator_ = options.fps_numerator;
   fps_denominator_ = options.fps_denominator;
   feeder_ = gst_element_factory_make("appsrc", nullptr);
-  GstElement* decoder = gst_element_factory_make("decodebin", nullptr);
   g_object_set(feeder_, "format", GST_FORMAT_TIME, "max-buffers", guint64{2}, "max-bytes", guint64{0},
                "block", FALSE, nullptr);
-  g_signal_connect(feeder_, "need-data", G_CALLBACK(on_need_data), this);
-  g_signal_connect(decoder, "pad-added", G_CALLBACK(on_pad_added), this);
-  g_signal_connect(decoder, "no-more-pads", G_CALLBACK(on_no_more_pads), this);
-  g_signal_connect(decoder, "autoplug-continue", G_CALLBACK(on_autoplug_continue), this);
-  g_signal_connect(decoder, "deep-element-added", G_CALLBACK(on_element_added), this);
-  gst_bin_add_many(GST_BIN(bin_), feeder_, decoder, nullptr);
+  g_signal_connect(feeder_, "need-data", G_CALLBACK(+[](GstElement*, guint, Source* self) { self->feed(); }),
+                   this);
+  gst_bin_add(GST_BIN(bin_), feeder_);
   gst_element_link(feeder_, decoder);
-  const PadPointer pad(gst_element_get_static_pad(feeder_, "src"));
-  gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, on_image, this, nullptr);
+  add_probe<&Source::on_image>(pad_of(feeder_, "src"), GST_PAD_PROBE_TYPE_BUFFER, this);
 }
 
 /// Reads an image file and its type. When it cannot be used, sets the problem and returns null.
@@ -203,7 +226,7 @@ GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& ty
   gsize size = 0;
   GError* error = nullptr;
   if (!g_file_get_contents(path.c_str(), &data, &size, &error)) {
-    set_problem(path.string() + ": " + error->message, cause_of_reading(error));
+    blame({cause_of_reading(error), path.string() + ": " + error->message});
     g_error_free(error);
     return nullptr;
   }
@@ -233,7 +256,7 @@ GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& ty
     return buffer;
   }
   gst_buffer_unref(buffer);
-  set_problem(path.string() + ": " + flaw, Cause::damaged);
+  blame({Cause::damaged, path.string() + ": " + flaw});
   return nullptr;
 }
 
@@ -241,9 +264,8 @@ GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& ty
 void Source::feed() {
   GstAppSrc* feeder = GST_APP_SRC(feeder_);
   std::string type;
-  GstBuffer* buffer = next_image_ < input_.images.size() && problem().empty()
-                          ? read_image(input_.images[next_image_], type)
-                          : nullptr;
+  GstBuffer* buffer =
+      next_image_ < input_.images.size() && !fault() ? read_image(input_.images[next_image_], type) : nullptr;
   if (!buffer) {
     gst_app_src_end_of_stream(feeder);
     return;
@@ -265,13 +287,12 @@ void Source::feed() {
 }
 
 /// Sends the orientation tag to videoflip before an image whose orientation differs from the last one's.
-GstPadProbeReturn Source::on_image(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
-  Source* source = static_cast<Source*>(self);
+GstPadProbeReturn Source::on_image(GstPad* pad, GstPadProbeInfo* info) {
   const char* tag = static_cast<const char*>(
       gst_mini_object_get_qdata(GST_MINI_OBJECT(GST_PAD_PROBE_INFO_BUFFER(info)), turned_quark()));
-  if (!tag || source->orientation_ == tag)
+  if (!tag || orientation_ == tag)
     return GST_PAD_PROBE_OK;
-  source->orientation_ = tag;
+  orientation_ = tag;
   gst_pad_push_event(pad, gst_event_new_tag(gst_tag_list_new(GST_TAG_IMAGE_ORIENTATION, tag, nullptr)));
   return GST_PAD_PROBE_OK;
 }
@@ -376,33 +397,30 @@ bool Source::link_video(GstPad* pad) {
   ok = ok && gst_element_link(last, tail_);
   gst_element_sync_state_with_parent(deinterlace);
   gst_element_sync_state_with_parent(convert);
-  const PadPointer sink(gst_element_get_static_pad(convert, "sink"));
-  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_decoded, this, nullptr);
+  const PadPointer sink = pad_of(convert, "sink");
+  add_probe<&Source::on_decoded>(sink, GST_PAD_PROBE_TYPE_BUFFER, this);
   gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_decoded_caps, nullptr, nullptr);
   const GstPadLinkReturn linked = gst_pad_link(pad, sink.get());
   if (ok && linked == GST_PAD_LINK_OK)
     return true;
-  set_problem("its video cannot be used: " + process::take(gst_caps_to_string(caps.get())),
-              Cause::unsupported);
+  blame({Cause::unsupported, "its video cannot be used: " + process::take(gst_caps_to_string(caps.get()))});
   return false;
 }
 
 void Source::end() {
-  const PadPointer sink(gst_element_get_static_pad(tail_, "sink"));
-  gst_pad_send_event(sink.get(), gst_event_new_eos());
+  gst_pad_send_event(pad_of(tail_, "sink").get(), gst_event_new_eos());
 }
 
-void Source::set_problem(const std::string& problem, Cause cause) {
+/// The first fault is kept.
+void Source::blame(const Fault& fault) {
   const std::lock_guard lock(mutex_);
-  if (!problem_.empty())
-    return;
-  problem_ = problem;
-  cause_ = cause;
+  if (!fault_)
+    fault_ = fault;
 }
 
-Cause Source::cause() const {
+Fault Source::fault() const {
   const std::lock_guard lock(mutex_);
-  return cause_;
+  return fault_;
 }
 
 bool Source::has_given_up() const {
@@ -435,106 +453,84 @@ std::string Source::cut_images() const {
          (cut_images_ > 1 ? "; so are " + std::to_string(cut_images_ - 1) + " more" : "");
 }
 
-std::string Source::problem() const {
-  const std::lock_guard lock(mutex_);
-  return problem_;
-}
-
 std::string Source::other_streams() const {
   const std::lock_guard lock(mutex_);
   return other_streams_;
 }
 
-void Source::on_pad_added(GstElement*, GstPad* pad, gpointer self) {
-  static_cast<Source*>(self)->pad_added(pad);
-}
-
-void Source::on_no_more_pads(GstElement*, gpointer self) {
-  Source* source = static_cast<Source*>(self);
-  const std::string others = source->other_streams();
-  if (!source->linked_ && source->picture_) {
-    source->taken_number_ = 1;
-    source->take(source->picture_.get());
+void Source::no_more_pads() {
+  if (!linked_ && picture_) {
+    taken_number_ = 1;
+    take(picture_.get());
   }
-  if (!source->linked_)
-    source->set_problem(no_video + (others.empty() ? "" : ", only " + others), Cause::unsupported);
+  const std::string others = other_streams();
+  if (!linked_)
+    blame({Cause::unsupported, no_video + (others.empty() ? "" : ", only " + others)});
 }
 
 /// Prevents the decoding of sound and subtitles, and the search for decoders of them.
-gboolean Source::on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer self) {
+bool Source::wants(const GstCaps* caps) {
   if (const std::string flaw = too_large(caps); !flaw.empty())
-    static_cast<Source*>(self)->set_problem(flaw, Cause::unsupported);
-  const char* name = gst_structure_get_name(gst_caps_get_structure(caps, 0));
+    blame({Cause::unsupported, flaw});
+  const std::string name = gst_structure_get_name(gst_caps_get_structure(caps, 0));
   for (const char* ignored :
        {"audio/", "text/", "subpicture/", "closedcaption/", "application/x-subtitle", "meta/"})
-    if (g_str_has_prefix(name, ignored))
-      return FALSE;
-  return TRUE;
+    if (name.starts_with(ignored))
+      return false;
+  return true;
 }
 
-void Source::on_need_data(GstElement*, guint, gpointer self) {
-  static_cast<Source*>(self)->feed();
-}
-
-void Source::on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self) {
+void Source::element_added(GstElement* element) {
   GstElementFactory* factory = gst_element_get_factory(element);
-  if (factory && g_str_equal(gst_plugin_feature_get_name(GST_PLUGIN_FEATURE(factory)), "qtdemux")) {
-    static_cast<Source*>(self)->is_iso_media_ = true;
-    const PadPointer sink(gst_element_get_static_pad(element, "sink"));
-    gst_pad_add_probe(sink.get(),
-                      static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BUFFER),
-                      on_index, self, nullptr);
-  }
-  if (factory && g_str_has_prefix(gst_plugin_feature_get_name(GST_PLUGIN_FEATURE(factory)), "avdemux_")) {
-    const PadPointer sink(gst_element_get_static_pad(element, "sink"));
-    gst_pad_add_probe(sink.get(),
-                      static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BUFFER),
-                      on_pulled, self, nullptr);
+  if (!factory)
+    return;
+  const std::string name = GST_OBJECT_NAME(factory);
+  if (name == "qtdemux") {
+    is_iso_media_ = true;
+    add_probe<&Source::on_index>(pad_of(element, "sink"), GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BUFFER,
+                                 this);
+  } else if (name.starts_with("avdemux_")) {
+    const PadPointer sink = pad_of(element, "sink");
+    add_probe<&Source::on_pulled>(sink, GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BUFFER, this);
     // Called before each pull, even if the pull fails.
-    gst_pad_add_probe(sink.get(),
-                      static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BLOCK),
-                      on_pull, self, nullptr);
+    add_probe<&Source::on_pull>(sink, GST_PAD_PROBE_TYPE_PULL | GST_PAD_PROBE_TYPE_BLOCK, this);
   }
   const auto is = [factory](GstElementFactoryListType type) {
-    return factory && gst_element_factory_list_is_type(factory, type);
+    return gst_element_factory_list_is_type(factory, type);
   };
   const bool decodes = is(GST_ELEMENT_FACTORY_TYPE_DECODER | GST_ELEMENT_FACTORY_TYPE_MEDIA_VIDEO |
                           GST_ELEMENT_FACTORY_TYPE_MEDIA_IMAGE);
   if (!decodes && !is(GST_ELEMENT_FACTORY_TYPE_PARSER | GST_ELEMENT_FACTORY_TYPE_MEDIA_IMAGE))
     return;
-  Source* source = static_cast<Source*>(self);
   if (decodes)
-    bound_threads(element, source->threads_);
-  const PadPointer sink(gst_element_get_static_pad(element, "sink"));
+    bound_threads(element, threads_);
+  const PadPointer sink = pad_of(element, "sink");
   if (!sink)
     return;
-  const std::lock_guard lock(source->mutex_);
-  source->tracks_.push_back(std::make_unique<Track>(Track{element, true, false, {}, source}));
-  Track* track = source->tracks_.back().get();
-  gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_BUFFER, on_encoded, track, nullptr);
+  const std::lock_guard lock(mutex_);
+  tracks_.push_back(std::make_unique<Track>(Track{element, true, false, {}, this}));
+  Track* track = tracks_.back().get();
+  add_probe<&Track::on_encoded>(sink, GST_PAD_PROBE_TYPE_BUFFER, track);
   if (decodes)
-    gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_encoded_caps, track, nullptr);
+    add_probe<&Track::on_encoded_caps>(sink, GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, track);
 }
 
 /// libav's demuxers in GStreamer 1.22 treat the end of a truncated file (such as a GIF) as missing data and
 /// read again forever. They hold libav's lock, so encoders cannot stop. FLUSHING makes them end the stream
 /// and output what they have read.
-GstPadProbeReturn Source::on_pull(GstPad*, GstPadProbeInfo* info, gpointer self) {
-  Source* source = static_cast<Source*>(self);
-  if (source->pulled_ > 0 && GST_PAD_PROBE_INFO_OFFSET(info) >= source->pulled_)
-    ++source->pulls_at_end_;
-  else
-    source->pulls_at_end_ = 0;
-  if (source->pulls_at_end_ <= often)
+GstPadProbeReturn Source::on_pull(GstPad*, GstPadProbeInfo* info) {
+  const bool at_end = pulled_ > 0 && GST_PAD_PROBE_INFO_OFFSET(info) >= pulled_;
+  pulls_at_end_ = at_end ? pulls_at_end_ + 1 : 0;
+  if (pulls_at_end_ <= often)
     return GST_PAD_PROBE_PASS;
   GST_PAD_PROBE_INFO_FLOW_RETURN(info) = GST_FLOW_FLUSHING;
   return GST_PAD_PROBE_HANDLED;
 }
 
 /// Replaces edit lists that qtdemux would not follow exactly; on_decoded() applies the original ones.
-GstPadProbeReturn Source::on_index(GstPad*, GstPadProbeInfo* info, gpointer self) {
+GstPadProbeReturn Source::on_index(GstPad*, GstPadProbeInfo* info) {
   const std::uint64_t begin = GST_PAD_PROBE_INFO_OFFSET(info);
-  for (const IsoTrack& track : static_cast<Source*>(self)->tables_)
+  for (const IsoTrack& track : tables_)
     for (const auto& [at, bytes] : track.untrimmed) {
       GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
       if (!track.followed_here() || !buffer || at < begin ||
@@ -559,38 +555,32 @@ std::uint64_t Source::promised() const {
   return track && is_countable() ? track->shown_frames() : 0;
 }
 
-GstPadProbeReturn Source::on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self) {
-  Source* source = static_cast<Source*>(self);
-  const GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
-  if (buffer && GST_BUFFER_OFFSET_IS_VALID(buffer)) {
-    const std::uint64_t end =
-        GST_BUFFER_OFFSET(buffer) + gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info));
-    source->pulled_ = std::max(source->pulled_, end);
-  }
+GstPadProbeReturn Source::on_pulled(GstPad*, GstPadProbeInfo* info) {
+  GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
+  if (buffer && GST_BUFFER_OFFSET_IS_VALID(buffer))
+    pulled_ = std::max<std::uint64_t>(pulled_, GST_BUFFER_OFFSET(buffer) + gst_buffer_get_size(buffer));
   return GST_PAD_PROBE_OK;
 }
 
-GstPadProbeReturn Source::on_encoded(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
-  Track& track = *static_cast<Track*>(data);
+GstPadProbeReturn Source::Track::on_encoded(GstPad* pad, GstPadProbeInfo* info) {
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
-  if (track.encoded.empty()) {
+  if (encoded.empty()) {
     const CapsPointer caps(gst_pad_get_current_caps(pad));
     const char* name = caps ? gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)) : "";
     for (const char* hiding : {"video/x-vp8", "video/x-vp9", "video/x-av1"})
-      track.countable = track.countable && !g_str_equal(name, hiding);
-    track.pictures = g_str_has_prefix(name, "image/");
+      countable = countable && !g_str_equal(name, hiding);
+    pictures = g_str_has_prefix(name, "image/");
   }
-  track.countable = track.countable && GST_BUFFER_PTS_IS_VALID(buffer);
-  if (track.countable && !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DECODE_ONLY))
-    track.encoded.push_back(GST_BUFFER_PTS(buffer));
+  countable = countable && GST_BUFFER_PTS_IS_VALID(buffer);
+  if (countable && !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DECODE_ONLY))
+    encoded.push_back(GST_BUFFER_PTS(buffer));
   return GST_PAD_PROBE_OK;
 }
 
 /// qtdemux 1.22 reports a limited range for every colr box, and parsers and decoders prefer that to the
 /// stream's own value. Sets the full range when the box declares it; otherwise the range is left unknown, and
 /// the decoder sets it.
-GstPadProbeReturn Source::on_encoded_caps(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
-  const Source* source = static_cast<Track*>(data)->source;
+GstPadProbeReturn Source::Track::on_encoded_caps(GstPad* pad, GstPadProbeInfo* info) {
   if (!source->is_iso_media_ || GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) != GST_EVENT_CAPS)
     return GST_PAD_PROBE_OK;
   if (auto color = colorimetry_of(GST_PAD_PROBE_INFO_EVENT(info));
@@ -599,30 +589,6 @@ GstPadProbeReturn Source::on_encoded_caps(GstPad* pad, GstPadProbeInfo* info, gp
     color->range = track && track->full_range ? GST_VIDEO_COLOR_RANGE_0_255 : GST_VIDEO_COLOR_RANGE_UNKNOWN;
     set_colorimetry(info, *color);
   }
-  return GST_PAD_PROBE_OK;
-}
-
-/// Sets range and matrix where a decoder leaves them unknown. With an unknown matrix GStreamer 1.22 replaces
-/// the whole colorimetry by the default, and a full range is lost.
-GstPadProbeReturn Source::on_decoded_caps(GstPad*, GstPadProbeInfo* info, gpointer) {
-  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
-  if (GST_EVENT_TYPE(event) != GST_EVENT_CAPS)
-    return GST_PAD_PROBE_OK;
-  auto color = colorimetry_of(event);
-  GstCaps* caps = nullptr;
-  gst_event_parse_caps(event, &caps);
-  const CapsPointer plain(gst_caps_copy(caps));
-  gst_structure_remove_field(gst_caps_get_structure(plain.get(), 0), "colorimetry");
-  GstVideoInfo usual;
-  if (!color || !gst_video_info_from_caps(&usual, plain.get()) || GST_VIDEO_INFO_IS_RGB(&usual))
-    return GST_PAD_PROBE_OK;
-  const GstVideoColorimetry before = *color;
-  if (color->range == GST_VIDEO_COLOR_RANGE_UNKNOWN)
-    color->range = usual.colorimetry.range;
-  if (color->matrix == GST_VIDEO_COLOR_MATRIX_UNKNOWN)
-    color->matrix = usual.colorimetry.matrix;
-  if (!gst_video_colorimetry_is_equal(&*color, &before))
-    set_colorimetry(info, *color);
   return GST_PAD_PROBE_OK;
 }
 
@@ -652,27 +618,26 @@ std::uint64_t Source::lost() const {
   return lost.size() + 1 < in.size() ? lost.size() : 0;
 }
 
-GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info, gpointer self) {
-  Source* source = static_cast<Source*>(self);
+GstPadProbeReturn Source::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
-  if (source->decoded_.empty()) {
+  if (decoded_.empty()) {
     const CapsPointer caps(gst_pad_get_current_caps(pad));
     const char* mode =
         caps ? gst_structure_get_string(gst_caps_get_structure(caps.get(), 0), "interlace-mode") : "";
     if (mode && *mode && !g_str_equal(mode, "progressive"))
-      source->countable_ = false;
+      countable_ = false;
   }
-  if (source->countable_)
-    source->decoded_.push_back(GST_BUFFER_PTS(buffer));
-  const IsoTrack* track = source->table();
+  if (countable_)
+    decoded_.push_back(GST_BUFFER_PTS(buffer));
+  const IsoTrack* track = table();
   const bool follows = track && track->followed_here() && GST_BUFFER_PTS_IS_VALID(buffer);
   const auto shown = follows ? track->shown_at(GST_BUFFER_PTS(buffer)) : std::nullopt;
   if (follows && !shown)
     return GST_PAD_PROBE_DROP;
   if (GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_CORRUPTED))
-    ++source->corrupted_;
-  else if (!std::exchange(source->sound_, true))
-    source->corrupted_ = 0;
+    ++corrupted_;
+  else if (!std::exchange(sound_, true))
+    corrupted_ = 0;
   if (!follows)
     return GST_PAD_PROBE_OK;
   buffer = gst_buffer_make_writable(buffer);

@@ -40,9 +40,8 @@ class Source {
   bool has_given_up() const;
   /// The media types of the input's other streams, for a message; empty when unknown.
   std::string other_streams() const;
-  /// Why reading an image or linking failed; empty when neither did.
-  std::string problem() const;
-  Cause cause() const; ///< of the problem
+  /// Why reading an image or linking failed, if one did.
+  Fault fault() const;
   /// Number of frames that the decoder marked as damaged. Frames before the first undamaged one do not count:
   /// a file that is trimmed inside an open group of pictures starts with such frames.
   std::uint64_t corrupted() const { return corrupted_; }
@@ -66,8 +65,7 @@ class Source {
   void end();
 
  private:
-  void build_decoder();
-  void build_image_feeder(const Options& options);
+  void build_image_feeder(GstElement* decoder, const Options& options);
   /// A video track and the frames that its decoder, or its parser of pictures, receives.
   struct Track {
     GstElement* element;
@@ -75,6 +73,8 @@ class Source {
     bool pictures = false;             ///< each can be decoded without the others
     std::vector<GstClockTime> encoded; ///< times of its frames
     const Source* source = nullptr;
+    GstPadProbeReturn on_encoded(GstPad* pad, GstPadProbeInfo* info);
+    GstPadProbeReturn on_encoded_caps(GstPad* pad, GstPadProbeInfo* info);
   };
   /// The file's tables of the used track; null for other containers.
   const IsoTrack* table() const { return table(track_id_); }
@@ -85,20 +85,15 @@ class Source {
   GstBuffer* read_image(const std::filesystem::path& path, std::string& type);
   void pad_added(GstPad* pad);
   bool link_video(GstPad* pad);
-  void set_problem(const std::string& problem, Cause cause);
-  static void on_pad_added(GstElement*, GstPad* pad, gpointer self);
-  static void on_no_more_pads(GstElement*, gpointer self);
-  static gboolean on_autoplug_continue(GstElement*, GstPad*, GstCaps* caps, gpointer);
-  static void on_need_data(GstElement*, guint, gpointer self);
-  static void on_element_added(GstBin*, GstBin*, GstElement* element, gpointer self);
-  static GstPadProbeReturn on_image(GstPad* pad, GstPadProbeInfo* info, gpointer self);
-  static GstPadProbeReturn on_pull(GstPad*, GstPadProbeInfo* info, gpointer self);
-  static GstPadProbeReturn on_pulled(GstPad*, GstPadProbeInfo* info, gpointer self);
-  static GstPadProbeReturn on_index(GstPad*, GstPadProbeInfo* info, gpointer self);
-  static GstPadProbeReturn on_encoded(GstPad*, GstPadProbeInfo* info, gpointer track);
-  static GstPadProbeReturn on_encoded_caps(GstPad*, GstPadProbeInfo* info, gpointer track);
-  static GstPadProbeReturn on_decoded(GstPad*, GstPadProbeInfo* info, gpointer self);
-  static GstPadProbeReturn on_decoded_caps(GstPad*, GstPadProbeInfo* info, gpointer);
+  void blame(const Fault& fault);
+  void no_more_pads();
+  bool wants(const GstCaps* caps);
+  void element_added(GstElement* element);
+  GstPadProbeReturn on_image(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_pull(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_pulled(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_index(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_decoded(GstPad* pad, GstPadProbeInfo* info);
 
   const Input& input_;
   const int threads_; ///< of the decoder
@@ -125,8 +120,7 @@ class Source {
   std::uint64_t pulled_ = 0;           ///< end of the bytes that a libav demuxer has read; its thread only
   std::uint64_t pulls_at_end_ = 0;     ///< consecutive reads after that end; its thread only
   mutable std::mutex mutex_;           ///< protects the members below and tracks_
-  std::string problem_;
-  Cause cause_ = Cause::none;
+  Fault fault_;
   std::string other_streams_;
   std::string cut_image_; ///< path of the first truncated image
   std::uint64_t cut_images_ = 0;
