@@ -46,10 +46,9 @@ std::string folded(const fs::path& path) {
 /// All names that the outputs of an input may get, temporary and final.
 std::vector<fs::path> written_paths(const Naming& naming, const Options& options) {
   std::vector<fs::path> paths = {naming.record(), naming.record(true)};
-  for (int i = 0; i < output_count; ++i)
+  for (const Output kind : options.outputs())
     for (const bool partial : {false, true})
-      if (options.wanted[i])
-        paths.push_back(naming.output(static_cast<Output>(i), partial));
+      paths.push_back(naming.output(kind, partial));
   for (std::size_t i = 0, count = paths.size(); i < count; ++i)
     paths.push_back(part_of(paths[i]));
   return paths;
@@ -170,9 +169,8 @@ std::optional<std::string> foreign_files(const Naming& naming, const Input& inpu
   std::optional<Identity> identity; // computed only if needed, because it reads the file
   for (const bool partial : {false, true}) {
     std::optional<fs::path> there;
-    for (int i = 0; i < output_count && !there; ++i)
-      if (const fs::path path = naming.output(static_cast<Output>(i), partial);
-          options.wanted[i] && is_there(path))
+    for (const Output kind : options.outputs())
+      if (const fs::path path = naming.output(kind, partial); !there && is_there(path))
         there = path;
     const fs::path record = naming.record(partial);
     if (is_there(record))

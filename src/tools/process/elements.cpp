@@ -128,24 +128,23 @@ std::optional<std::string> missing_elements(const Options& options) {
                                 {"videoconvert", "gstreamer1.0-plugins-base"},
                                 {"deinterlace", "gstreamer1.0-plugins-good"},
                                 {"videoflip", "gstreamer1.0-plugins-good"}};
-  const auto wants = [&options](Output kind) { return options.wanted[static_cast<int>(kind)]; };
-  if (wants(Output::annotated)) {
+  if (options.wants(Output::annotated)) {
     needed.insert(needed.end(), {{"terrainoverlay", own_package},
                                  {"videoscale", "gstreamer1.0-plugins-base"},
                                  {"videobox", "gstreamer1.0-plugins-good"},
                                  {"mp4mux", "gstreamer1.0-plugins-good"}});
   }
-  if (wants(Output::masks))
+  if (options.wants(Output::masks))
     needed.insert(needed.end(), {{"terrainextract", own_package},
                                  {"avenc_ffv1", "gstreamer1.0-libav"},
                                  {"matroskamux", "gstreamer1.0-plugins-good"}});
-  if (wants(Output::json))
+  if (options.wants(Output::json))
     needed.push_back({"terrainextract", own_package});
-  if (wants(Output::mcap))
+  if (options.wants(Output::mcap))
     needed.insert(needed.end(), {{"terrainmcapsink", exists("terrainmcapsink") ? "" : recorder_package()},
                                  {"videoscale", "gstreamer1.0-plugins-base"},
                                  {"h264parse", "gstreamer1.0-plugins-bad"}});
-  if ((wants(Output::annotated) || wants(Output::mcap)) && !exists("x264enc"))
+  if ((options.wants(Output::annotated) || options.wants(Output::mcap)) && !exists("x264enc"))
     needed.insert(needed.end(),
                   {{"openh264enc", "gstreamer1.0-plugins-ugly (for x264enc) or gstreamer1.0-plugins-bad"},
                    {"h264parse", "gstreamer1.0-plugins-bad"}});

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "tools/process/graph.hpp"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstring>
 #include <utility>
@@ -63,6 +66,8 @@ void set_caps(GstElement* filter, GstCaps* caps) {
 Graph::~Graph() {
   gst_element_set_state(pipeline_, GST_STATE_NULL);
   gst_object_unref(pipeline_);
+  if (scratch_ >= 0)
+    close(scratch_);
 }
 
 /// Moves the start of the MP4 file to the time of the first frame: mp4mux starts every file at 0, but the
@@ -137,8 +142,10 @@ void Graph::add_annotated(GstElement* tee, int fd) {
   GstElement* mux = add("mp4mux");
   muxers_[static_cast<std::size_t>(Output::annotated)] = mux;
   // A browser needs the index at the start of the file. Until it is known, the frames are in an unnamed file.
-  if (scratch_.open(options_.output_dir)) {
-    g_object_set(mux, "faststart", TRUE, "faststart-file", scratch_.path().c_str(), nullptr);
+  scratch_ = open(options_.output_dir.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
+  if (scratch_ >= 0) { // otherwise the file system does not support such files
+    const std::string path = "/proc/self/fd/" + std::to_string(scratch_);
+    g_object_set(mux, "faststart", TRUE, "faststart-file", path.c_str(), nullptr);
     add_probe<&Graph::on_movie_box>(pad_of(mux, "src"), GST_PAD_PROBE_TYPE_BUFFER, this);
   }
   g_object_set(scale, "add-borders", TRUE, nullptr);
@@ -228,7 +235,7 @@ std::optional<std::string> Graph::build(GstElement* source, const Descriptors& f
       {Output::json, &Graph::add_json},
       {Output::mcap, &Graph::add_recording}};
   for (const auto& [kind, add_branch] : branches)
-    if (wants(kind))
+    if (options_.wants(kind))
       (this->*add_branch)(tee, files[static_cast<std::size_t>(kind)]);
   if (sinks_ == 0) {
     GstElement* sink = add("fakesink"); // for CSV only, which is written from the metadata
@@ -289,7 +296,7 @@ std::uint64_t Graph::written() const {
 }
 
 std::string Graph::bag_metadata() const {
-  if (!wants(Output::mcap))
+  if (!options_.wants(Output::mcap))
     return {};
   gchar* text = nullptr;
   g_object_get(sinks_of_[static_cast<std::size_t>(Output::mcap)], "bag-metadata", &text, nullptr);

@@ -48,7 +48,6 @@ class Graph {
   std::string bag_metadata() const; ///< of a complete recording; empty when none is selected
 
  private:
-  bool wants(Output kind) const { return options_.wanted[static_cast<std::size_t>(kind)]; }
   GstElement* add(const char* factory);
   GstElement* branch(GstElement* tee);
   GstElement* add_sink(Output kind, int fd);
@@ -65,7 +64,7 @@ class Graph {
   const Options& options_;
   GstElement* pipeline_;
   GstElement* source_ = nullptr;
-  ScratchFile scratch_; ///< temporary file of mp4mux
+  int scratch_ = -1; ///< mp4mux keeps frames in this unnamed file, which goes when it is closed
   GstElement* terrainseg_ = nullptr;
   GstElement* overlay_ = nullptr; ///< these five are null when their output is not selected
   GstElement* annotated_caps_ = nullptr;

@@ -53,9 +53,8 @@ void complain(const std::string& text) {
 /// Validates the settings before the first file is opened.
 std::optional<std::string> check_settings(const Options& options) {
   const ElementPointer terrainseg(gst_element_factory_make("terrainseg", nullptr));
-  const ElementPointer overlay(options.wanted[static_cast<int>(Output::annotated)]
-                                   ? gst_element_factory_make("terrainoverlay", nullptr)
-                                   : nullptr);
+  const ElementPointer overlay(
+      options.wants(Output::annotated) ? gst_element_factory_make("terrainoverlay", nullptr) : nullptr);
   for (const ElementPointer* element : {&terrainseg, &overlay})
     if (*element)
       gst_object_ref_sink(element->get());
@@ -367,8 +366,7 @@ Exit process(const std::vector<std::string>& arguments) {
   if (auto problem = check_settings(options))
     throw EarlyExit{Exit::usage, *problem};
   std::vector<Input> inputs = inputs_of(options);
-  if (auto problem = prepare_folder(options.output_dir))
-    throw EarlyExit{exit_for(*problem), problem->text};
+  prepare_folder(options.output_dir);
   struct sigaction action {};
   action.sa_handler = on_signal;
   sigaction(SIGINT, &action, nullptr);
@@ -377,12 +375,13 @@ Exit process(const std::vector<std::string>& arguments) {
 
   Manifest manifest;
   if (!options.manifest.empty())
-    if (auto problem = manifest.open(options, inputs.size()))
-      throw EarlyExit{exit_for(*problem), problem->text};
+    manifest.open(options, inputs.size());
   Exit result = Batch(options, std::move(inputs), manifest, arguments).run();
-  if (auto problem = manifest.close()) {
-    complain(problem->text);
-    result = exit_for(*problem);
+  try {
+    manifest.close();
+  } catch (const Fault& fault) {
+    complain(fault.text);
+    result = exit_for(fault);
   }
   if (last_signal && result != Exit::ok) {
     complain("interrupted; finished outputs are kept, the unfinished one is gone");
@@ -402,6 +401,8 @@ int main(int argc, char** argv) {
     return static_cast<int>(process({argv, argv + argc}));
   } catch (const EarlyExit& reason) {
     early = reason;
+  } catch (const Fault& fault) {
+    early = {exit_for(fault), fault.text};
   } catch (const std::exception& problem) { // such as out of memory
     early = {Exit::try_again, problem.what()};
   }

@@ -29,18 +29,6 @@ std::string as_line(const ordered_json& json) {
   return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
-/// Hexadecimal; empty if the file cannot be read.
-std::string sha256_of(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file)
-    return {};
-  const std::unique_ptr<GChecksum, Releaser<g_checksum_free>> sum(g_checksum_new(G_CHECKSUM_SHA256));
-  std::array<char, 64 * 1024> buffer;
-  while (file.read(buffer.data(), buffer.size()) || file.gcount() > 0)
-    g_checksum_update(sum.get(), reinterpret_cast<const guchar*>(buffer.data()), file.gcount());
-  return file.bad() ? "" : g_checksum_get_string(sum.get());
-}
-
 /// A non-negative integer; throws for other JSON, such as -1 and 1e300.
 std::uint64_t natural(const nlohmann::json& json) {
   return json.get_ref<const nlohmann::json::number_unsigned_t&>();
@@ -192,9 +180,8 @@ Check Checker::finish(const std::vector<Input>& inputs) {
 
 } // namespace
 
-std::optional<Fault> Manifest::open(const Options& options, std::size_t inputs) {
-  if (auto problem = file_.open(options.manifest))
-    return problem;
+void Manifest::open(const Options& options, std::size_t inputs) {
+  file_.open(options.manifest);
   std::error_code error;
   ordered_json json;
   json["manifest"] = format_version;
@@ -205,7 +192,6 @@ std::optional<Fault> Manifest::open(const Options& options, std::size_t inputs) 
   json["shards"] = options.shard.count;
   json["inputs"] = inputs;
   write(as_line(json));
-  return std::nullopt;
 }
 
 std::string Manifest::line(const Options& options, const Input& input, const Record& record, bool skipped,
@@ -227,14 +213,12 @@ std::string Manifest::line(const Options& options, const Input& input, const Rec
   json["bytes"] = identity.bytes;
   json["fingerprint"] = identity.fingerprint;
   ordered_json outputs = ordered_json::object();
-  for (int i = 0; i < output_count && (skipped || kept); ++i) {
-    if (!options.wanted[i])
-      continue;
-    const fs::path path = naming.output(static_cast<Output>(i), !whole);
+  for (const Output kind : skipped || kept ? options.outputs() : std::vector<Output>()) {
+    const fs::path path = naming.output(kind, !whole);
     std::error_code error;
-    outputs[output_kinds[i].name] = {{"file", path.lexically_relative(options.output_dir).string()},
-                                     {"bytes", fs::file_size(path, error)},
-                                     {"sha256", sha256_of(path)}};
+    outputs[names_of(kind).name] = {{"file", path.lexically_relative(options.output_dir).string()},
+                                    {"bytes", fs::file_size(path, error)},
+                                    {"sha256", sha256_of(path)}};
   }
   json["outputs"] = outputs;
   return as_line(json);
@@ -247,8 +231,9 @@ void Manifest::write(const std::string& line) {
   file_.flush();
 }
 
-std::optional<Fault> Manifest::close() {
-  return is_open() ? file_.commit(file_.final_path()) : std::nullopt;
+void Manifest::close() {
+  if (is_open())
+    file_.commit(file_.final_path());
 }
 
 bool is_manifest(const fs::path& path) {

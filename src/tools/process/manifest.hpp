@@ -17,16 +17,16 @@ namespace terrainseg::process {
 /// of the run.
 class Manifest {
  public:
-  /// Creates the file and writes the run's line. `inputs` are those of this shard. Returns the error, or
-  /// nothing.
-  std::optional<Fault> open(const Options& options, std::size_t inputs);
+  /// Creates the file and writes the run's line. `inputs` are those of this shard. Throws
+  /// Fault, as close() does.
+  void open(const Options& options, std::size_t inputs);
   bool is_open() const { return file_.fd() >= 0; }
   /// Adds an input that was processed completely, partially or not at all, or skipped as complete. Reads the
   /// outputs again for their SHA-256.
   static std::string line(const Options& options, const Input& input, const Record& record, bool skipped,
                           bool kept);
   void write(const std::string& line);
-  std::optional<Fault> close();
+  void close();
 
  private:
   AtomicFile file_;

@@ -149,8 +149,7 @@ Shard from_environment() {
 }
 
 void read_outputs(const std::string& list, Options& options) {
-  for (bool& wanted : options.wanted)
-    wanted = false;
+  std::fill(std::begin(options.wanted), std::end(options.wanted), false);
   std::istringstream words(list + ",");
   for (std::string word; std::getline(words, word, ',');) {
     bool known = false;
@@ -160,7 +159,7 @@ void read_outputs(const std::string& list, Options& options) {
     if (!known)
       throw UsageError("--outputs: '" + word + "' is not one of annotated, masks, json, csv, mcap");
   }
-  options.wanted[static_cast<int>(Output::bag)] = options.wanted[static_cast<int>(Output::mcap)];
+  options.wanted[static_cast<int>(Output::bag)] = options.wants(Output::mcap);
 }
 
 /// Removes the byte order mark of a text; converts UTF-16 with a mark (Windows) to UTF-8.
@@ -305,6 +304,14 @@ void apply(const Given& given, Options& options) {
 }
 
 } // namespace
+
+std::vector<Output> Options::outputs() const {
+  std::vector<Output> all;
+  for (int i = 0; i < output_count; ++i)
+    if (wanted[i])
+      all.push_back(static_cast<Output>(i));
+  return all;
+}
 
 Shard read_shard(const std::string& text) {
   const auto written = [all = std::string_view(text)] {

@@ -43,6 +43,10 @@ inline constexpr OutputKind output_kinds[output_count] = {
     {"mcap", "bag/terrain.mcap", "terrain.bag/terrain.mcap"},
     {"mcap-metadata", "bag/metadata.yaml", "terrain.bag/metadata.yaml"}};
 
+inline const OutputKind& names_of(Output kind) {
+  return output_kinds[static_cast<int>(kind)];
+}
+
 struct Options {
   std::vector<std::string> inputs; ///< as given, in the encoding of the file system
   std::filesystem::path output_dir = ".";
@@ -66,6 +70,9 @@ struct Options {
   int resume = false, quiet = false;
   std::optional<int> worker_socket; ///< of a worker process (worker.hpp)
 
+  bool wants(Output kind) const { return wanted[static_cast<int>(kind)]; }
+  /// The outputs that are wanted, in their order.
+  std::vector<Output> outputs() const;
   /// The value of a property of terrainseg; the last one of several. Empty if it is not set.
   std::string setting(std::string_view name) const {
     for (auto each = settings.rbegin(); each != settings.rend(); ++each)

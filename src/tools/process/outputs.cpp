@@ -39,7 +39,27 @@ bool same_file(int fd, const fs::path& path) {
          by_fd.st_ino == by_name.st_ino;
 }
 
+/// Reads a record; the result is not an object if the file is none.
+nlohmann::json read_record(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_regular_file(path, error))
+    return {};
+  std::ifstream file(path);
+  return nlohmann::json::parse(file, nullptr, false);
+}
+
 } // namespace
+
+std::string sha256_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file)
+    return {};
+  const std::unique_ptr<GChecksum, Releaser<g_checksum_free>> sum(g_checksum_new(G_CHECKSUM_SHA256));
+  std::array<char, 64 * 1024> buffer;
+  while (file.read(buffer.data(), buffer.size()) || file.gcount() > 0)
+    g_checksum_update(sum.get(), reinterpret_cast<const guchar*>(buffer.data()), file.gcount());
+  return file.bad() ? "" : g_checksum_get_string(sum.get());
+}
 
 fs::path part_of(const fs::path& final_path) {
   fs::path path = final_path;
@@ -50,20 +70,6 @@ AtomicFile::~AtomicFile() {
   discard();
 }
 
-ScratchFile::~ScratchFile() {
-  if (fd_ >= 0)
-    close(fd_);
-}
-
-bool ScratchFile::open(const fs::path& folder) {
-  fd_ = ::open(folder.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
-  return fd_ >= 0;
-}
-
-std::string ScratchFile::path() const {
-  return "/proc/self/fd/" + std::to_string(fd_);
-}
-
 void AtomicFile::discard() {
   if (fd_ < 0)
     return;
@@ -72,36 +78,36 @@ void AtomicFile::discard() {
   fd_ = -1;
 }
 
-std::optional<Fault> AtomicFile::open(const fs::path& final_path) {
+void AtomicFile::open(const fs::path& final_path) {
   discard();
   final_path_ = final_path;
   part_path_ = part_of(final_path);
   std::error_code ignored;
   if (fs::is_directory(final_path, ignored))
-    return cannot("write", final_path.string(), EISDIR);
+    throw cannot("write", final_path.string(), EISDIR);
   // The owner of a .part file may rename or delete it between open() and flock(): then it is opened again.
   for (int attempt = 0; attempt < 100; ++attempt) {
     const int fd = ::open(part_path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (fd < 0)
-      return cannot("write", part_path_.string(), errno);
+      throw cannot("write", part_path_.string(), errno);
     if (flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
       close(fd);
-      return Fault{Cause::disk, "cannot write " + part_path_.string() + ": another run is writing it"};
+      throw Fault{Cause::disk, "cannot write " + part_path_.string() + ": another run is writing it"};
     }
     if (same_file(fd, part_path_)) {
       if (ftruncate(fd, 0) != 0) {
         const int error = errno;
         close(fd);
-        return cannot("write", part_path_.string(), error);
+        throw cannot("write", part_path_.string(), error);
       }
       fd_ = fd;
       failure_ = 0;
       buffer_.clear();
-      return std::nullopt;
+      return;
     }
     close(fd);
   }
-  return cannot("lock", part_path_.string(), EAGAIN);
+  throw cannot("lock", part_path_.string(), EAGAIN);
 }
 
 void AtomicFile::write(const std::string& text) {
@@ -117,23 +123,22 @@ bool AtomicFile::flush() {
   return failure_ == 0;
 }
 
-std::optional<Fault> AtomicFile::commit(const fs::path& path) {
+void AtomicFile::commit(const fs::path& path) {
   if (flush() && fsync(fd_) != 0 && errno != EINVAL) // EINVAL: a special file, which needs no fsync
     failure_ = errno;
   if (failure_ != 0) {
     const int error = failure_;
     discard();
-    return cannot("write", path.string(), error);
+    throw cannot("write", path.string(), error);
   }
   if (rename(part_path_.c_str(), path.c_str()) != 0) {
     const int error = errno;
     discard();
-    return cannot("rename to", path.string(), error);
+    throw cannot("rename to", path.string(), error);
   }
   close(fd_);
   fd_ = -1;
   sync_folder(path);
-  return std::nullopt;
 }
 
 std::uint64_t AtomicFile::size() const {
@@ -148,8 +153,7 @@ fs::path Naming::named(const std::string& suffix, const char* bare, bool partial
 }
 
 fs::path Naming::output(Output kind, bool partial) const {
-  const OutputKind& names = output_kinds[static_cast<int>(kind)];
-  return named(names.suffix, names.bare, partial);
+  return named(names_of(kind).suffix, names_of(kind).bare, partial);
 }
 
 fs::path Naming::record(bool partial) const {
@@ -186,29 +190,16 @@ std::string Record::to_json() const {
   return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
-namespace {
-
-/// A calibration is identified by its content, not only by its name.
-std::string content_of(const std::string& name, const std::string& value) {
-  if (name != "camera-info" && name != "mount")
-    return {};
-  gchar* text = nullptr;
-  gsize length = 0;
-  if (!g_file_get_contents(value.c_str(), &text, &length, nullptr))
-    return {};
-  const CharPointer owner(text);
-  const CharPointer sum(
-      g_compute_checksum_for_data(G_CHECKSUM_SHA256, reinterpret_cast<const guchar*>(text), length));
-  return "@" + std::string(sum.get(), 16);
-}
-
-} // namespace
-
 std::string describe(const Options& options, const Input& input) {
   std::string text = "preset=" + (options.preset.empty() ? std::string("default") : options.preset);
-  for (const auto& [name, value] : options.settings)
-    text.append(" ").append(name).append("=").append(value).append(content_of(name, value));
-  if (options.wanted[static_cast<int>(Output::annotated)])
+  for (const auto& [name, value] : options.settings) {
+    text.append(" ").append(name).append("=").append(value);
+    // A calibration is identified by its content, not only by its name.
+    const bool calibration = name == "camera-info" || name == "mount";
+    if (const std::string content = calibration ? sha256_of(value) : ""; !content.empty())
+      text += "@" + content.substr(0, 16);
+  }
+  if (options.wants(Output::annotated))
     text += " quality=" + std::to_string(options.quality);
   if (options.json_mask)
     text += " json-mask";
@@ -218,19 +209,6 @@ std::string describe(const Options& options, const Input& input) {
     text += " fps=" + std::to_string(options.fps_numerator) + "/" + std::to_string(options.fps_denominator);
   return text;
 }
-
-namespace {
-
-/// Reads a record; the result is not an object if the file is none.
-nlohmann::json read_record(const fs::path& path) {
-  std::error_code error;
-  if (!fs::is_regular_file(path, error))
-    return {};
-  std::ifstream file(path);
-  return nlohmann::json::parse(file, nullptr, false);
-}
-
-} // namespace
 
 std::optional<Origin> read_origin(const fs::path& record) {
   const nlohmann::json json = read_record(record);
@@ -250,12 +228,10 @@ bool is_complete(const Naming& naming, const Input& input, const Options& option
     if (!json.at("complete").get<bool>() || json.at("version") != TERRAINSEG_VERSION ||
         json.at("settings") != describe(options, input))
       return false;
-    for (int i = 0; i < output_count; ++i) {
-      if (!options.wanted[i])
-        continue;
+    for (const Output kind : options.outputs()) {
       std::error_code error;
-      const std::uint64_t bytes = fs::file_size(naming.output(static_cast<Output>(i)), error);
-      if (error || json.at("outputs").at(output_kinds[i].name).at("bytes") != bytes)
+      const std::uint64_t bytes = fs::file_size(naming.output(kind), error);
+      if (error || json.at("outputs").at(names_of(kind).name).at("bytes") != bytes)
         return false;
     }
     const Identity identity = input.identity();
@@ -266,21 +242,20 @@ bool is_complete(const Naming& naming, const Input& input, const Options& option
   }
 }
 
-std::optional<Fault> prepare_folder(const fs::path& folder) {
+void prepare_folder(const fs::path& folder) {
   const std::string name = "the output folder " + folder.string();
   std::error_code error;
   fs::create_directories(folder, error);
   if (error.value() == ENOENT) // no folder can be created there, as in /proc
-    return Fault{Cause::unwritable, cannot("make", name, ENOENT).text};
+    throw Fault{Cause::unwritable, cannot("make", name, ENOENT).text};
   if (error)
-    return cannot("make", name, error.value());
+    throw cannot("make", name, error.value());
   std::string probe = (folder / ".terrainseg-process-XXXXXX").string();
   const int fd = mkstemp(probe.data());
   if (fd < 0)
-    return cannot("write in", name, errno);
+    throw cannot("write in", name, errno);
   close(fd);
   unlink(probe.c_str());
-  return std::nullopt;
 }
 
 OutputFiles::Folders::~Folders() {
@@ -290,39 +265,32 @@ OutputFiles::Folders::~Folders() {
 }
 
 /// The folder of an output if it is not the common one.
-std::optional<Fault> OutputFiles::make_folder(const fs::path& folder) {
+void OutputFiles::make_folder(const fs::path& folder) {
   if (folder == naming_.record().parent_path())
-    return std::nullopt;
+    return;
   std::error_code error;
   fs::create_directories(folder, error);
   folders_.all.push_back(folder);
   if (error)
-    return cannot("make the folder", folder.string(), error.value());
-  return std::nullopt;
+    throw cannot("make the folder", folder.string(), error.value());
 }
 
 /// The record's temporary file is opened first: its lock reserves the name for all outputs.
-std::optional<Fault> OutputFiles::open() {
+void OutputFiles::open() {
   std::error_code error;
   if (const fs::path folder = naming_.record().parent_path(); !folder.empty())
     fs::create_directories(folder, error);
   if (error)
-    return cannot("make the folder of", naming_.record().string(), error.value());
-  if (auto fault = summary_.open(naming_.record()))
-    return fault;
+    throw cannot("make the folder of", naming_.record().string(), error.value());
+  summary_.open(naming_.record());
   // Another run may have processed another input with this name since the batch was checked.
   if (auto problem = foreign_files(naming_, input_, options_))
-    return Fault{Cause::unwritable, *problem};
-  for (int i = 0; i < output_count; ++i) {
-    if (!options_.wanted[i])
-      continue;
-    const fs::path path = naming_.output(static_cast<Output>(i));
-    if (auto fault = make_folder(path.parent_path()))
-      return fault;
-    if (auto fault = files_[i].open(path))
-      return fault;
+    throw Fault{Cause::unwritable, *problem};
+  for (const Output kind : options_.outputs()) {
+    const fs::path path = naming_.output(kind);
+    make_folder(path.parent_path());
+    (*this)[kind].open(path);
   }
-  return std::nullopt;
 }
 
 std::array<int, output_count> OutputFiles::descriptors() const {
@@ -333,26 +301,21 @@ std::array<int, output_count> OutputFiles::descriptors() const {
 }
 
 /// Writes a record under its name. Its temporary file is created again, so the name stays reserved.
-std::optional<Fault> OutputFiles::write_record(const Record& record, const fs::path& path) {
+void OutputFiles::write_record(const Record& record, const fs::path& path) {
   summary_.write(record.to_json());
-  if (auto fault = summary_.commit(path))
-    return fault;
-  return summary_.open(naming_.record());
+  summary_.commit(path);
+  summary_.open(naming_.record());
 }
 
-std::optional<Fault> OutputFiles::name_files(Record& record, bool partial) {
+void OutputFiles::name_files(Record& record, bool partial) {
   const fs::path folder = naming_.record().parent_path();
-  for (int i = 0; i < output_count; ++i) {
-    if (!options_.wanted[i])
-      continue;
-    const fs::path path = naming_.output(static_cast<Output>(i), partial);
-    record.outputs[i] = {path.lexically_relative(folder).string(), files_[i].size()};
-    if (auto fault = make_folder(path.parent_path()))
-      return fault;
-    if (auto fault = files_[i].commit(path))
-      return fault;
+  for (const Output kind : options_.outputs()) {
+    const fs::path path = naming_.output(kind, partial);
+    AtomicFile& file = (*this)[kind];
+    record.outputs[static_cast<std::size_t>(kind)] = {path.lexically_relative(folder).string(), file.size()};
+    make_folder(path.parent_path());
+    file.commit(path);
   }
-  return std::nullopt;
 }
 
 /// The partial files of an earlier attempt are removed when all outputs are complete.
@@ -364,7 +327,7 @@ void OutputFiles::remove_partial() const {
   fs::remove(naming_.record(true), ignored);
 }
 
-std::optional<Fault> OutputFiles::keep(Record& record) {
+void OutputFiles::keep(Record& record) {
   const bool partial = record.cause != Cause::none;
   const fs::path path = naming_.record(partial);
   // Until the new record is written, no record may claim that these outputs are complete, but one must always
@@ -372,15 +335,11 @@ std::optional<Fault> OutputFiles::keep(Record& record) {
   Record announced = record;
   announced.problem = "its outputs are being renamed";
   announced.cause = Cause::interrupted; // the result if the process ends here
-  if (auto fault = write_record(announced, path))
-    return fault;
-  if (auto fault = name_files(record, partial))
-    return fault;
-  if (auto fault = write_record(record, path))
-    return fault;
+  write_record(announced, path);
+  name_files(record, partial);
+  write_record(record, path);
   if (!partial)
     remove_partial();
-  return std::nullopt;
 }
 
 } // namespace terrainseg::process

@@ -18,7 +18,7 @@ namespace terrainseg::process {
 
 /// A file with a temporary name (FINAL.part, in the final folder) that is renamed when it is complete. The
 /// destructor deletes an incomplete file. A killed process leaves the .part file, which the next run reuses.
-/// Locked, so that two runs never write the same file.
+/// Locked, so that two runs never write the same file. Throws Fault.
 class AtomicFile {
  public:
   AtomicFile() = default;
@@ -26,8 +26,8 @@ class AtomicFile {
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
-  /// Creates the temporary file. Returns the error, or an empty text.
-  [[nodiscard]] std::optional<Fault> open(const std::filesystem::path& final_path);
+  /// Creates the temporary file.
+  void open(const std::filesystem::path& final_path);
   int fd() const { return fd_; } ///< -1 if not open
   const std::filesystem::path& final_path() const { return final_path_; }
   /// Appends. Stores the first error for commit().
@@ -35,7 +35,7 @@ class AtomicFile {
   /// Flushes the buffer to the system. Returns false after an error of this or an earlier write.
   bool flush();
   /// Flushes to disk (fsync), then renames to `path`, which must be on the same file system.
-  [[nodiscard]] std::optional<Fault> commit(const std::filesystem::path& path);
+  void commit(const std::filesystem::path& path);
   std::uint64_t size() const;
 
  private:
@@ -46,20 +46,8 @@ class AtomicFile {
   std::string buffer_;
 };
 
-/// A file without a name, which is removed when the process ends.
-class ScratchFile {
- public:
-  ScratchFile() = default;
-  ~ScratchFile();
-  ScratchFile(const ScratchFile&) = delete;
-  ScratchFile& operator=(const ScratchFile&) = delete;
-  /// In a folder, on its disk. Returns false if the file system does not support such files.
-  bool open(const std::filesystem::path& folder);
-  std::string path() const; ///< path by which this process can open it
-
- private:
-  int fd_ = -1;
-};
+/// The SHA-256 of a file, hexadecimal; empty if it cannot be read.
+std::string sha256_of(const std::filesystem::path& file);
 
 /// Temporary name of a file while it is written.
 std::filesystem::path part_of(const std::filesystem::path& final_path);
@@ -124,10 +112,11 @@ std::string describe(const Options& options, const Input& input);
 /// these settings, and the files exist with the recorded sizes.
 bool is_complete(const Naming& naming, const Input& input, const Options& options);
 
-/// Creates the folder and writes a test file. Cause::disk: temporary (full disk, no memory).
-std::optional<Fault> prepare_folder(const std::filesystem::path& folder);
+/// Creates the folder and writes a test file. Throws Fault; Cause::disk: temporary (full disk, no memory).
+void prepare_folder(const std::filesystem::path& folder);
 
 /// The output files of an input: opened together under temporary names, and completed together or not at all.
+/// Throws Fault.
 class OutputFiles {
  public:
   OutputFiles(const Input& input, const Naming& naming, const Options& options)
@@ -135,18 +124,18 @@ class OutputFiles {
   OutputFiles(const OutputFiles&) = delete;
   OutputFiles& operator=(const OutputFiles&) = delete;
 
-  [[nodiscard]] std::optional<Fault> open();
+  void open();
   AtomicFile& operator[](Output kind) { return files_[static_cast<std::size_t>(kind)]; }
   /// File descriptors; -1 if the output is not written.
   std::array<int, output_count> descriptors() const;
   /// Renames the files to their final names, or to the names of a partial input if the record has a problem.
   /// Writes the record last.
-  [[nodiscard]] std::optional<Fault> keep(Record& record);
+  void keep(Record& record);
 
  private:
-  std::optional<Fault> make_folder(const std::filesystem::path& folder);
-  std::optional<Fault> write_record(const Record& record, const std::filesystem::path& path);
-  std::optional<Fault> name_files(Record& record, bool partial);
+  void make_folder(const std::filesystem::path& folder);
+  void write_record(const Record& record, const std::filesystem::path& path);
+  void name_files(Record& record, bool partial);
   void remove_partial() const;
 
   const Input& input_;

@@ -61,7 +61,7 @@ class Run {
         state_(std::move(state)), source_(input, options), graph_(options),
         complaints_(graph_, files, record), frames_(options, graph_, files[Output::csv], record) {}
 
-  std::optional<Fault> build();
+  void build();
   /// Runs until every sink has its EOS, an error occurs, or the user interrupts.
   void play(const std::atomic<int>& interrupted);
   Outcome conclude();
@@ -73,7 +73,7 @@ class Run {
   void end_source();
   void update_progress();
   void learn_from_the_run();
-  Fault miscount() const;
+  void check_counts() const;
   Fault broken_promise() const;
   Fault why_empty() const;
   Fault damage() const;
@@ -95,11 +95,10 @@ class Run {
   Clock::duration last_move_{};
 };
 
-std::optional<Fault> Run::build() {
+void Run::build() {
   if (auto problem = graph_.build(source_.bin(), files_.descriptors()))
-    return Fault{Cause::resources, *problem};
+    throw Fault{Cause::resources, *problem};
   frames_.watch(source_.bin());
-  return std::nullopt;
 }
 
 void Run::update_progress() {
@@ -191,21 +190,18 @@ void Run::play(const std::atomic<int>& interrupted) {
 }
 
 /// Each output must have all frames; otherwise none is kept.
-Fault Run::miscount() const {
+void Run::check_counts() const {
   const std::uint64_t frames = frames_.labelled();
   std::string text;
   if (frames_.without_metadata() > 0)
     text = counted(frames_.without_metadata(), "frame") + " came without metadata out of terrainseg";
-  for (int i = 0; i < output_count && text.empty(); ++i)
-    if (const std::uint64_t written = graph_.written(static_cast<Output>(i));
-        options_.wanted[i] && written != frames)
-      text = std::string(output_kinds[i].name) + " holds " + std::to_string(written) + " of " +
+  for (const Output kind : options_.outputs())
+    if (const std::uint64_t written = graph_.written(kind); text.empty() && written != frames)
+      text = std::string(names_of(kind).name) + " holds " + std::to_string(written) + " of " +
              counted(frames, "frame");
-  if (text.empty())
-    return {};
   const Fault& error = complaints_.source();
-  return error.cause == Cause::none ? Fault{Cause::resources, text}
-                                    : Fault{error.cause, error.text + "; " + text};
+  if (!text.empty())
+    throw error ? Fault{error.cause, error.text + "; " + text} : Fault{Cause::resources, text};
 }
 
 /// Fewer frames or a shorter duration than the container specifies.
@@ -302,24 +298,22 @@ Outcome Run::conclude() {
     return outcome;
   }
   if (complaints_.behind_source())
-    return failed(record_, complaints_.behind_source());
+    throw complaints_.behind_source();
   const Fault changed{Cause::changed, "it was written to or replaced while it was read"};
   const bool is_changed = input_.state() != state_;
   if (record_.frames == 0)
-    return failed(record_, is_changed ? changed : why_empty());
+    throw is_changed ? changed : why_empty();
   if (const std::string metadata = graph_.bag_metadata(); !metadata.empty()) {
     files_[Output::bag].write(metadata);
     graph_.count(Output::bag, graph_.written(Output::mcap));
   }
-  if (const Fault fault = miscount())
-    return failed(record_, fault);
+  check_counts();
   const Fault damage = is_changed ? changed : this->damage();
   record_.problem = without_credentials(damage.text);
   for (std::string& warning : record_.warnings)
     warning = without_credentials(warning);
   record_.cause = damage.cause;
-  if (auto fault = files_.keep(record_))
-    return failed(record_, *fault);
+  files_.keep(record_);
   return {damage ? Outcome::Kind::partial : Outcome::Kind::complete, record_};
 }
 
@@ -329,22 +323,24 @@ Outcome process(const Input& input, const Naming& naming, const Options& options
                 const std::atomic<int>& interrupted) {
   Record record;
   record.input = input.label;
-  if (!input.problem.empty())
-    return failed(record, {input.cause, input.problem});
-  std::string state = input.state(); // before its identity is read
-  record.place = input.place();
-  record.identity = input.identity();
-  record.settings = describe(options, input);
-  OutputFiles files(input, naming, options);
-  if (auto fault = files.open())
-    return failed(record, *fault);
-  Run run(input, options, files, record, progress, std::move(state));
-  if (auto fault = run.build())
-    return failed(record, *fault);
-  const auto begin = Clock::now();
-  run.play(interrupted);
-  record.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
-  return run.conclude();
+  try {
+    if (!input.problem.empty())
+      throw Fault{input.cause, input.problem};
+    std::string state = input.state(); // before its identity is read
+    record.place = input.place();
+    record.identity = input.identity();
+    record.settings = describe(options, input);
+    OutputFiles files(input, naming, options);
+    files.open();
+    Run run(input, options, files, record, progress, std::move(state));
+    run.build();
+    const auto begin = Clock::now();
+    run.play(interrupted);
+    record.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+    return run.conclude();
+  } catch (const Fault& fault) {
+    return failed(record, fault);
+  }
 }
 
 } // namespace terrainseg::process

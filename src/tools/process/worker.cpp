@@ -126,21 +126,20 @@ Outcome lost(const Input& input, const Options& options, Cause cause, const std:
 /// end.
 void remove_parts(const Naming& naming, const Options& options) {
   AtomicFile record;
-  if (record.open(naming.record()))
+  try {
+    record.open(naming.record());
+  } catch (const Fault&) { // another run has taken the name
     return;
-  for (int i = 0; i < output_count; ++i) {
-    const fs::path path = naming.output(static_cast<Output>(i));
-    std::error_code error;
-    if (!options.wanted[i] || !fs::exists(path.parent_path(), error))
-      continue;
-    {
-      AtomicFile part;
-      if (part.open(path))
-        continue;
-    }
-    if (path.parent_path() != naming.record().parent_path())
-      fs::remove(path.parent_path(), error); // folder of a recording; fails if it contains other files
   }
+  for (const Output kind : options.outputs())
+    try {
+      const fs::path path = naming.output(kind);
+      AtomicFile().open(path);
+      std::error_code error; // the folder of a recording is not removed if it contains other files
+      if (path.parent_path() != naming.record().parent_path())
+        fs::remove(path.parent_path(), error);
+    } catch (const Fault&) { // it was not made
+    }
 }
 
 /// A worker's end of the socket, for its two threads.
