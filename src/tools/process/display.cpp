@@ -10,6 +10,7 @@
 #include <cstdio>
 
 #include "exchange/counted.hpp"
+#include "tools/process/handles.hpp"
 
 namespace terrainseg::process {
 namespace {
@@ -19,13 +20,8 @@ constexpr double rate_span = 4; // seconds
 constexpr int widest_bar = 30;
 constexpr int narrowest_bar = 8;
 
-std::string number(const char* format, double value) {
-  char text[G_ASCII_DTOSTR_BUF_SIZE];
-  return g_ascii_formatd(text, sizeof text, format, value);
-}
-
 std::string figures(const Moment& moment) {
-  std::string text = counted(moment.frames, "frame") + "  " + number("%.1f", moment.fps) + " fps";
+  std::string text = counted(moment.frames, "frame") + "  " + number_text("%.1f", moment.fps) + " fps";
   // The estimate is too unstable at the beginning.
   if (moment.whole_permille >= 5)
     text += "  " + duration_text(moment.seconds * (1000 - moment.whole_permille) / moment.whole_permille) +
@@ -34,18 +30,14 @@ std::string figures(const Moment& moment) {
 }
 
 std::string position(const Moment& moment) {
-  std::string text(1, '[');
-  text += std::to_string(std::min(moment.done + 1, moment.inputs));
-  text += '/';
-  text += std::to_string(moment.inputs);
-  return text += "] ";
+  return "[" + std::to_string(std::min(moment.done + 1, moment.inputs)) + "/" +
+         std::to_string(moment.inputs) + "] ";
 }
 
 std::string percent(const Moment& moment) {
-  if (moment.permille < 0)
-    return "  ?";
-  const std::string text = std::to_string(moment.permille / 10);
-  return std::string(3 - std::min<std::size_t>(3, text.size()), ' ') + text;
+  char text[16];
+  g_snprintf(text, sizeof text, "%3d", moment.permille / 10);
+  return moment.permille < 0 ? "  ?" : text;
 }
 
 /// Length of the UTF-8 character at `text` in bytes, and its width in terminal columns; invalid bytes count

@@ -62,9 +62,7 @@ std::string range_of(GParamSpec* spec) {
     const bool is_double = G_IS_PARAM_SPEC_DOUBLE(spec);
     const double least = is_double ? G_PARAM_SPEC_DOUBLE(spec)->minimum : G_PARAM_SPEC_FLOAT(spec)->minimum;
     const double most = is_double ? G_PARAM_SPEC_DOUBLE(spec)->maximum : G_PARAM_SPEC_FLOAT(spec)->maximum;
-    char low[G_ASCII_DTOSTR_BUF_SIZE], high[G_ASCII_DTOSTR_BUF_SIZE];
-    return std::string(g_ascii_formatd(low, sizeof low, "%g", least)) + ".." +
-           g_ascii_formatd(high, sizeof high, "%g", most);
+    return number_text("%g", least) + ".." + number_text("%g", most);
   }
   if (G_IS_PARAM_SPEC_BOOLEAN(spec))
     return "true or false";

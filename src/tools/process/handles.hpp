@@ -29,6 +29,12 @@ inline std::string take(char* text) {
   return text ? text : "";
 }
 
+/// A number with a decimal point in every locale.
+inline std::string number_text(const char* format, double value) {
+  char text[G_ASCII_DTOSTR_BUF_SIZE];
+  return g_ascii_formatd(text, sizeof text, format, value);
+}
+
 inline PadPointer pad_of(GstElement* element, const char* name) {
   return PadPointer(gst_element_get_static_pad(element, name));
 }

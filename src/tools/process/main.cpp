@@ -4,12 +4,14 @@
 #include <cstdio>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <clocale>
 #include <condition_variable>
 #include <exception>
 #include <memory>
 #include <mutex>
+#include <numeric>
 #include <string_view>
 #include <system_error>
 #include <thread>
@@ -79,31 +81,25 @@ void refuse_conflicts(const std::vector<Input>& inputs, const Options& options) 
 /// Number of inputs of a run by result.
 class Tally {
  public:
-  void add(bool skipped, const Outcome& outcome) {
-    if (skipped) {
-      ++skipped_;
-      return;
-    }
-    whole_ += outcome.kind == Outcome::Kind::complete;
-    partial_ += outcome.kind == Outcome::Kind::partial;
-    failed_ += outcome.kind == Outcome::Kind::failed;
+  void add(const Outcome& outcome) {
+    ++counts_[static_cast<std::size_t>(outcome.kind)];
     later_ += may_pass_later(outcome.record.cause);
-    if (outcome.kind == Outcome::Kind::complete || outcome.kind == Outcome::Kind::partial)
+    if (outcome.kept())
       frames_ += outcome.record.frames;
   }
   /// The exit code of a run of `inputs` inputs.
   Exit exit_code(std::size_t inputs) const {
-    if (later_ > 0 || skipped_ + whole_ + partial_ + failed_ < inputs)
+    if (later_ > 0 || not_done(inputs) > 0)
       return Exit::try_again;
-    return partial_ + failed_ > 0 ? Exit::damaged : Exit::ok;
+    return of(Outcome::Kind::partial) + of(Outcome::Kind::failed) > 0 ? Exit::damaged : Exit::ok;
   }
   std::string line(std::size_t inputs, double seconds) const {
-    std::string text = counted(inputs, "input") + ": " + std::to_string(whole_) + " complete";
-    const std::pair<std::size_t, const char*> others[] = {
-        {skipped_, "skipped"},
-        {partial_, "partial"},
-        {failed_, "failed"},
-        {inputs - (skipped_ + whole_ + partial_ + failed_), "not done"}};
+    std::string text =
+        counted(inputs, "input") + ": " + std::to_string(of(Outcome::Kind::complete)) + " complete";
+    const std::pair<std::size_t, const char*> others[] = {{of(Outcome::Kind::skipped), "skipped"},
+                                                          {of(Outcome::Kind::partial), "partial"},
+                                                          {of(Outcome::Kind::failed), "failed"},
+                                                          {not_done(inputs), "not done"}};
     for (const auto& [count, what] : others)
       if (count > 0)
         text += ", " + std::to_string(count) + " " + what;
@@ -113,7 +109,13 @@ class Tally {
   }
 
  private:
-  std::size_t whole_ = 0, skipped_ = 0, partial_ = 0, failed_ = 0, later_ = 0;
+  std::size_t of(Outcome::Kind kind) const { return counts_[static_cast<std::size_t>(kind)]; }
+  std::size_t not_done(std::size_t inputs) const {
+    return of(Outcome::Kind::interrupted) + inputs -
+           std::accumulate(counts_.begin(), counts_.end(), std::size_t{0});
+  }
+  std::array<std::size_t, Outcome::kinds> counts_{};
+  std::size_t later_ = 0;
   std::uint64_t frames_ = 0;
 };
 
@@ -141,7 +143,7 @@ class Batch {
 
   void work();
   void report(const Input& input, const Outcome& outcome);
-  void report_skip(const Input& input);
+  Outcome outcome_of(const Input& input, Worker& worker, Progress& progress) const;
   void show();
 
   const Options& options_;
@@ -160,51 +162,49 @@ class Batch {
   const Clock::time_point begin_;
 };
 
-void Batch::report_skip(const Input& input) {
-  if (options_.quiet)
-    return;
-  display_.clear();
-  std::printf("%s: already complete, skipped\n", input.label.c_str());
-  std::fflush(stdout);
-}
-
 void Batch::report(const Input& input, const Outcome& outcome) {
   display_.clear();
   const Record& record = outcome.record;
-  const bool kept = outcome.kind == Outcome::Kind::complete || outcome.kind == Outcome::Kind::partial;
-  if (kept && !options_.quiet) {
-    const bool partial = outcome.kind == Outcome::Kind::partial;
-    char fps[G_ASCII_DTOSTR_BUF_SIZE], share[G_ASCII_DTOSTR_BUF_SIZE], own[G_ASCII_DTOSTR_BUF_SIZE];
-    g_ascii_formatd(own, sizeof own, "%.2f", record.filter_milliseconds);
-    g_ascii_formatd(fps, sizeof fps, "%.1f", record.fps());
-    g_ascii_formatd(share, sizeof share, "%.1f", 100 * record.traversable());
+  const bool partial = outcome.kind == Outcome::Kind::partial;
+  if (outcome.kind == Outcome::Kind::skipped && !options_.quiet)
+    std::printf("%s: already complete, skipped\n", input.label.c_str());
+  if (outcome.kept() && !options_.quiet)
     std::printf("%s: %s%s, %s fps, filter %s ms, %s %% traversable -> %s\n", input.label.c_str(),
-                partial ? "PARTIAL, " : "", counted(record.frames, "frame").c_str(), fps, own, share,
+                partial ? "PARTIAL, " : "", counted(record.frames, "frame").c_str(),
+                number_text("%.1f", record.fps()).c_str(),
+                number_text("%.2f", record.filter_milliseconds).c_str(),
+                number_text("%.1f", 100 * record.traversable()).c_str(),
                 naming_of(options_, input).record(partial).string().c_str());
-    std::fflush(stdout);
-  }
+  std::fflush(stdout);
   if (!options_.quiet)
     for (const std::string& warning : record.warnings)
       complain(input.label + ": warning: " + warning);
-  if (kept && record.still_rows > 0 && !options_.quiet)
+  if (outcome.kept() && record.still_rows > 0 && !options_.quiet)
     complain(input.label + ": the lowest " + std::to_string(record.still_rows) +
              " rows never change (a bonnet, a black bar?): do not learn them as ground, with --set "
              "window-bottom=" +
              std::to_string(record.still_rows) +
              ", and take them out of the mask with --set ignore-regions=...");
-  switch (outcome.kind) {
-  case Outcome::Kind::complete:
-  case Outcome::Kind::interrupted:
-    break;
-  case Outcome::Kind::partial:
+  if (partial)
     complain(input.label + ": " + record.problem + "; what could be decoded, " +
              counted(record.frames, "frame") + ", is kept as " +
              naming_of(options_, input).record(true).stem().stem().string() + ".*");
-    break;
-  case Outcome::Kind::failed:
+  if (outcome.kind == Outcome::Kind::failed)
     complain(input.label + ": " + record.problem);
-    break;
+}
+
+Outcome Batch::outcome_of(const Input& input, Worker& worker, Progress& progress) const {
+  const Naming naming = naming_of(options_, input);
+  if (options_.resume && input.problem.empty() && is_complete(naming, input, options_))
+    return {Outcome::Kind::skipped, {}};
+  Outcome outcome;
+  try {
+    outcome = worker.process(input, naming, options_, progress, interruptions);
+  } catch (const std::exception& error) {
+    outcome.record.problem = error.what();
+    outcome.record.cause = Cause::resources;
   }
+  return outcome;
 }
 
 /// A job: processes inputs in order until none is left or the user interrupts.
@@ -217,29 +217,14 @@ void Batch::work() {
     Work& work = *works_[index];
     work.phase = Phase::running;
     lock.unlock();
-    const Naming naming = naming_of(options_, input);
-    const bool skip = options_.resume && input.problem.empty() && is_complete(naming, input, options_);
-    Outcome outcome;
-    if (!skip) {
-      try {
-        outcome = worker.process(input, naming, options_, work.progress, interruptions);
-      } catch (const std::exception& error) {
-        outcome.record.problem = error.what();
-        outcome.record.cause = Cause::resources;
-      }
-    }
-    const bool kept = outcome.kind == Outcome::Kind::complete || outcome.kind == Outcome::Kind::partial;
-    const std::string line =
-        manifest_.is_open() ? Manifest::line(options_, input, outcome.record, skip, kept) : "";
+    const Outcome outcome = outcome_of(input, worker, work.progress);
+    const std::string line = manifest_.is_open() ? Manifest::line(options_, input, outcome) : "";
     lock.lock();
     manifest_.write(line);
-    if (skip)
-      report_skip(input);
-    else
-      report(input, outcome);
-    work.phase = skip ? Phase::skipped : Phase::done;
+    report(input, outcome);
+    work.phase = outcome.kind == Outcome::Kind::skipped ? Phase::skipped : Phase::done;
     ++finished_;
-    tally_.add(skip, outcome);
+    tally_.add(outcome);
     changed_.notify_all();
   }
   --working_threads_;

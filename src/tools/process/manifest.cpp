@@ -194,17 +194,15 @@ void Manifest::open(const Options& options, std::size_t inputs) {
   write(as_line(json));
 }
 
-std::string Manifest::line(const Options& options, const Input& input, const Record& record, bool skipped,
-                           bool kept) {
-  const bool whole = skipped || (kept && record.cause == Cause::none);
+std::string Manifest::line(const Options& options, const Input& input, const Outcome& outcome) {
+  constexpr const char* names[Outcome::kinds] = {"complete", "partial", "failed", "interrupted", "skipped"};
+  const Record& record = outcome.record;
+  const bool skipped = outcome.kind == Outcome::Kind::skipped;
+  const bool whole = skipped || outcome.kind == Outcome::Kind::complete;
   const Naming naming = naming_of(options, input);
   ordered_json json;
   json["input"] = input.label;
-  json["status"] = skipped                              ? "skipped"
-                   : whole                              ? "complete"
-                   : kept                               ? "partial"
-                   : record.cause == Cause::interrupted ? "interrupted"
-                                                        : "failed";
+  json["status"] = names[static_cast<int>(outcome.kind)];
   json["cause"] = whole ? ordered_json() : ordered_json(name_of(record.cause));
   if (!whole)
     json["problem"] = record.problem;
@@ -213,7 +211,7 @@ std::string Manifest::line(const Options& options, const Input& input, const Rec
   json["bytes"] = identity.bytes;
   json["fingerprint"] = identity.fingerprint;
   ordered_json outputs = ordered_json::object();
-  for (const Output kind : skipped || kept ? options.outputs() : std::vector<Output>()) {
+  for (const Output kind : skipped || outcome.kept() ? options.outputs() : std::vector<Output>()) {
     const fs::path path = naming.output(kind, !whole);
     std::error_code error;
     outputs[names_of(kind).name] = {{"file", path.lexically_relative(options.output_dir).string()},
@@ -242,10 +240,8 @@ bool is_manifest(const fs::path& path) {
     return false;
   std::ifstream file(path);
   std::string text(longest_head, '\0'); // another file may have no line ends
-  file.read(text.data(), longest_head);
-  text.resize(static_cast<std::size_t>(file.gcount()));
-  text.resize(std::min(text.find('\n'), text.size()));
-  const auto json = nlohmann::json::parse(text, nullptr, false);
+  file.getline(text.data(), longest_head);
+  const auto json = nlohmann::json::parse(text.c_str(), nullptr, false);
   return json.is_object() && json.contains("manifest");
 }
 

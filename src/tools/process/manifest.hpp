@@ -23,8 +23,7 @@ class Manifest {
   bool is_open() const { return file_.fd() >= 0; }
   /// Adds an input that was processed completely, partially or not at all, or skipped as complete. Reads the
   /// outputs again for their SHA-256.
-  static std::string line(const Options& options, const Input& input, const Record& record, bool skipped,
-                          bool kept);
+  static std::string line(const Options& options, const Input& input, const Outcome& outcome);
   void write(const std::string& line);
   void close();
 

@@ -96,6 +96,21 @@ struct Record {
   std::string to_json() const;
 };
 
+/// Result of an input.
+struct Outcome {
+  enum class Kind {
+    complete,
+    partial,     ///< the input is damaged; the decoded part is in the partial files
+    failed,      ///< no output
+    interrupted, ///< by the user; no output
+    skipped,     ///< complete by an earlier run
+  };
+  static constexpr int kinds = 5;
+  Kind kind = Kind::failed;
+  Record record; ///< record.problem: the cause if not complete
+  bool kept() const { return kind == Kind::complete || kind == Kind::partial; }
+};
+
 /// The part of a record that describes the input.
 struct Origin {
   std::string place;

@@ -214,8 +214,7 @@ Fault Run::broken_promise() const {
       duration_ <= static_cast<gint64>(frames_.end()) + slack)
     return {};
   const auto seconds = [](gint64 time) {
-    char text[G_ASCII_DTOSTR_BUF_SIZE];
-    return std::string(g_ascii_formatd(text, sizeof text, "%.1f", static_cast<double>(time) / GST_SECOND));
+    return number_text("%.1f", static_cast<double>(time) / GST_SECOND);
   };
   return {Cause::damaged, "the file says that it lasts " + seconds(duration_) +
                               " s, and its frames end after " + seconds(static_cast<gint64>(frames_.end())) +
@@ -293,9 +292,7 @@ Outcome Run::conclude() {
   learn_from_the_run();
   progress_.answers = 0;
   if (stopped_) {
-    Outcome outcome = failed(record_, {Cause::interrupted, "interrupted"});
-    outcome.kind = Outcome::Kind::interrupted;
-    return outcome;
+    return {Outcome::Kind::interrupted, failed(record_, {Cause::interrupted, "interrupted"}).record};
   }
   if (complaints_.behind_source())
     throw complaints_.behind_source();

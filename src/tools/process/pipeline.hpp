@@ -42,18 +42,6 @@ struct Progress {
   std::atomic<std::uint64_t> answers{0};
 };
 
-/// Result of an input.
-struct Outcome {
-  enum class Kind {
-    complete,
-    partial,     ///< the input is damaged; the decoded part is in the partial files
-    failed,      ///< no output
-    interrupted, ///< by the user; no output
-  };
-  Kind kind = Kind::failed;
-  Record record; ///< record.problem: the cause if not complete
-};
-
 /// Processes an input and writes the files of `naming`, or their partial variants if the input is damaged.
 /// Blocks until done. May be called in several threads. `interrupted` stops it early.
 Outcome process(const Input& input, const Naming& naming, const Options& options, Progress& progress,
