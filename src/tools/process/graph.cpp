@@ -64,8 +64,10 @@ void set_caps(GstElement* filter, GstCaps* caps) {
 } // namespace
 
 Graph::~Graph() {
-  gst_element_set_state(pipeline_, GST_STATE_NULL);
-  gst_object_unref(pipeline_);
+  if (pipeline_) {
+    gst_element_set_state(pipeline_, GST_STATE_NULL);
+    gst_object_unref(pipeline_);
+  }
   if (scratch_ >= 0)
     close(scratch_);
 }
@@ -94,156 +96,96 @@ GstPadProbeReturn Graph::on_end(GstPad*, GstPadProbeInfo* info) {
   return GST_PAD_PROBE_OK;
 }
 
-GstElement* Graph::add(const char* factory) {
-  GstElement* element = gst_element_factory_make(factory, nullptr);
-  gst_bin_add(GST_BIN(pipeline_), element);
-  return element;
+GstElement* Graph::named(const std::string& name) const {
+  return ElementPointer(gst_bin_get_by_name(GST_BIN(pipeline_), name.c_str())).get();
 }
 
-/// Adds a queue after the tee, so that each branch runs in its own thread.
-GstElement* Graph::branch(GstElement* tee) {
-  GstElement* queue = add("queue");
-  g_object_set(queue, "max-size-buffers", 4, "max-size-bytes", 0, "max-size-time", guint64{0}, nullptr);
-  gst_element_link(tee, queue);
-  return queue;
-}
-
-/// Adds the sink that writes the output's file. It does not preroll, because an encoder may need 50 frames
-/// before it outputs the first one.
-GstElement* Graph::add_sink(Output kind, int fd) {
-  GstElement* sink = add(kind == Output::mcap ? "terrainmcapsink" : "fdsink");
-  g_object_set(sink, "fd", fd, "sync", FALSE, "async", FALSE, nullptr);
-  sinks_of_[static_cast<std::size_t>(kind)] = sink;
-  watch_end(sink);
-  return sink;
-}
-
-/// Counts EOS events at the sinks: with decodebin, a bin whose sinks have async=false sometimes loses its EOS
-/// message. When the event arrives, all earlier data has been written. The sink completes its file after
-/// the event, at the latest when the pipeline stops.
-void Graph::watch_end(GstElement* sink) {
-  ++sinks_;
-  add_probe<&Graph::on_end>(pad_of(sink, "sink"), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, this);
-}
-
-void Graph::count_buffers(GstElement* element, const char* name, Output kind) {
-  gst_pad_add_probe(pad_of(element, name).get(), GST_PAD_PROBE_TYPE_BUFFER, on_buffer,
+void Graph::count_buffers(GstElement* element, const char* pad, Output kind) {
+  gst_pad_add_probe(pad_of(element, pad).get(), GST_PAD_PROBE_TYPE_BUFFER, on_buffer,
                     &written_[static_cast<std::size_t>(kind)], nullptr);
 }
 
-void Graph::add_annotated(GstElement* tee, int fd) {
-  GstElement* queue = branch(tee);
-  overlay_ = add("terrainoverlay");
-  GstElement* convert = add("videoconvert");
-  GstElement* scale = add("videoscale"); // needed when the stream changes its size
-  annotated_caps_ = add("capsfilter");
-  annotated_box_ = add("videobox"); // pads to annotated_side(); drops the colorimetry
-  annotated_colors_ = add("capsfilter");
-  GstElement* mux = add("mp4mux");
-  muxers_[static_cast<std::size_t>(Output::annotated)] = mux;
-  // A browser needs the index at the start of the file. Until it is known, the frames are in an unnamed file.
-  scratch_ = open(options_.output_dir.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
-  if (scratch_ >= 0) { // otherwise the file system does not support such files
-    const std::string path = "/proc/self/fd/" + std::to_string(scratch_);
-    g_object_set(mux, "faststart", TRUE, "faststart-file", path.c_str(), nullptr);
-    add_probe<&Graph::on_movie_box>(pad_of(mux, "src"), GST_PAD_PROBE_TYPE_BUFFER, this);
-  }
-  g_object_set(scale, "add-borders", TRUE, nullptr);
-  gst_element_link_many(queue, overlay_, convert, scale, annotated_caps_, annotated_box_, annotated_colors_,
-                        nullptr);
-  GstElement* encoded = encode_h264(annotated_colors_, false);
-  gst_element_link_many(encoded, mux, add_sink(Output::annotated, fd), nullptr);
-  count_buffers(encoded, "src", Output::annotated);
+/// An encoder, and a parser where one is needed, as in gst-launch-1.0.
+std::string Graph::h264(bool recording) const {
+  const std::string threads = std::to_string(options_.threads);
+  // A seek decodes at most 30 frames of a recording.
+  if (h264_encoder() == std::string("x264enc"))
+    return "x264enc pass=qual speed-preset=veryfast quantizer=" + std::to_string(options_.quality) +
+           " threads=" + threads + (recording ? " bframes=0 key-int-max=30 ! h264parse" : "");
+  return "openh264enc rate-control=quality bitrate=8000000 qp-max=" +
+         std::to_string(std::min(options_.quality + 8, 51)) + " multi-thread=" + threads +
+         (recording ? " gop-size=30 ! h264parse" : " ! h264parse");
 }
 
-/// Adds an encoder after `from`, and a parser where one is needed. Returns the last element.
-GstElement* Graph::encode_h264(GstElement* from, bool recording) {
-  const std::string name = h264_encoder();
-  const bool x264 = name == "x264enc";
-  GstElement* encoder = add(name.c_str());
-  gst_element_link(from, encoder);
-  constexpr guint key_frame_distance = 30; // largest number of frames that a seek decodes
-  const auto threads = static_cast<guint>(options_.threads);
-  if (x264) {
-    gst_util_set_object_arg(G_OBJECT(encoder), "pass", "qual");
-    gst_util_set_object_arg(G_OBJECT(encoder), "speed-preset", "veryfast");
-    g_object_set(encoder, "quantizer", static_cast<guint>(options_.quality), "threads", threads, nullptr);
-    if (recording)
-      g_object_set(encoder, "bframes", 0u, "key-int-max", key_frame_distance, nullptr);
-  } else {
-    gst_util_set_object_arg(G_OBJECT(encoder), "rate-control", "quality");
-    g_object_set(encoder, "bitrate", 8'000'000u, "qp-max",
-                 static_cast<guint>(std::min(options_.quality + 8, 51)), "multi-thread", threads, nullptr);
-    if (recording)
-      g_object_set(encoder, "gop-size", key_frame_distance, nullptr);
-  }
-  if (x264 && !recording)
-    return encoder;
-  GstElement* parse = add("h264parse");
-  gst_element_link(encoder, parse);
-  return parse;
-}
-
-void Graph::add_masks(GstElement* tee, int fd) {
-  GstElement* queue = branch(tee);
-  GstElement* extract = add("terrainextract");
-  masks_caps_ = add("capsfilter");
-  GstElement* encoder = add("avenc_ffv1");
-  GstElement* mux = add("matroskamux");
-  muxers_[static_cast<std::size_t>(Output::masks)] = mux;
-  set_caps(masks_caps_, gst_caps_new_simple("video/x-raw", "format", G_TYPE_STRING, "GRAY8", nullptr));
-  gst_element_link_many(queue, extract, masks_caps_, encoder, mux, add_sink(Output::masks, fd), nullptr);
-  count_buffers(encoder, "src", Output::masks);
-}
-
-void Graph::add_json(GstElement* tee, int fd) {
-  GstElement* queue = branch(tee);
-  GstElement* extract = add("terrainextract");
-  g_object_set(extract, "json-mask", options_.json_mask, nullptr);
-  GstElement* lines = add("capsfilter");
-  set_caps(lines, gst_caps_new_empty_simple("application/x-ndjson"));
-  GstElement* sink = add_sink(Output::json, fd);
-  gst_element_link_many(queue, extract, lines, sink, nullptr);
-  count_buffers(sink, "sink", Output::json);
-}
-
-/// Records the video without drawings, the metadata and the ranges. videoscale makes odd sides even and keeps
-/// the metadata.
-void Graph::add_recording(GstElement* tee, int fd) {
-  GstElement* queue = branch(tee);
-  GstElement* convert = add("videoconvert");
-  GstElement* scale = add("videoscale");
-  recording_caps_ = add("capsfilter");
-  gst_element_link_many(queue, convert, scale, recording_caps_, nullptr);
-  GstElement* sink = add_sink(Output::mcap, fd);
-  for (const char* name : {"camera-info", "mount"})
-    g_object_set(sink, name, options_.setting(name).c_str(), nullptr);
-  gst_element_link(encode_h264(recording_caps_, true), sink);
-  count_buffers(sink, "sink", Output::mcap);
+/// The elements after the source, as in gst-launch-1.0. Sinks and muxers have the names of their outputs.
+std::string Graph::description(const Descriptors& files) const {
+  // Each branch runs in its own thread. The sinks do not preroll, because an encoder may need 50 frames
+  // before it outputs the first one.
+  const std::string branch = " tee. ! queue max-size-buffers=4 max-size-bytes=0 max-size-time=0 ! ";
+  const auto sink = [&files](const char* factory, Output kind) {
+    return std::string(" ! ") + factory + " sync=false async=false name=" + names_of(kind).name +
+           " fd=" + std::to_string(files[static_cast<std::size_t>(kind)]);
+  };
+  std::string text = "terrainseg name=terrainseg ! tee name=tee";
+  if (options_.wants(
+          Output::annotated)) // videoscale is needed when the stream changes its size; videobox pads
+    text += branch +          // to annotated_side(), and drops the colorimetry
+            "terrainoverlay name=overlay ! videoconvert ! videoscale add-borders=true"
+            " ! capsfilter name=annotated-caps ! videobox name=annotated-box"
+            " ! capsfilter name=annotated-colors ! " +
+            h264(false) + " ! mp4mux name=annotated-mux" + sink("fdsink", Output::annotated);
+  if (options_.wants(Output::masks))
+    text += branch +
+            "terrainextract ! capsfilter name=masks-caps caps=video/x-raw,format=GRAY8 ! avenc_ffv1" +
+            " ! matroskamux name=masks-mux" + sink("fdsink", Output::masks);
+  if (options_.wants(Output::json))
+    text += branch + "terrainextract json-mask=" + (options_.json_mask ? "true" : "false") +
+            " ! capsfilter caps=application/x-ndjson" + sink("fdsink", Output::json);
+  if (options_.wants(
+          Output::mcap)) // without drawings; videoscale makes odd sides even and keeps the metadata
+    text += branch + "videoconvert ! videoscale ! capsfilter name=recording-caps ! " + h264(true) +
+            sink("terrainmcapsink", Output::mcap);
+  if (text.ends_with("tee")) // for CSV only, which is written from the metadata
+    text += " ! fakesink sync=false async=false name=csv";
+  return text;
 }
 
 std::optional<std::string> Graph::build(GstElement* source, const Descriptors& files) {
   source_ = source;
-  gst_bin_add(GST_BIN(pipeline_), source);
-  terrainseg_ = add("terrainseg");
-  GstElement* tee = add("tee");
-  if (!gst_element_link_many(source, terrainseg_, tee, nullptr))
-    return "cannot connect the decoder with terrainseg";
-  const std::pair<Output, void (Graph::*)(GstElement*, int)> branches[] = {
-      {Output::annotated, &Graph::add_annotated},
-      {Output::masks, &Graph::add_masks},
-      {Output::json, &Graph::add_json},
-      {Output::mcap, &Graph::add_recording}};
-  for (const auto& [kind, add_branch] : branches)
-    if (options_.wants(kind))
-      (this->*add_branch)(tee, files[static_cast<std::size_t>(kind)]);
-  if (sinks_ == 0) {
-    GstElement* sink = add("fakesink"); // for CSV only, which is written from the metadata
-    g_object_set(sink, "sync", FALSE, "async", FALSE, nullptr);
-    watch_end(sink);
-    gst_element_link(tee, sink);
+  GError* error = nullptr;
+  pipeline_ = gst_parse_launch(description(files).c_str(), &error);
+  if (const ErrorPointer owner{error}) {
+    gst_object_unref(gst_object_ref_sink(source));
+    return std::string(error->message);
   }
-  return apply_settings(options_, terrainseg_, overlay_);
+  gst_bin_add(GST_BIN(pipeline_), source);
+  if (!gst_element_link(source, terrainseg()))
+    return "cannot connect the decoder with terrainseg";
+  for (const Output kind : {Output::annotated, Output::masks, Output::json, Output::mcap, Output::csv}) {
+    GstElement* sink = named(names_of(kind).name);
+    if (!sink)
+      continue;
+    // Counts EOS events at the sinks: with decodebin, a bin whose sinks have async=false sometimes loses its
+    // EOS message. When the event arrives, all earlier data has been written. The sink completes its file
+    // after the event, at the latest when the pipeline stops.
+    ++sinks_;
+    add_probe<&Graph::on_end>(pad_of(sink, "sink"), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, this);
+    GstElement* mux = named(names_of(kind).name + std::string("-mux"));
+    if (kind != Output::csv)
+      count_buffers(mux ? mux : sink, mux ? "video_0" : "sink", kind);
+  }
+  // A browser needs the index at the start of the file. Until it is known, the frames are in an unnamed file.
+  if (options_.wants(Output::annotated))
+    scratch_ = open(options_.output_dir.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
+  if (scratch_ >= 0) { // otherwise the file system does not support such files
+    const std::string path = "/proc/self/fd/" + std::to_string(scratch_);
+    g_object_set(named("annotated-mux"), "faststart", TRUE, "faststart-file", path.c_str(), nullptr);
+    add_probe<&Graph::on_movie_box>(pad_of(named("annotated-mux"), "src"), GST_PAD_PROBE_TYPE_BUFFER, this);
+  }
+  if (GstElement* sink = named(names_of(Output::mcap).name))
+    for (const char* name : {"camera-info", "mount"})
+      g_object_set(sink, name, options_.setting(name).c_str(), nullptr);
+  return apply_settings(options_, terrainseg(), named("overlay"));
 }
 
 void Graph::set_size(const GstVideoInfo& info) {
@@ -252,34 +194,35 @@ void Graph::set_size(const GstVideoInfo& info) {
                                "height", G_TYPE_INT, height, "pixel-aspect-ratio", GST_TYPE_FRACTION,
                                info.par_n, info.par_d, nullptr);
   };
-  if (annotated_caps_) {
+  if (options_.wants(Output::annotated)) {
     const int width = encoded_side(info.width, info), height = encoded_side(info.height, info);
     GstCaps* annotated = caps("I420", width, height);
     const std::string colors = encoded_colorimetry(info);
     gst_caps_set_simple(annotated, "colorimetry", G_TYPE_STRING, colors.c_str(), nullptr);
-    set_caps(annotated_caps_, annotated);
-    set_caps(annotated_colors_,
+    set_caps(named("annotated-caps"), annotated);
+    set_caps(named("annotated-colors"),
              gst_caps_new_simple("video/x-raw", "colorimetry", G_TYPE_STRING, colors.c_str(), nullptr));
-    g_object_set(annotated_box_, "right", width - annotated_side(width), "bottom",
+    g_object_set(named("annotated-box"), "right", width - annotated_side(width), "bottom",
                  height - annotated_side(height), nullptr);
   }
-  if (recording_caps_) {
+  if (options_.wants(Output::mcap)) {
     const int width = encoded_side(info.width, info), height = encoded_side(info.height, info);
     GstCaps* recorded = caps("I420", width + (width & 1), height + (height & 1));
     gst_structure_remove_field(gst_caps_get_structure(recorded, 0), "pixel-aspect-ratio");
     const CharPointer colors(gst_video_colorimetry_to_string(&info.colorimetry));
     if (colors && !GST_VIDEO_INFO_IS_RGB(&info)) // otherwise videoconvert 1.22 labels grey as limited
       gst_caps_set_simple(recorded, "colorimetry", G_TYPE_STRING, colors.get(), nullptr);
-    set_caps(recording_caps_, recorded);
+    set_caps(named("recording-caps"), recorded);
   }
-  if (masks_caps_)
-    set_caps(masks_caps_, caps("GRAY8", info.width, info.height));
+  if (options_.wants(Output::masks))
+    set_caps(named("masks-caps"), caps("GRAY8", info.width, info.height));
 }
 
 std::optional<Output> Graph::output_of(const GstObject* element) const {
-  for (std::size_t i = 0; i < output_count; ++i)
-    if (element && (GST_OBJECT(sinks_of_[i]) == element || GST_OBJECT(muxers_[i]) == element))
-      return static_cast<Output>(i);
+  for (const Output kind : options_.outputs())
+    for (const char* suffix : {"", "-mux"})
+      if (element && element == GST_OBJECT(named(std::string(names_of(kind).name) + suffix)))
+        return kind;
   return std::nullopt;
 }
 
@@ -299,7 +242,7 @@ std::string Graph::bag_metadata() const {
   if (!options_.wants(Output::mcap))
     return {};
   gchar* text = nullptr;
-  g_object_get(sinks_of_[static_cast<std::size_t>(Output::mcap)], "bag-metadata", &text, nullptr);
+  g_object_get(named(names_of(Output::mcap).name), "bag-metadata", &text, nullptr);
   return take(text);
 }
 

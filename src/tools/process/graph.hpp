@@ -21,7 +21,7 @@ class Graph {
  public:
   using Descriptors = std::array<int, output_count>; ///< of the output files; -1 = output not selected
 
-  explicit Graph(const Options& options) : options_(options), pipeline_(gst_pipeline_new(nullptr)) {}
+  explicit Graph(const Options& options) : options_(options) {}
   ~Graph();
   Graph(const Graph&) = delete;
   Graph& operator=(const Graph&) = delete;
@@ -31,7 +31,7 @@ class Graph {
   std::optional<std::string> build(GstElement* source, const Descriptors& files);
 
   GstElement* pipeline() const { return pipeline_; }
-  GstElement* terrainseg() const { return terrainseg_; }
+  GstElement* terrainseg() const { return named("terrainseg"); }
   /// Sets the size of the outputs, that of the first frame.
   void set_size(const GstVideoInfo& info);
   /// Sets the presentation time of the first frame, at which the annotated video starts.
@@ -48,31 +48,17 @@ class Graph {
   std::string bag_metadata() const; ///< of a complete recording; empty when none is selected
 
  private:
-  GstElement* add(const char* factory);
-  GstElement* branch(GstElement* tee);
-  GstElement* add_sink(Output kind, int fd);
-  void add_annotated(GstElement* tee, int fd);
-  void add_masks(GstElement* tee, int fd);
-  void add_json(GstElement* tee, int fd);
-  void add_recording(GstElement* tee, int fd);
-  GstElement* encode_h264(GstElement* from, bool recording);
+  GstElement* named(const std::string& name) const; ///< the pipeline keeps it; null if it has none
+  std::string h264(bool recording) const;
+  std::string description(const Descriptors& files) const;
   void count_buffers(GstElement* element, const char* pad, Output kind);
-  void watch_end(GstElement* sink);
   GstPadProbeReturn on_end(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_movie_box(GstPad* pad, GstPadProbeInfo* info);
 
   const Options& options_;
-  GstElement* pipeline_;
+  GstElement* pipeline_ = nullptr;
   GstElement* source_ = nullptr;
   int scratch_ = -1; ///< mp4mux keeps frames in this unnamed file, which goes when it is closed
-  GstElement* terrainseg_ = nullptr;
-  GstElement* overlay_ = nullptr; ///< these five are null when their output is not selected
-  GstElement* annotated_caps_ = nullptr;
-  GstElement* annotated_box_ = nullptr;
-  GstElement* annotated_colors_ = nullptr;
-  GstElement* masks_caps_ = nullptr;
-  GstElement* recording_caps_ = nullptr;
-  std::array<GstElement*, output_count> sinks_of_{}, muxers_{};
   std::array<std::atomic<std::uint64_t>, output_count> written_{};
   std::atomic<GstClockTime> start_{0};
   int sinks_ = 0;
