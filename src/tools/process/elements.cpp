@@ -14,11 +14,6 @@ namespace fs = std::filesystem;
 
 constexpr const char* plugin_file = "libgstterrainseg.so";
 
-struct Needed {
-  const char* element;
-  std::string package;
-};
-
 constexpr const char* own_package =
     "gstreamer1.0-terrainseg, or set GST_PLUGIN_PATH to the folder of libgstterrainseg.so";
 
@@ -51,32 +46,32 @@ std::string recorder_package() {
 }
 
 std::string range_of(GParamSpec* spec) {
-  std::string text;
+  const auto numbers = [](const auto* of, const char* format) {
+    return number_text(format, of->minimum) + ".." + number_text(format, of->maximum);
+  };
+  const auto nicks = [](const char* begin, const auto* values, guint count) {
+    std::string text = begin;
+    for (guint i = 0; i < count; ++i)
+      text += (i ? ", " : "") + std::string(values[i].value_nick);
+    return text;
+  };
   if (G_IS_PARAM_SPEC_INT(spec))
-    return std::to_string(G_PARAM_SPEC_INT(spec)->minimum) + ".." +
-           std::to_string(G_PARAM_SPEC_INT(spec)->maximum);
+    return numbers(G_PARAM_SPEC_INT(spec), "%.0f");
   if (G_IS_PARAM_SPEC_UINT(spec))
-    return std::to_string(G_PARAM_SPEC_UINT(spec)->minimum) + ".." +
-           std::to_string(G_PARAM_SPEC_UINT(spec)->maximum);
-  if (G_IS_PARAM_SPEC_DOUBLE(spec) || G_IS_PARAM_SPEC_FLOAT(spec)) {
-    const bool is_double = G_IS_PARAM_SPEC_DOUBLE(spec);
-    const double least = is_double ? G_PARAM_SPEC_DOUBLE(spec)->minimum : G_PARAM_SPEC_FLOAT(spec)->minimum;
-    const double most = is_double ? G_PARAM_SPEC_DOUBLE(spec)->maximum : G_PARAM_SPEC_FLOAT(spec)->maximum;
-    return number_text("%g", least) + ".." + number_text("%g", most);
-  }
+    return numbers(G_PARAM_SPEC_UINT(spec), "%.0f");
+  if (G_IS_PARAM_SPEC_DOUBLE(spec))
+    return numbers(G_PARAM_SPEC_DOUBLE(spec), "%g");
+  if (G_IS_PARAM_SPEC_FLOAT(spec))
+    return numbers(G_PARAM_SPEC_FLOAT(spec), "%g");
   if (G_IS_PARAM_SPEC_BOOLEAN(spec))
     return "true or false";
   if (G_IS_PARAM_SPEC_ENUM(spec)) {
     const GEnumClass* all = G_PARAM_SPEC_ENUM(spec)->enum_class;
-    for (guint i = 0; i < all->n_values; ++i)
-      text += (i ? ", " : "one of ") + std::string(all->values[i].value_nick);
-    return text;
+    return nicks("one of ", all->values, all->n_values);
   }
   if (G_IS_PARAM_SPEC_FLAGS(spec)) {
     const GFlagsClass* all = G_PARAM_SPEC_FLAGS(spec)->flags_class;
-    for (guint i = 0; i < all->n_values; ++i)
-      text += (i ? ", " : "any of ") + std::string(all->values[i].value_nick);
-    return text + ", with + between them, or 0 for none";
+    return nicks("any of ", all->values, all->n_values) + ", with + between them, or 0 for none";
   }
   if (g_str_equal(spec->name, "ignore-regions"))
     return "rectangles in pixels, as <<x,y,width,height>,<x,y,width,height>>";
@@ -119,38 +114,36 @@ int most_encoded_side() {
 }
 
 std::optional<std::string> missing_elements(const Options& options) {
-  std::vector<Needed> needed = {{"terrainseg", own_package},
-                                {"uridecodebin", "gstreamer1.0-plugins-base"},
-                                {"decodebin", "gstreamer1.0-plugins-base"},
-                                {"appsrc", "gstreamer1.0-plugins-base"},
-                                {"videoconvert", "gstreamer1.0-plugins-base"},
-                                {"deinterlace", "gstreamer1.0-plugins-good"},
-                                {"videoflip", "gstreamer1.0-plugins-good"}};
-  if (options.wants(Output::annotated)) {
-    needed.insert(needed.end(), {{"terrainoverlay", own_package},
-                                 {"videoscale", "gstreamer1.0-plugins-base"},
-                                 {"videobox", "gstreamer1.0-plugins-good"},
-                                 {"mp4mux", "gstreamer1.0-plugins-good"}});
-  }
-  if (options.wants(Output::masks))
-    needed.insert(needed.end(), {{"terrainextract", own_package},
-                                 {"avenc_ffv1", "gstreamer1.0-libav"},
-                                 {"matroskamux", "gstreamer1.0-plugins-good"}});
-  if (options.wants(Output::json))
-    needed.push_back({"terrainextract", own_package});
-  if (options.wants(Output::mcap))
-    needed.insert(needed.end(), {{"terrainmcapsink", exists("terrainmcapsink") ? "" : recorder_package()},
-                                 {"videoscale", "gstreamer1.0-plugins-base"},
-                                 {"h264parse", "gstreamer1.0-plugins-bad"}});
-  if ((options.wants(Output::annotated) || options.wants(Output::mcap)) && !exists("x264enc"))
-    needed.insert(needed.end(),
-                  {{"openh264enc", "gstreamer1.0-plugins-ugly (for x264enc) or gstreamer1.0-plugins-bad"},
-                   {"h264parse", "gstreamer1.0-plugins-bad"}});
+  const bool annotated = options.wants(Output::annotated), masks = options.wants(Output::masks),
+             mcap = options.wants(Output::mcap), openh264 = (annotated || mcap) && !exists("x264enc");
+  const struct {
+    bool needed;
+    const char* element;
+    std::string package;
+  } all[] = {{true, "terrainseg", own_package},
+             {true, "uridecodebin", "gstreamer1.0-plugins-base"},
+             {true, "decodebin", "gstreamer1.0-plugins-base"},
+             {true, "appsrc", "gstreamer1.0-plugins-base"},
+             {true, "videoconvert", "gstreamer1.0-plugins-base"},
+             {true, "deinterlace", "gstreamer1.0-plugins-good"},
+             {true, "videoflip", "gstreamer1.0-plugins-good"},
+             {annotated, "terrainoverlay", own_package},
+             {annotated, "videoscale", "gstreamer1.0-plugins-base"},
+             {annotated, "videobox", "gstreamer1.0-plugins-good"},
+             {annotated, "mp4mux", "gstreamer1.0-plugins-good"},
+             {masks || options.wants(Output::json), "terrainextract", own_package},
+             {masks, "avenc_ffv1", "gstreamer1.0-libav"},
+             {masks, "matroskamux", "gstreamer1.0-plugins-good"},
+             {mcap, "terrainmcapsink", mcap && !exists("terrainmcapsink") ? recorder_package() : ""},
+             {mcap, "videoscale", "gstreamer1.0-plugins-base"},
+             {mcap, "h264parse", "gstreamer1.0-plugins-bad"},
+             {openh264, "openh264enc", "gstreamer1.0-plugins-ugly (for x264enc) or gstreamer1.0-plugins-bad"},
+             {openh264, "h264parse", "gstreamer1.0-plugins-bad"}};
 
   std::set<std::string> named;
   std::string text;
-  for (const Needed& each : needed) {
-    if (exists(each.element) || !named.insert(each.element).second)
+  for (const auto& each : all) {
+    if (!each.needed || exists(each.element) || !named.insert(each.element).second)
       continue;
     text += text.empty() ? "the GStreamer element '" : "\nthe GStreamer element '";
     text += each.element;
