@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "tools/process/container.hpp"
 
+#include <gst/gst.h>
+
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cstring>
 #include <fstream>
 
@@ -9,17 +13,6 @@ namespace terrainseg::process {
 namespace {
 
 using Head = std::array<unsigned char, 16>;
-
-std::uint64_t big_endian(const unsigned char* bytes, int count) {
-  std::uint64_t value = 0;
-  for (int i = 0; i < count; ++i)
-    value = value << 8 | bytes[i];
-  return value;
-}
-
-std::uint64_t little_endian32(const unsigned char* bytes) {
-  return bytes[0] | bytes[1] << 8 | bytes[2] << 16 | std::uint64_t{bytes[3]} << 24;
-}
 
 /// 16 bytes from `position`, zeros past the end.
 Head head_at(std::ifstream& file, std::uint64_t position) {
@@ -34,25 +27,18 @@ bool is_tag(const unsigned char* bytes, const char* tag) {
   return std::memcmp(bytes, tag, 4) == 0;
 }
 
-bool is_printable(const unsigned char* bytes) {
-  for (int i = 0; i < 4; ++i)
-    if (bytes[i] < 0x20 || bytes[i] > 0x7e)
-      return false;
-  return true;
-}
-
 /// Consecutive top-level boxes.
 std::uint64_t iso_media_end(std::ifstream& file, std::uint64_t size) {
   std::uint64_t position = 0;
   while (position + 8 <= size) {
     const Head box = head_at(file, position);
-    if (!is_printable(&box[4]))
+    if (!std::all_of(&box[4], &box[8], [](char letter) { return g_ascii_isprint(letter); }))
       break;
-    std::uint64_t length = big_endian(&box[0], 4);
+    std::uint64_t length = GST_READ_UINT32_BE(&box[0]);
     if (length == 0) // extends to the end of the file
       return size;
     if (length == 1)
-      length = big_endian(&box[8], 8);
+      length = GST_READ_UINT64_BE(&box[8]);
     if (length < 8 || length > UINT64_MAX - position)
       break;
     position += length;
@@ -67,7 +53,7 @@ std::uint64_t riff_end(std::ifstream& file, std::uint64_t size) {
     const Head chunk = head_at(file, position);
     if (!is_tag(&chunk[0], "RIFF"))
       break;
-    const std::uint64_t length = little_endian32(&chunk[4]);
+    const std::uint64_t length = GST_READ_UINT32_LE(&chunk[4]);
     if (length == 0 || length == 0xffffffff) // not finished by the recorder
       return size;
     position += 8 + length;
@@ -75,22 +61,14 @@ std::uint64_t riff_end(std::ifstream& file, std::uint64_t size) {
   return position;
 }
 
-/// Length of an EBML number from its first byte, 0 = invalid.
-int ebml_length(unsigned char first) {
-  for (int length = 1; length <= 8; ++length)
-    if (first & (0x100 >> length))
-      return length;
-  return 0;
-}
-
 /// Position after the EBML element at `position`; `size` if its length is unknown or invalid.
 std::uint64_t ebml_end(std::ifstream& file, std::uint64_t position, std::uint64_t size) {
   const Head head = head_at(file, position);
-  const int length = ebml_length(head[4]);
-  if (length == 0)
+  const int length = std::countl_zero(head[4]) + 1; // bytes of the number that follows
+  if (length > 8)
     return size;
   const std::uint64_t unknown = (std::uint64_t{1} << (7 * length)) - 1;
-  const std::uint64_t payload = big_endian(&head[4], length) & unknown;
+  const std::uint64_t payload = GST_READ_UINT64_BE(&head[4]) >> (64 - 8 * length) & unknown;
   return payload == unknown ? size : position + 4 + static_cast<unsigned>(length) + payload;
 }
 
@@ -99,7 +77,7 @@ std::uint64_t matroska_end(std::ifstream& file, std::uint64_t size) {
   if (segment + 12 > size)
     return segment;
   const Head head = head_at(file, segment);
-  return big_endian(&head[0], 4) == 0x18538067 ? ebml_end(file, segment, size) : size;
+  return GST_READ_UINT32_BE(&head[0]) == 0x18538067 ? ebml_end(file, segment, size) : size;
 }
 
 } // namespace
@@ -116,18 +94,16 @@ std::optional<std::uint64_t> missing_length(const std::filesystem::path& path) {
     end = iso_media_end(file, size);
   else if (is_tag(&head[0], "RIFF"))
     end = riff_end(file, size);
-  else if (big_endian(&head[0], 4) == 0x1a45dfa3)
+  else if (GST_READ_UINT32_BE(&head[0]) == 0x1a45dfa3)
     end = matroska_end(file, size);
-  if (end > size)
-    return end;
-  return std::nullopt;
+  return end > size ? std::optional(end) : std::nullopt;
 }
 
 bool tells_duration(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   const Head head = head_at(file, 0);
-  return (is_tag(&head[0], "RIFF") && is_tag(&head[8], "AVI ")) || big_endian(&head[0], 4) == 0x1a45dfa3 ||
-         is_tag(&head[0], "FLV\x01");
+  return (is_tag(&head[0], "RIFF") && is_tag(&head[8], "AVI ")) ||
+         GST_READ_UINT32_BE(&head[0]) == 0x1a45dfa3 || is_tag(&head[0], "FLV\x01");
 }
 
 bool lacks_end_mark(const std::filesystem::path& path) {

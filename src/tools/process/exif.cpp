@@ -61,26 +61,16 @@ Content exif_in_jpeg(Content file) {
   return {};
 }
 
-Content exif_in_png(Content file) {
-  for (std::size_t at = 8; at + 12 <= file.size();) {
-    const std::size_t length = number(file, at, 4, false);
-    if (length > file.size() - at - 12)
+/// In chunks: of PNG a length, a type, the data and a check sum; of WebP a type, a length and padded data.
+Content exif_in_chunks(Content file, bool webp) {
+  const std::size_t extra = webp ? 8 : 12;
+  for (std::size_t at = webp ? 12 : 8; at + extra <= file.size();) {
+    const std::size_t length = number(file, webp ? at + 4 : at, 4, webp);
+    if (length > file.size() - at - extra)
       break;
-    if (begins(file.subspan(at + 4), "eXIf"))
+    if (begins(file.subspan(webp ? at : at + 4), webp ? "EXIF" : "eXIf"))
       return file.subspan(at + 8, length);
-    at += 12 + length;
-  }
-  return {};
-}
-
-Content exif_in_webp(Content file) {
-  for (std::size_t at = 12; at + 8 <= file.size();) {
-    const std::size_t length = number(file, at + 4, 4, true);
-    if (length > file.size() - at - 8)
-      break;
-    if (begins(file.subspan(at), "EXIF"))
-      return file.subspan(at + 8, length);
-    at += 8 + length + (length & 1);
+    at += extra + length + (webp ? length & 1 : 0);
   }
   return {};
 }
@@ -91,9 +81,9 @@ int exif_orientation(Content file) {
   if (begins(file, "\xff\xd8"))
     return orientation_in(exif_in_jpeg(file));
   if (begins(file, "\x89PNG"))
-    return orientation_in(exif_in_png(file));
+    return orientation_in(exif_in_chunks(file, false));
   if (begins(file, "RIFF") && file.size() > 12 && begins(file.subspan(8), "WEBP"))
-    return orientation_in(exif_in_webp(file));
+    return orientation_in(exif_in_chunks(file, true));
   return orientation_in(file);
 }
 

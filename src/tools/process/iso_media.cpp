@@ -126,14 +126,14 @@ void read_track(const Bytes& content, Tables& tables) {
     const auto is = [&box](const char* type) { return box.type == type; };
     if (is("edts") || is("mdia") || is("minf") || is("stbl")) {
       read_track(box.content, tables);
-    } else if (is("tkhd")) {
+    } else if (is("tkhd") || is("mdhd")) {
       const bool wide = box.content.number(4) >> 24 == 1;
       box.content.skip(wide ? 16 : 8);
-      tables.track.id = static_cast<unsigned>(box.content.number(4));
-    } else if (is("mdhd")) {
-      const bool wide = box.content.number(4) >> 24 == 1;
-      box.content.skip(wide ? 16 : 8);
-      tables.track.timescale = std::max(1u, static_cast<std::uint32_t>(box.content.number(4)));
+      const auto value = static_cast<std::uint32_t>(box.content.number(4));
+      if (is("tkhd"))
+        tables.track.id = value;
+      else
+        tables.track.timescale = std::max(1u, value);
     } else if (is("hdlr")) {
       box.content.skip(8);
       tables.video = tables.video || box.content.number(4) == 0x76696465; // "vide"
@@ -149,8 +149,21 @@ void read_track(const Bytes& content, Tables& tables) {
   });
 }
 
-std::vector<std::uint8_t> field_of(std::uint64_t value, int bytes) {
-  std::vector<std::uint8_t> out;
+using Field = std::vector<std::uint8_t>;
+
+Field joined(std::initializer_list<Field> fields) {
+  Field all;
+  for (const Field& field : fields)
+    all.insert(all.end(), field.begin(), field.end());
+  return all;
+}
+
+Field text_field(const std::string& text) {
+  return {text.begin(), text.end()};
+}
+
+Field field_of(std::uint64_t value, int bytes) {
+  Field out;
   for (int i = bytes - 1; i >= 0; --i)
     out.push_back(static_cast<std::uint8_t>(value >> 8 * i));
   return out;
@@ -176,10 +189,9 @@ std::uint64_t media_length(const Tables& tables, std::uint64_t timescale, std::i
 void show_all(const Tables& tables, const Movie& movie, IsoTrack& track) {
   const std::uint64_t length = media_length(tables, movie.timescale, 0) + 1;
   const int width = tables.wide ? 8 : 4;
-  std::vector<std::uint8_t> list = field_of(1, 4);
-  for (const auto& field : {field_of(length, width), field_of(0, width), field_of(1 << 16, 4)})
-    list.insert(list.end(), field.begin(), field.end());
-  track.untrimmed = {{tables.list_at, list}, {movie.duration_at, field_of(length, movie.width)}};
+  track.untrimmed = {{tables.list_at, joined({field_of(1, 4), field_of(length, width), field_of(0, width),
+                                              field_of(1 << 16, 4)})},
+                     {movie.duration_at, field_of(length, movie.width)}};
 }
 
 /// Computes the times of all frames. Like qtdemux, moves them so that negative offsets give no negative time.
@@ -250,27 +262,27 @@ template <typename Visit> void each_video(const Bytes& content, const Visit& vis
 
 /// Changes to a movie box.
 struct Change {
-  std::uint64_t length = 0;        ///< duration of the presentation, in the movie's timescale
-  std::vector<std::uint8_t> edits; ///< an edts box
-  std::uint64_t shift = 0;         ///< bytes by which the data after the movie box moves
+  std::uint64_t length = 0; ///< duration of the presentation, in the movie's timescale
+  Field edits;              ///< an edts box
+  std::uint64_t shift = 0;  ///< bytes by which the data after the movie box moves
 };
 
-void put(std::vector<std::uint8_t>& bytes, std::size_t at, std::uint64_t value, int width) {
-  const std::vector<std::uint8_t> field = field_of(value, width);
+void put(Field& bytes, std::size_t at, std::uint64_t value, int width) {
+  const Field field = field_of(value, width);
   if (at + field.size() <= bytes.size())
     std::copy(field.begin(), field.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at));
 }
 
 /// Returns the boxes in `content` with the changes applied.
-std::vector<std::uint8_t> changed(const Bytes& content, const Change& change) {
-  std::vector<std::uint8_t> out;
+Field changed(const Bytes& content, const Change& change) {
+  Field out;
   each_box(content, [&](Bytes::Box& box) {
     const auto is = [&box](const char* type) { return box.type == type; };
     if (is("edts"))
       return;
     if (is("mdia"))
-      out.insert(out.end(), change.edits.begin(), change.edits.end());
-    std::vector<std::uint8_t> inside = box.content.rest();
+      out = joined({out, change.edits});
+    Field inside = box.content.rest();
     const bool wide = !inside.empty() && inside[0] == 1;
     if (is("moov") || is("trak") || is("mdia") || is("minf") || is("stbl"))
       inside = changed(box.content, change);
@@ -281,9 +293,7 @@ std::vector<std::uint8_t> changed(const Bytes& content, const Change& change) {
     for (const int width : {4, 8}) // tables of the frames' positions
       for (std::size_t at = 8; is(width == 4 ? "stco" : "co64") && at + width <= inside.size(); at += width)
         put(inside, at, Bytes(&inside[at], width, 0).number(width) + change.shift, width);
-    for (const auto& part : {field_of(8 + inside.size(), 4),
-                             std::vector<std::uint8_t>(box.type.begin(), box.type.end()), inside})
-      out.insert(out.end(), part.begin(), part.end());
+    out = joined({out, field_of(8 + inside.size(), 4), text_field(box.type), inside});
   });
   return out;
 }
@@ -329,7 +339,7 @@ std::optional<std::uint64_t> IsoTrack::shown_at(std::uint64_t media_time) const 
   return std::nullopt;
 }
 
-std::vector<std::uint8_t> shown_from(const std::vector<std::uint8_t>& movie, std::uint64_t start) {
+Field shown_from(const Field& movie, std::uint64_t start) {
   const Bytes all(movie.data(), movie.size(), 0);
   Bytes at = all;
   Change change;
@@ -340,28 +350,15 @@ std::vector<std::uint8_t> shown_from(const std::vector<std::uint8_t>& movie, std
     const std::int64_t first = *std::min_element(track.times.begin(), track.times.end());
     const std::uint64_t length = media_length(tables, of.timescale, first),
                         gap = gst_util_uint64_scale_round(start, of.timescale, GST_SECOND);
-    std::vector<std::uint8_t> list;
-    const auto append = [&list](std::uint64_t value, int width) {
-      const std::vector<std::uint8_t> field = field_of(value, width);
-      list.insert(list.end(), field.begin(), field.end());
+    const auto edit = [](std::uint64_t duration, std::int64_t begin) {
+      return joined(
+          {field_of(duration, 8), field_of(static_cast<std::uint64_t>(begin), 8), field_of(1 << 16, 4)});
     };
-    const auto append_edit = [&append](std::uint64_t duration, std::int64_t begin) {
-      append(duration, 8);
-      append(static_cast<std::uint64_t>(begin), 8);
-      append(1 << 16, 4);
-    };
-    constexpr std::uint64_t edit_bytes = 20;
-    const std::uint64_t edits = gap > 0 ? 2 : 1, list_bytes = 16 + edits * edit_bytes;
-    append(8 + list_bytes, 4);
-    append(0x65647473, 4); // "edts"
-    append(list_bytes, 4);
-    append(0x656c7374, 4); // "elst"
-    append(1 << 24, 4);    // 64-bit times
-    append(edits, 4);
-    if (gap > 0)
-      append_edit(gap, -1);
-    append_edit(length, first);
-    change = {gap + length, std::move(list), 0};
+    const Field edits = joined({gap > 0 ? edit(gap, -1) : Field(), edit(length, first)});
+    constexpr std::uint64_t edit_bytes = 20, wide = 1 << 24; // 64-bit times
+    const Field list = joined({field_of(16 + edits.size(), 4), text_field("elst"), field_of(wide, 4),
+                               field_of(edits.size() / edit_bytes, 4), edits});
+    change = {gap + length, joined({field_of(8 + list.size(), 4), text_field("edts"), list}), 0};
   });
   if (change.edits.empty())
     return movie;
@@ -376,7 +373,7 @@ std::vector<IsoTrack> iso_video_tracks(const std::filesystem::path& path) {
   std::vector<IsoTrack> tracks;
   std::uint64_t position = 0;
   while (!error && file && position + 8 <= size) {
-    const std::vector<std::uint8_t> head = load(file, position, std::min<std::uint64_t>(16, size - position));
+    const Field head = load(file, position, std::min<std::uint64_t>(16, size - position));
     Bytes bytes(head.data(), head.size(), position);
     std::uint64_t length = bytes.number(4);
     const std::uint64_t type = bytes.number(4);
@@ -386,7 +383,7 @@ std::vector<IsoTrack> iso_video_tracks(const std::filesystem::path& path) {
     if (length < 8 || length > size - position)
       break;
     if (type == moov || type == moof) {
-      const std::vector<std::uint8_t> box = load(file, position, length);
+      const Field box = load(file, position, length);
       Bytes all(box.data(), box.size(), position);
       if (Bytes::Box content = all.next(); type == moov)
         each_video(content.content,
