@@ -22,7 +22,6 @@
 #include "tools/process/exif.hpp"
 #include "tools/process/faults.hpp"
 #include "tools/process/inputs.hpp"
-#include "tools/process/iso_media.hpp"
 #include "tools/process/manifest.hpp"
 #include "tools/process/options.hpp"
 #include "tools/process/outputs.hpp"

@@ -8,9 +8,315 @@
 #include <bit>
 #include <cstring>
 #include <fstream>
+#include <string>
 
 namespace terrainseg::process {
 namespace {
+
+constexpr std::uint64_t longest_index = 256 << 20; ///< bytes of a moov or moof box
+
+/// Reads the bytes of a box in order; returns zeros past the end.
+class Bytes {
+ public:
+  Bytes(const std::uint8_t* data, std::size_t size, std::uint64_t position)
+      : data_(data), size_(size), position_(position) {}
+  std::uint64_t number(int bytes) {
+    std::uint64_t value = 0;
+    for (int i = 0; i < bytes; ++i)
+      value = value << 8 | (at_ < size_ ? data_[at_] : 0), ++at_;
+    return value;
+  }
+  std::int32_t signed32() { return static_cast<std::int32_t>(static_cast<std::uint32_t>(number(4))); }
+  void skip(std::size_t bytes) { at_ += bytes; }
+  bool ended() const { return at_ >= size_; }
+  std::vector<std::uint8_t> rest() const { return {data_ + std::min(at_, size_), data_ + size_}; }
+  std::size_t left() const { return ended() ? 0 : size_ - at_; }
+  std::uint64_t position() const { return position_ + at_; } ///< in the file
+
+  struct Box;
+  /// Reads the next box; its type is empty at the end or when the bytes are not a box.
+  Box next();
+
+ private:
+  const std::uint8_t* data_;
+  std::size_t size_, at_ = 0;
+  std::uint64_t position_;
+};
+
+struct Bytes::Box {
+  std::string type;
+  Bytes content{nullptr, 0, 0};
+};
+
+Bytes::Box Bytes::next() {
+  if (left() < 8)
+    return {};
+  const std::size_t begin = at_;
+  std::uint64_t length = number(4);
+  Box box;
+  for (int i = 0; i < 4; ++i)
+    box.type += static_cast<char>(number(1));
+  if (length == 1)
+    length = number(8);
+  else if (length == 0)
+    length = size_ - begin;
+  if (length < at_ - begin || length > size_ - begin)
+    return {};
+  box.content = Bytes(data_ + at_, static_cast<std::size_t>(begin + length - at_), position());
+  at_ = begin + static_cast<std::size_t>(length);
+  return box;
+}
+
+/// Calls `visit` with each box in `content`.
+template <typename Visit> void each_box(Bytes content, const Visit& visit) {
+  for (Bytes::Box box = content.next(); !box.type.empty(); box = content.next())
+    visit(box);
+}
+
+/// The tables of one trak box as they are in the file.
+struct Tables {
+  IsoTrack track;
+  bool video = false;
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> durations; ///< frames, ticks
+  std::vector<std::pair<std::uint64_t, std::int32_t>> offsets;    ///< frames, ticks
+  struct Entry {
+    std::uint64_t duration; ///< of the movie's timescale
+    std::int64_t begin;     ///< -1 = nothing is shown
+    std::uint32_t rate;     ///< 16.16
+  };
+  std::vector<Entry> entries;
+  std::uint64_t list_at = 0; ///< position of the number of entries
+  bool wide = false;         ///< 64-bit entries
+};
+
+template <typename Value> void read_runs(Bytes bytes, std::vector<std::pair<std::uint64_t, Value>>& runs) {
+  bytes.skip(4);
+  for (std::uint64_t left = bytes.number(4); left > 0 && !bytes.ended(); --left) {
+    const std::uint64_t count = bytes.number(4);
+    runs.emplace_back(count, static_cast<Value>(bytes.signed32()));
+  }
+}
+
+void read_edit_list(Bytes bytes, Tables& tables) {
+  const bool wide = tables.wide = bytes.number(4) >> 24 == 1;
+  tables.list_at = bytes.position();
+  for (std::uint64_t left = bytes.number(4); left > 0 && !bytes.ended(); --left) {
+    Tables::Entry entry{};
+    entry.duration = bytes.number(wide ? 8 : 4);
+    entry.begin = wide ? static_cast<std::int64_t>(bytes.number(8)) : bytes.signed32();
+    entry.rate = static_cast<std::uint32_t>(bytes.number(4));
+    tables.entries.push_back(entry);
+  }
+}
+
+/// Each sample entry is a box that begins with 78 bytes of fields.
+void read_sample_entries(Bytes bytes, IsoTrack& track) {
+  bytes.skip(8);
+  each_box(bytes, [&track](Bytes::Box& entry) {
+    entry.content.skip(78);
+    each_box(entry.content, [&track](Bytes::Box& box) {
+      if (box.type != "colr" || box.content.number(4) != 0x6e636c78) // "nclx"
+        return;
+      box.content.skip(6);
+      track.full_range = box.content.number(1) >> 7 != 0;
+    });
+  });
+}
+
+void read_track(const Bytes& content, Tables& tables) {
+  each_box(content, [&tables](Bytes::Box& box) {
+    const auto is = [&box](const char* type) { return box.type == type; };
+    if (is("edts") || is("mdia") || is("minf") || is("stbl")) {
+      read_track(box.content, tables);
+    } else if (is("tkhd") || is("mdhd")) {
+      const bool wide = box.content.number(4) >> 24 == 1;
+      box.content.skip(wide ? 16 : 8);
+      const auto value = static_cast<std::uint32_t>(box.content.number(4));
+      if (is("tkhd"))
+        tables.track.id = value;
+      else
+        tables.track.timescale = std::max(1u, value);
+    } else if (is("hdlr")) {
+      box.content.skip(8);
+      tables.video = tables.video || box.content.number(4) == 0x76696465; // "vide"
+    } else if (is("stsd")) {
+      read_sample_entries(box.content, tables.track);
+    } else if (is("stts")) {
+      read_runs(box.content, tables.durations);
+    } else if (is("ctts")) {
+      read_runs(box.content, tables.offsets);
+    } else if (is("elst")) {
+      read_edit_list(box.content, tables);
+    }
+  });
+}
+
+using Field = std::vector<std::uint8_t>;
+
+Field joined(std::initializer_list<Field> fields) {
+  Field all;
+  for (const Field& field : fields)
+    all.insert(all.end(), field.begin(), field.end());
+  return all;
+}
+
+Field text_field(const std::string& text) {
+  return {text.begin(), text.end()};
+}
+
+Field field_of(std::uint64_t value, int bytes) {
+  Field out;
+  for (int i = bytes - 1; i >= 0; --i)
+    out.push_back(static_cast<std::uint8_t>(value >> 8 * i));
+  return out;
+}
+
+/// Units of a movie box, and the position of its duration.
+struct Movie {
+  std::uint64_t timescale = 1, duration_at = 0;
+  int width = 4; ///< bytes of the duration
+};
+
+/// Time from `first` to the end of the last frame, in the movie's timescale.
+std::uint64_t media_length(const Tables& tables, std::uint64_t timescale, std::int64_t first) {
+  const std::vector<std::int64_t>& times = tables.track.times;
+  const std::int64_t last = times.empty() ? 0 : *std::max_element(times.begin(), times.end());
+  const std::uint64_t ticks = static_cast<std::uint64_t>(std::max<std::int64_t>(last - first, 0)) +
+                              (tables.durations.empty() ? 0 : tables.durations.back().second);
+  return gst_util_uint64_scale_ceil(ticks, timescale, tables.track.timescale);
+}
+
+/// Replaces the edits of a track by one that shows everything, from the first tick to the end of the last
+/// frame.
+void show_all(const Tables& tables, const Movie& movie, IsoTrack& track) {
+  const std::uint64_t length = media_length(tables, movie.timescale, 0) + 1;
+  const int width = tables.wide ? 8 : 4;
+  track.untrimmed = {{tables.list_at, joined({field_of(1, 4), field_of(length, width), field_of(0, width),
+                                              field_of(1 << 16, 4)})},
+                     {movie.duration_at, field_of(length, movie.width)}};
+}
+
+/// Computes the times of all frames. Like qtdemux, moves them so that negative offsets give no negative time.
+void put_together(Tables& tables, const Movie& movie) {
+  constexpr std::uint64_t most = 1 << 28;
+  IsoTrack& track = tables.track;
+  std::int64_t time = 0;
+  for (const auto& [count, ticks] : tables.durations)
+    for (std::uint64_t i = 0; i < count && track.times.size() < most; ++i, time += ticks)
+      track.times.push_back(time);
+  std::size_t at = 0;
+  std::int64_t least = 0;
+  for (const auto& [count, offset] : tables.offsets)
+    least = std::min<std::int64_t>(least, offset);
+  for (const auto& [count, offset] : tables.offsets)
+    for (std::uint64_t i = 0; i < count && at < track.times.size(); ++i)
+      track.times[at++] += offset;
+  std::uint64_t shown = 0;
+  for (const auto& entry : tables.entries) {
+    const std::uint64_t length = gst_util_uint64_scale(entry.duration, GST_SECOND, movie.timescale);
+    const auto ticks = static_cast<std::int64_t>(
+        gst_util_uint64_scale_round(entry.duration, track.timescale, movie.timescale));
+    if (entry.begin >= 0) {
+      const bool rest = entry.duration == 0; // in a file written in fragments: up to its end
+      track.edits.push_back({entry.begin, rest ? INT64_MAX : entry.begin + ticks, shown});
+      const std::size_t count = track.edits.size();
+      track.in_order =
+          track.in_order && entry.rate == 1 << 16 && (count < 2 || track.edits[count - 2].end <= entry.begin);
+    }
+    shown += length;
+  }
+  track.in_order = track.in_order && least == 0;
+  if (tables.list_at > 0)
+    show_all(tables, movie, track);
+}
+
+/// Reads a box of the file; empty when it is too long or cannot be read.
+std::vector<std::uint8_t> load(std::ifstream& file, std::uint64_t begin, std::uint64_t length) {
+  if (length > longest_index)
+    return {};
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(length));
+  file.clear();
+  file.seekg(static_cast<std::streamoff>(begin));
+  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(length));
+  return file ? bytes : std::vector<std::uint8_t>();
+}
+
+/// Calls `visit` with the tables of each video track and with its movie.
+template <typename Visit> void each_video(const Bytes& content, const Visit& visit) {
+  Movie movie;
+  each_box(content, [&](Bytes::Box& box) {
+    if (box.type == "mvhd") {
+      const bool wide = box.content.number(4) >> 24 == 1;
+      box.content.skip(wide ? 16 : 8);
+      movie.timescale = std::max<std::uint64_t>(1, box.content.number(4));
+      movie.duration_at = box.content.position();
+      movie.width = wide ? 8 : 4;
+    } else if (box.type == "trak") {
+      Tables tables;
+      read_track(box.content, tables);
+      if (!tables.video)
+        return;
+      put_together(tables, movie);
+      visit(tables, movie);
+    }
+  });
+}
+
+/// Changes to a movie box.
+struct Change {
+  std::uint64_t length = 0; ///< duration of the presentation, in the movie's timescale
+  Field edits;              ///< an edts box
+  std::uint64_t shift = 0;  ///< bytes by which the data after the movie box moves
+};
+
+void put(Field& bytes, std::size_t at, std::uint64_t value, int width) {
+  const Field field = field_of(value, width);
+  if (at + field.size() <= bytes.size())
+    std::copy(field.begin(), field.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at));
+}
+
+/// Returns the boxes in `content` with the changes applied.
+Field changed(const Bytes& content, const Change& change) {
+  Field out;
+  each_box(content, [&](Bytes::Box& box) {
+    const auto is = [&box](const char* type) { return box.type == type; };
+    if (is("edts"))
+      return;
+    if (is("mdia"))
+      out = joined({out, change.edits});
+    Field inside = box.content.rest();
+    const bool wide = !inside.empty() && inside[0] == 1;
+    if (is("moov") || is("trak") || is("mdia") || is("minf") || is("stbl"))
+      inside = changed(box.content, change);
+    else if (is("mvhd"))
+      put(inside, wide ? 24 : 16, change.length, wide ? 8 : 4);
+    else if (is("tkhd"))
+      put(inside, wide ? 28 : 20, change.length, wide ? 8 : 4);
+    for (const int width : {4, 8}) // tables of the frames' positions
+      for (std::size_t at = 8; is(width == 4 ? "stco" : "co64") && at + width <= inside.size(); at += width)
+        put(inside, at, Bytes(&inside[at], width, 0).number(width) + change.shift, width);
+    out = joined({out, field_of(8 + inside.size(), 4), text_field(box.type), inside});
+  });
+  return out;
+}
+
+/// Counts the frames of a fragment in their tracks.
+void read_fragment(const Bytes& content, std::vector<IsoTrack>& tracks) {
+  each_box(content, [&tracks](Bytes::Box& part) {
+    if (part.type != "traf")
+      return;
+    unsigned id = 0;
+    each_box(part.content, [&](Bytes::Box& box) {
+      box.content.skip(4);
+      const std::uint64_t value = box.content.number(4);
+      if (box.type == "tfhd")
+        id = static_cast<unsigned>(value);
+      for (IsoTrack& track : tracks)
+        if (box.type == "trun" && track.id == id)
+          track.fragment_frames += value;
+    });
+  });
+}
 
 using Head = std::array<unsigned char, 16>;
 
@@ -81,6 +387,87 @@ std::uint64_t matroska_end(std::ifstream& file, std::uint64_t size) {
 }
 
 } // namespace
+
+std::uint64_t IsoTrack::shown_frames() const {
+  if (edits.empty())
+    return times.size() + fragment_frames;
+  std::uint64_t count = fragment_frames;
+  for (const Edit& edit : edits)
+    count += static_cast<std::uint64_t>(std::count_if(times.begin(), times.end(), [&edit](std::int64_t time) {
+      return time >= edit.begin && time < edit.end;
+    }));
+  return count;
+}
+
+std::optional<std::uint64_t> IsoTrack::shown_at(std::uint64_t media_time) const {
+  const auto ticks =
+      static_cast<std::int64_t>(gst_util_uint64_scale_round(media_time, timescale, GST_SECOND));
+  for (const Edit& edit : edits)
+    if (ticks >= edit.begin && ticks < edit.end)
+      return edit.shown_at + gst_util_uint64_scale_round(static_cast<std::uint64_t>(ticks - edit.begin),
+                                                         GST_SECOND, timescale);
+  return std::nullopt;
+}
+
+Field shown_from(const Field& movie, std::uint64_t start) {
+  const Bytes all(movie.data(), movie.size(), 0);
+  Bytes at = all;
+  Change change;
+  each_video(at.next().content, [&](const Tables& tables, const Movie& of) {
+    const IsoTrack& track = tables.track;
+    if (track.times.empty())
+      return;
+    const std::int64_t first = *std::min_element(track.times.begin(), track.times.end());
+    const std::uint64_t length = media_length(tables, of.timescale, first),
+                        gap = gst_util_uint64_scale_round(start, of.timescale, GST_SECOND);
+    const auto edit = [](std::uint64_t duration, std::int64_t begin) {
+      return joined(
+          {field_of(duration, 8), field_of(static_cast<std::uint64_t>(begin), 8), field_of(1 << 16, 4)});
+    };
+    const Field edits = joined({gap > 0 ? edit(gap, -1) : Field(), edit(length, first)});
+    constexpr std::uint64_t edit_bytes = 20, wide = 1 << 24; // 64-bit times
+    const Field list = joined({field_of(16 + edits.size(), 4), text_field("elst"), field_of(wide, 4),
+                               field_of(edits.size() / edit_bytes, 4), edits});
+    change = {gap + length, joined({field_of(8 + list.size(), 4), text_field("edts"), list}), 0};
+  });
+  if (change.edits.empty())
+    return movie;
+  change.shift = changed(all, change).size() - movie.size();
+  return changed(all, change);
+}
+
+std::vector<IsoTrack> iso_video_tracks(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::error_code error;
+  const std::uint64_t size = std::filesystem::file_size(path, error);
+  std::vector<IsoTrack> tracks;
+  std::uint64_t position = 0;
+  while (!error && file && position + 8 <= size) {
+    const Field head = load(file, position, std::min<std::uint64_t>(16, size - position));
+    Bytes bytes(head.data(), head.size(), position);
+    std::uint64_t length = bytes.number(4);
+    const std::uint64_t type = bytes.number(4);
+    if (length == 1)
+      length = bytes.number(8);
+    constexpr std::uint64_t moov = 0x6d6f6f76, moof = 0x6d6f6f66;
+    if (length < 8 || length > size - position)
+      break;
+    if (type == moov || type == moof) {
+      const Field box = load(file, position, length);
+      Bytes all(box.data(), box.size(), position);
+      if (Bytes::Box content = all.next(); type == moov)
+        each_video(content.content,
+                   [&tracks](Tables& tables, const Movie&) { tracks.push_back(std::move(tables.track)); });
+      else
+        read_fragment(content.content, tracks);
+    }
+    position += length;
+  }
+  for (IsoTrack& track : tracks)
+    track.trimmed =
+        !track.edits.empty() && track.fragment_frames == 0 && track.shown_frames() < track.times.size();
+  return tracks;
+}
 
 std::optional<std::uint64_t> missing_length(const std::filesystem::path& path) {
   std::error_code error;

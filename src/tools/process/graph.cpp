@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
+#include "tools/process/container.hpp"
 #include "tools/process/elements.hpp"
 #include "tools/process/handles.hpp"
-#include "tools/process/iso_media.hpp"
 
 namespace terrainseg::process {
 namespace {

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "tools/process/pipeline.hpp"
 
+#include <gst/pbutils/missing-plugins.h>
+
 #include <algorithm>
 #include <chrono>
 
 #include "exchange/counted.hpp"
-#include "tools/process/complaints.hpp"
 #include "tools/process/container.hpp"
 #include "tools/process/frames.hpp"
 #include "tools/process/graph.hpp"
@@ -50,6 +51,87 @@ Fault cut_off(const Input& input) {
   if (lacks_end_mark(input.path))
     return {Cause::damaged, "the file is cut off: its end mark is missing"};
   return {};
+}
+
+/// Keeps the first error of the source and of the other elements. Used by the controlling thread only.
+class Complaints {
+ public:
+  Complaints(const Graph& graph, OutputFiles& files, Record& record)
+      : graph_(graph), files_(files), record_(record) {}
+
+  /// A fault without an error message; the first one is kept.
+  void blame_source(const Fault& fault) {
+    if (!source_fault_)
+      source_fault_ = fault;
+  }
+  void blame_rest(const Fault& fault) {
+    if (!behind_)
+      behind_ = fault;
+  }
+  /// Waits at most `timeout` for a message, then processes all pending ones.
+  void take_all(GstBus* bus, GstClockTime timeout);
+  const Fault& source() const { return source_fault_; }  ///< of the input
+  const Fault& behind_source() const { return behind_; } ///< of settings, encoders or the disk
+  bool source_gave_up() const { return gave_up_; }       ///< stopped without the error that has the cause
+  const std::string& decoder_warning() const { return warning_; }         ///< the first one
+  const std::string& missing_decoder() const { return missing_decoder_; } ///< cause and remedy
+
+ private:
+  void take_error(GstMessage* message);
+  void warn(GstMessage* message);
+
+  const Graph& graph_;
+  OutputFiles& files_;
+  Record& record_;
+  Fault source_fault_, behind_;
+  bool gave_up_ = false;
+  std::string warning_, missing_decoder_;
+};
+
+void Complaints::take_all(GstBus* bus, GstClockTime timeout) {
+  constexpr auto wanted =
+      static_cast<GstMessageType>(GST_MESSAGE_ERROR | GST_MESSAGE_WARNING | GST_MESSAGE_ELEMENT);
+  while (const MessagePointer message{gst_bus_timed_pop_filtered(bus, timeout, wanted)}) {
+    timeout = 0;
+    if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_ERROR)
+      take_error(message.get());
+    else if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_WARNING)
+      warn(message.get());
+    else if (gst_is_missing_plugin_message(message.get()) && missing_decoder_.empty())
+      missing_decoder_ = no_decoder(message.get());
+  }
+}
+
+/// An element without a parent belongs to the source: uridecodebin removes elements while it stops.
+void Complaints::take_error(GstMessage* message) {
+  if (graph_.holds(message->src)) {
+    if (behind_)
+      return;
+    const auto output = graph_.output_of(message->src);
+    behind_ = {cause_behind_source(message, output.has_value()), text_of(message)};
+    if (output && (behind_.cause == Cause::disk || behind_.cause == Cause::unwritable))
+      behind_.text = "cannot write " + files_[*output].final_path().string() + ": " + behind_.text;
+    return;
+  }
+  if (source_fault_)
+    return;
+  gave_up_ = says_nothing(message);
+  source_fault_ = {cause_in_source(message), gave_up_ ? giving_up(message) : text_of(message)};
+  if (gave_up_ && source_fault_.cause == Cause::missing)
+    source_fault_.text = "it cannot be reached or read: " + source_fault_.text;
+}
+
+/// Without repetitions: several outputs use the same metadata.
+void Complaints::warn(GstMessage* message) {
+  const ErrorPointer error = error_in(message);
+  if (!graph_.holds(message->src) && warning_.empty() && error->domain == GST_STREAM_ERROR)
+    warning_ = text_of(message);
+  constexpr std::size_t most_warnings = 16; // a stream that changes its size may warn each time
+  std::vector<std::string>& known = record_.warnings;
+  // Of this project's elements only: those warnings are about settings and pictures.
+  if (factory_of(message->src).starts_with("terrain") && known.size() < most_warnings &&
+      std::find(known.begin(), known.end(), error->message) == known.end())
+    known.emplace_back(error->message);
 }
 
 /// Processes one input with open output files.

@@ -372,36 +372,22 @@ std::string Source::choice() const {
 
 /// Links conversion, deinterlacing and rotation. Each passes frames through that do not need it.
 bool Source::link_video(GstPad* pad) {
-  GstElement* convert = gst_element_factory_make("videoconvert", nullptr);
-  GstElement* deinterlace = gst_element_factory_make("deinterlace", nullptr);
-  gst_bin_add_many(GST_BIN(bin_), convert, deinterlace, nullptr);
-  // One frame out per frame in: the second field would show the same moment again.
-  gst_util_set_object_arg(G_OBJECT(deinterlace), "fields", "top");
-  bool ok = gst_element_link(convert, deinterlace);
-  GstElement* last = deinterlace;
   const CapsPointer caps(gst_pad_query_caps(pad, nullptr));
-  // A later image of a sequence may be rotated.
-  if (input_.kind == Input::Kind::images || can_be_turned(caps.get()) || is_turned(pad)) {
-    // GStreamer 1.26's FFmpeg decoders abort at times when they decode into videoflip's buffers and the frame
-    // is padded ("video meta uses 368x640 instead of 360x640"). They decode into their own.
-    GstElement *own_buffers = gst_element_factory_make("identity", nullptr),
-               *flip = gst_element_factory_make("videoflip", nullptr);
-    g_object_set(own_buffers, "drop-allocation", TRUE, nullptr);
-    gst_util_set_object_arg(G_OBJECT(flip), "video-direction", "auto");
-    gst_bin_add_many(GST_BIN(bin_), own_buffers, flip, nullptr);
-    ok = ok && gst_element_link_many(deinterlace, own_buffers, flip, nullptr);
-    gst_element_sync_state_with_parent(own_buffers);
-    gst_element_sync_state_with_parent(flip);
-    last = flip;
-  }
-  ok = ok && gst_element_link(last, tail_);
-  gst_element_sync_state_with_parent(deinterlace);
-  gst_element_sync_state_with_parent(convert);
-  const PadPointer sink = pad_of(convert, "sink");
+  // One frame out per frame in: the second field would show the same moment again.
+  std::string elements = "videoconvert ! deinterlace fields=top";
+  // A later image of a sequence may be rotated. GStreamer 1.26's FFmpeg decoders abort at times when they
+  // decode into videoflip's buffers and the frame is padded ("video meta uses 368x640 instead of 360x640"):
+  // with the identity they decode into their own.
+  if (input_.kind == Input::Kind::images || can_be_turned(caps.get()) || is_turned(pad))
+    elements += " ! identity drop-allocation=true ! videoflip video-direction=auto";
+  GstElement* upright = gst_parse_bin_from_description(elements.c_str(), TRUE, nullptr);
+  gst_bin_add(GST_BIN(bin_), upright);
+  const bool ok = gst_element_link(upright, tail_);
+  gst_element_sync_state_with_parent(upright);
+  const PadPointer sink = pad_of(upright, "sink");
   add_probe<&Source::on_decoded>(sink, GST_PAD_PROBE_TYPE_BUFFER, this);
   gst_pad_add_probe(sink.get(), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, on_decoded_caps, nullptr, nullptr);
-  const GstPadLinkReturn linked = gst_pad_link(pad, sink.get());
-  if (ok && linked == GST_PAD_LINK_OK)
+  if (ok && gst_pad_link(pad, sink.get()) == GST_PAD_LINK_OK)
     return true;
   blame({Cause::unsupported, "its video cannot be used: " + process::take(gst_caps_to_string(caps.get()))});
   return false;

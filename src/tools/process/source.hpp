@@ -13,10 +13,10 @@
 #include <string>
 #include <vector>
 
+#include "tools/process/container.hpp"
 #include "tools/process/faults.hpp"
 #include "tools/process/handles.hpp"
 #include "tools/process/inputs.hpp"
-#include "tools/process/iso_media.hpp"
 #include "tools/process/options.hpp"
 
 namespace terrainseg::process {
