@@ -133,16 +133,6 @@ std::string bar_line(const Moment& moment, int columns) {
   return columns_of(line) <= columns ? line : line.substr(0, static_cast<std::size_t>(std::max(columns, 0)));
 }
 
-Display::Display(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
-
-Display::~Display() {
-  clear();
-}
-
-double Display::interval() const {
-  return terminal_ ? 0.1 : 0.25;
-}
-
 void Display::show(const Moment& moment) {
   if (quiet_)
     return;

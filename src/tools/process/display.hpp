@@ -2,6 +2,8 @@
 // Shows the progress: a bar on a terminal, otherwise a plain line at intervals.
 #pragma once
 
+#include <unistd.h>
+
 #include <cstdint>
 #include <deque>
 #include <string>
@@ -41,14 +43,14 @@ std::string plain_line(const Moment& moment);
 /// Prints to stderr. Not thread-safe.
 class Display {
  public:
-  explicit Display(bool quiet);
-  ~Display();
+  explicit Display(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
+  ~Display() { clear(); }
   Display(const Display&) = delete;
   Display& operator=(const Display&) = delete;
 
-  void show(const Moment& moment); ///< draws if the interval has passed
-  void clear();                    ///< removes the bar before other output
-  double interval() const;         ///< seconds between two useful calls of show()
+  void show(const Moment& moment);                           ///< draws if the interval has passed
+  void clear();                                              ///< removes the bar before other output
+  double interval() const { return terminal_ ? 0.1 : 0.25; } ///< seconds between two useful calls of show()
 
  private:
   bool quiet_, terminal_;

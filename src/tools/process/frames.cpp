@@ -201,10 +201,8 @@ void Frames::segment_entering(GstPadProbeInfo* info) {
 
 /// The two views of a stereo picture are labelled as one.
 void Frames::warn_of_views(GstEvent* event) {
-  GstCaps* caps = nullptr;
-  gst_event_parse_caps(event, &caps);
   GstVideoInfo info;
-  if (!gst_video_info_from_caps(&info, caps))
+  if (!gst_video_info_from_caps(&info, caps_of(event)))
     return;
   const GstVideoMultiviewMode mode = GST_VIDEO_INFO_MULTIVIEW_MODE(&info);
   if (mode == GST_VIDEO_MULTIVIEW_MODE_NONE || mode == GST_VIDEO_MULTIVIEW_MODE_MONO)
@@ -254,10 +252,8 @@ GstPadProbeReturn Frames::entering(GstPad*, GstPadProbeInfo* info) {
 /// Files have one size: the first frame's. Later frames are scaled to it. Caps may arrive twice before the
 /// first frame, because the orientation is known after the size.
 void Frames::size_known(GstEvent* event) {
-  GstCaps* caps = nullptr;
-  gst_event_parse_caps(event, &caps);
   GstVideoInfo info;
-  if (!gst_video_info_from_caps(&info, caps))
+  if (!gst_video_info_from_caps(&info, caps_of(event)))
     return;
   video_info_ = info;
   if (labelled_ > 0)

@@ -50,8 +50,6 @@ class Frames {
  public:
   /// `rows` is the CSV file; not open if no CSV is written.
   Frames(const Options& options, Graph& graph, AtomicFile& rows, Record& record);
-  Frames(const Frames&) = delete;
-  Frames& operator=(const Frames&) = delete;
 
   /// Call after the graph has been built around `source`.
   void watch(GstElement* source);

@@ -23,8 +23,6 @@ class Graph {
 
   explicit Graph(const Options& options) : options_(options) {}
   ~Graph();
-  Graph(const Graph&) = delete;
-  Graph& operator=(const Graph&) = delete;
 
   /// Connects `source` with the branches of the selected outputs. The pipeline takes ownership of `source`.
   /// Returns the problem, if any.

@@ -35,6 +35,18 @@ inline std::string number_text(const char* format, double value) {
   return g_ascii_formatd(text, sizeof text, format, value);
 }
 
+/// The caps in an event, which keeps them.
+inline GstCaps* caps_of(GstEvent* event) {
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
+  return caps;
+}
+
+/// The media type of caps; empty without caps.
+inline std::string media_type(const GstCaps* caps) {
+  return caps ? gst_structure_get_name(gst_caps_get_structure(caps, 0)) : "";
+}
+
 inline PadPointer pad_of(GstElement* element, const char* name) {
   return PadPointer(gst_element_get_static_pad(element, name));
 }

@@ -66,10 +66,6 @@ fs::path part_of(const fs::path& final_path) {
   return path += ".part";
 }
 
-AtomicFile::~AtomicFile() {
-  discard();
-}
-
 void AtomicFile::discard() {
   if (fd_ < 0)
     return;

@@ -22,7 +22,7 @@ namespace terrainseg::process {
 class AtomicFile {
  public:
   AtomicFile() = default;
-  ~AtomicFile();
+  ~AtomicFile() { discard(); }
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
@@ -136,8 +136,6 @@ class OutputFiles {
  public:
   OutputFiles(const Input& input, const Naming& naming, const Options& options)
       : input_(input), naming_(naming), options_(options) {}
-  OutputFiles(const OutputFiles&) = delete;
-  OutputFiles& operator=(const OutputFiles&) = delete;
 
   void open();
   AtomicFile& operator[](Output kind) { return files_[static_cast<std::size_t>(kind)]; }

@@ -21,6 +21,13 @@ namespace {
 /// loop. Others read there once or twice.
 constexpr std::uint64_t often = 1000;
 
+/// The element before one in the same bin; null when there is none.
+ElementPointer element_before(GstElement* element) {
+  const PadPointer sink = pad_of(element, "sink");
+  const PadPointer peer(sink ? gst_pad_get_peer(sink.get()) : nullptr);
+  return ElementPointer(peer ? gst_pad_get_parent_element(peer.get()) : nullptr);
+}
+
 /// The decoder upstream of a pad; null when there is none.
 GstElement* decoder_of(GstPad* pad) {
   GstPad* at = GST_PAD(gst_object_ref(pad));
@@ -41,19 +48,12 @@ GstElement* decoder_of(GstPad* pad) {
   return nullptr;
 }
 
-/// The element before one in the same bin; null when there is none.
-ElementPointer element_before(GstElement* element) {
-  const PadPointer sink(gst_element_get_static_pad(element, "sink"));
-  const PadPointer peer(sink ? gst_pad_get_peer(sink.get()) : nullptr);
-  return ElementPointer(peer ? gst_pad_get_parent_element(peer.get()) : nullptr);
-}
-
 /// True when the pad's stream was encoded as still pictures.
 bool is_picture(GstPad* pad) {
   const ElementPointer decoder(decoder_of(pad));
   const PadPointer sink(decoder ? gst_element_get_static_pad(decoder.get(), "sink") : nullptr);
   const CapsPointer caps(sink ? gst_pad_get_current_caps(sink.get()) : nullptr);
-  return caps && g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)), "image/");
+  return media_type(caps.get()).starts_with("image/");
 }
 
 /// Why pictures of these caps cannot be decoded; empty when their size is supported or unknown.
@@ -80,9 +80,7 @@ unsigned track_id_of(GstPad* pad) {
 /// The colorimetry in the caps of an event, if any.
 std::optional<GstVideoColorimetry> colorimetry_of(GstEvent* event) {
   GstVideoColorimetry color;
-  GstCaps* caps = nullptr;
-  gst_event_parse_caps(event, &caps);
-  const char* text = gst_structure_get_string(gst_caps_get_structure(caps, 0), "colorimetry");
+  const char* text = gst_structure_get_string(gst_caps_get_structure(caps_of(event), 0), "colorimetry");
   if (!text || !gst_video_colorimetry_from_string(&color, text))
     return std::nullopt;
   return color;
@@ -91,9 +89,7 @@ std::optional<GstVideoColorimetry> colorimetry_of(GstEvent* event) {
 /// Replaces the colorimetry in the caps event of a probe.
 void set_colorimetry(GstPadProbeInfo* info, const GstVideoColorimetry& color) {
   GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
-  GstCaps* caps = nullptr;
-  gst_event_parse_caps(event, &caps);
-  const CapsPointer changed(gst_caps_copy(caps));
+  const CapsPointer changed(gst_caps_copy(caps_of(event)));
   const CharPointer text(gst_video_colorimetry_to_string(&color));
   gst_caps_set_simple(changed.get(), "colorimetry", G_TYPE_STRING, text.get(), nullptr);
   GST_PAD_PROBE_INFO_DATA(info) = gst_event_new_caps(changed.get());
@@ -101,8 +97,7 @@ void set_colorimetry(GstPadProbeInfo* info, const GstVideoColorimetry& color) {
 }
 
 bool is_video(const GstCaps* caps) {
-  return !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
-         g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), "video/");
+  return !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) && media_type(caps).starts_with("video/");
 }
 
 /// False for planar 8-bit 4:2:2, which videoflip (it rotates a video by its tag) does not support. Converting
@@ -157,9 +152,7 @@ GstPadProbeReturn on_decoded_caps(GstPad*, GstPadProbeInfo* info, gpointer) {
   if (GST_EVENT_TYPE(event) != GST_EVENT_CAPS)
     return GST_PAD_PROBE_OK;
   auto color = colorimetry_of(event);
-  GstCaps* caps = nullptr;
-  gst_event_parse_caps(event, &caps);
-  const CapsPointer plain(gst_caps_copy(caps));
+  const CapsPointer plain(gst_caps_copy(caps_of(event)));
   gst_structure_remove_field(gst_caps_get_structure(plain.get(), 0), "colorimetry");
   GstVideoInfo usual;
   if (!color || !gst_video_info_from_caps(&usual, plain.get()) || GST_VIDEO_INFO_IS_RGB(&usual))
@@ -233,7 +226,7 @@ GstBuffer* Source::read_image(const std::filesystem::path& path, std::string& ty
   GstBuffer* buffer = gst_buffer_new_wrapped(data, size);
   const CapsPointer caps(size ? gst_type_find_helper_for_buffer(GST_OBJECT(feeder_), buffer, nullptr)
                               : nullptr);
-  type = caps ? gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)) : "";
+  type = media_type(caps.get());
   std::string flaw;
   if (size == 0)
     flaw = "the file is empty";
@@ -321,8 +314,7 @@ void Source::pad_added(GstPad* pad) {
   if (gst_caps_is_empty(caps.get()) || gst_caps_is_any(caps.get()))
     return;
   const std::lock_guard lock(mutex_);
-  other_streams_ += (other_streams_.empty() ? "" : ", ") +
-                    std::string(gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)));
+  other_streams_ += (other_streams_.empty() ? "" : ", ") + media_type(caps.get());
 }
 
 Source::Track* Source::track_of(const GstElement* element) {
@@ -458,7 +450,7 @@ void Source::no_more_pads() {
 bool Source::wants(const GstCaps* caps) {
   if (const std::string flaw = too_large(caps); !flaw.empty())
     blame({Cause::unsupported, flaw});
-  const std::string name = gst_structure_get_name(gst_caps_get_structure(caps, 0));
+  const std::string name = media_type(caps);
   for (const char* ignored :
        {"audio/", "text/", "subpicture/", "closedcaption/", "application/x-subtitle", "meta/"})
     if (name.starts_with(ignored))
@@ -552,10 +544,9 @@ GstPadProbeReturn Source::Track::on_encoded(GstPad* pad, GstPadProbeInfo* info) 
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
   if (encoded.empty()) {
     const CapsPointer caps(gst_pad_get_current_caps(pad));
-    const char* name = caps ? gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)) : "";
-    for (const char* hiding : {"video/x-vp8", "video/x-vp9", "video/x-av1"})
-      countable = countable && !g_str_equal(name, hiding);
-    pictures = g_str_has_prefix(name, "image/");
+    const std::string name = media_type(caps.get());
+    countable = countable && name != "video/x-vp8" && name != "video/x-vp9" && name != "video/x-av1";
+    pictures = name.starts_with("image/");
   }
   countable = countable && GST_BUFFER_PTS_IS_VALID(buffer);
   if (countable && !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DECODE_ONLY))

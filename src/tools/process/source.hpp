@@ -27,8 +27,6 @@ inline constexpr const char* no_video = "there is no video in it";
 class Source {
  public:
   Source(const Input& input, const Options& options);
-  Source(const Source&) = delete;
-  Source& operator=(const Source&) = delete;
 
   /// The bin with one pad "src". A pipeline must take ownership of it, and must set it to NULL before the
   /// Source is destroyed.

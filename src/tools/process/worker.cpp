@@ -111,14 +111,14 @@ class Messages {
   std::string bytes_;
 };
 
-Outcome lost(const Input& input, const Options& options, Cause cause, const std::string& problem) {
+Outcome lost(const Input& input, const Options& options, const Fault& fault) {
   Outcome outcome;
   outcome.record.input = input.label;
   outcome.record.place = input.place();
   outcome.record.identity = input.identity();
   outcome.record.settings = describe(options, input);
-  outcome.record.cause = cause;
-  outcome.record.problem = problem;
+  outcome.record.cause = fault.cause;
+  outcome.record.problem = fault.text;
   return outcome;
 }
 
@@ -180,7 +180,7 @@ void Line::work_on() {
     try {
       outcome = process(input, naming_of(options_, input), options_, progress, interrupted_);
     } catch (const std::exception& error) {
-      outcome = lost(input, options_, Cause::resources, error.what());
+      outcome = lost(input, options_, {Cause::resources, error.what()});
     }
     lock.lock();
     tell_progress();
@@ -230,7 +230,7 @@ void Line::tell_progress() {
 
 } // namespace
 
-Loss loss_of(int status, bool file) {
+Fault loss_of(int status, bool file) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == hangs)
     return {Cause::stalled, "an element of GStreamer did not start or stop in the time of --stall-timeout; "
                             "no output is kept"};
@@ -252,10 +252,6 @@ void serve(int socket, const Options& options) {
   static Line line(socket, options); // static: its threads run until the process ends
   std::thread([] { line.listen(); }).detach();
   line.work_on();
-}
-
-Worker::~Worker() {
-  stop();
 }
 
 bool Worker::start() {
@@ -335,16 +331,15 @@ Outcome Worker::process(const Input& input, const Naming& naming, const Options&
       return *outcome;
     const int status = stop();
     remove_parts(naming, options);
-    const Loss loss = loss_of(status, input.kind == Input::Kind::file);
-    if (used && !interrupted &&
-        loss.cause != Cause::stalled) { // the crash may have been caused by an earlier input
+    const Fault loss = loss_of(status, input.kind == Input::Kind::file);
+    if (used && !interrupted && loss.cause != Cause::stalled) { // an earlier input may have caused the crash
       progress.frames = 0;
       progress.permille = -1;
       continue;
     }
     if (interrupted && loss.cause == Cause::stalled)
-      return {Outcome::Kind::interrupted, lost(input, options, Cause::interrupted, "interrupted").record};
-    return lost(input, options, loss.cause, loss.text);
+      return {Outcome::Kind::interrupted, lost(input, options, {Cause::interrupted, "interrupted"}).record};
+    return lost(input, options, loss);
   }
 }
 

@@ -25,7 +25,7 @@ class Worker {
  public:
   /// `arguments` are those of the program.
   explicit Worker(std::vector<std::string> arguments) : arguments_(std::move(arguments)) {}
-  ~Worker();
+  ~Worker() { stop(); }
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
 
@@ -48,11 +48,7 @@ class Worker {
 
 /// Why an input failed whose worker ended with that status of waitpid(). `file`: whether it is a file, which
 /// can be converted.
-struct Loss {
-  Cause cause = Cause::none;
-  std::string text;
-};
-Loss loss_of(int status, bool file);
+Fault loss_of(int status, bool file);
 
 /// Messages of the socket: an Input or an Outcome. File names are bytes and may be invalid UTF-8.
 template <typename Value> std::string packed(const Value& value);
