@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // terrainseg-calibrate: calibrates a camera's lens and mount, and checks a calibration.
-#include <algorithm>
 #include <clocale>
 #include <cstdio>
 #include <cstdlib>

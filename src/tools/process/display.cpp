@@ -3,7 +3,6 @@
 
 #include <glib.h>
 #include <sys/ioctl.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,6 @@
 
 #include <filesystem>
 #include <set>
-#include <vector>
 
 #include "tools/process/handles.hpp"
 

@@ -14,7 +14,6 @@ template <auto release> struct Releaser {
 };
 
 using CharPointer = std::unique_ptr<char, Releaser<g_free>>;
-using StringArray = std::unique_ptr<char*, Releaser<g_strfreev>>;
 using ElementPointer = std::unique_ptr<GstElement, Releaser<gst_object_unref>>;
 using FactoryPointer = std::unique_ptr<GstElementFactory, Releaser<gst_object_unref>>;
 using PadPointer = std::unique_ptr<GstPad, Releaser<gst_object_unref>>;

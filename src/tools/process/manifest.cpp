@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "tools/process/manifest.hpp"
 
-#include <glib.h>
-
-#include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -14,7 +10,6 @@
 #include <set>
 
 #include "tools/process/conflicts.hpp"
-#include "tools/process/handles.hpp"
 
 namespace terrainseg::process {
 namespace {

@@ -6,7 +6,6 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
-#include <string>
 
 #include "tools/process/inputs.hpp"
 #include "tools/process/options.hpp"
