@@ -19,7 +19,6 @@
 #include "tools/process/conflicts.hpp"
 #include "tools/process/container.hpp"
 #include "tools/process/display.hpp"
-#include "tools/process/exif.hpp"
 #include "tools/process/faults.hpp"
 #include "tools/process/inputs.hpp"
 #include "tools/process/manifest.hpp"

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Reads containers: the tables of MP4 and MOV files, which have the frames of their video tracks and when a
-// player shows them, and the length of these and other files. Demuxers end a truncated file like a complete
-// one.
+// player shows them, the length of these and other files, and how a camera was turned when it took a picture.
+// Demuxers end a truncated file like a complete one.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -59,5 +60,11 @@ bool tells_duration(const std::filesystem::path& file);
 
 /// Whether a GIF does not end with the trailer byte. A GIF has no duration, but a defined end.
 bool lacks_end_mark(const std::filesystem::path& file);
+
+/// The EXIF orientation of a JPEG, PNG, WebP or TIFF file, 1 to 8; 1 (upright) where it has none.
+int exif_orientation(std::span<const std::uint8_t> file);
+
+/// The value of GStreamer's tag `image-orientation` for it.
+const char* orientation_tag(int orientation);
 
 } // namespace terrainseg::process

@@ -230,12 +230,12 @@ std::string giving_up(GstMessage* message) {
   if (details && gst_structure_get_int(details, "flow-return", &flow) && flow == GST_FLOW_NOT_NEGOTIATED)
     if (const std::string format = format_of(message->src); !format.empty())
       return text + ": no element after it accepts " + format;
-  // The first message is usually the cause of the others.
-  const std::lock_guard lock(log_mutex);
-  for (const auto& [object, said] : logged)
-    if (object == G_OBJECT(message->src))
-      return text + ": " + said;
   const auto [said, detail_of_it] = said_in(message);
+  // The first message in the log is usually the cause of the others.
+  const std::lock_guard lock(log_mutex);
+  for (const auto& [object, line] : logged)
+    if (object == G_OBJECT(message->src))
+      return text + ": " + line;
   return text + ": " + (detail_of_it.empty() ? said : detail_of_it);
 }
 

@@ -96,7 +96,10 @@ GstPadProbeReturn Graph::on_end(GstPad*, GstPadProbeInfo* info) {
 }
 
 GstElement* Graph::named(const std::string& name) const {
-  return ElementPointer(gst_bin_get_by_name(GST_BIN(pipeline_), name.c_str())).get();
+  GstElement* element = gst_bin_get_by_name(GST_BIN(pipeline_), name.c_str());
+  if (element)
+    gst_object_unref(element);
+  return element;
 }
 
 void Graph::count_buffers(GstElement* element, const char* pad, Output kind) {

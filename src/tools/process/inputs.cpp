@@ -11,6 +11,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <utility>
 
 #include "exchange/counted.hpp"
@@ -371,21 +372,18 @@ Identity Input::identity() const {
 }
 
 std::string Input::state() const {
-  std::string text;
+  std::ostringstream text;
   const auto add = [&text](const fs::path& file) {
     struct stat status = {};
     stat(file.c_str(), &status);
-    for (const std::int64_t number :
-         {static_cast<std::int64_t>(status.st_dev), static_cast<std::int64_t>(status.st_ino),
-          static_cast<std::int64_t>(status.st_size), static_cast<std::int64_t>(status.st_mtim.tv_sec),
-          static_cast<std::int64_t>(status.st_mtim.tv_nsec)})
-      text += std::to_string(number) + " ";
+    text << status.st_dev << ' ' << status.st_ino << ' ' << status.st_size << ' ' << status.st_mtim.tv_sec
+         << ' ' << status.st_mtim.tv_nsec << ' ';
   };
   if (kind == Kind::file)
     add(path);
   for (const fs::path& image : images)
     add(image);
-  return text;
+  return text.str();
 }
 
 std::string Input::place() const {

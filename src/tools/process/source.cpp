@@ -11,7 +11,6 @@
 #include <span>
 
 #include "exchange/counted.hpp"
-#include "tools/process/exif.hpp"
 #include "tools/process/handles.hpp"
 
 namespace terrainseg::process {
