@@ -31,7 +31,7 @@ std::uint64_t natural(const nlohmann::json& json) {
 
 /// The content of a manifest for one input, and its run.
 // NOLINTNEXTLINE(bugprone-exception-escape)
-struct Line {
+struct Entry {
   nlohmann::json json;
   fs::path folder;
 };
@@ -54,7 +54,7 @@ class Checker {
   void cannot_read(int number) {
     check_.again.push_back("line " + std::to_string(number) + " of the manifest cannot be read");
   }
-  void check(const std::string& input, const Line& line);
+  void check(const std::string& input, const Entry& line);
   void check_shards();
   void say_missing(int first, int last, int count);
 
@@ -62,7 +62,7 @@ class Checker {
   Check check_;
   fs::path folder_;
   int runs_ = 0;
-  std::map<std::string, Line> lines_; ///< by input; a later line replaces an earlier one of the same input
+  std::map<std::string, Entry> lines_; ///< by input; a later line replaces an earlier one of the same input
   struct Promise {
     std::size_t inputs = 0;
     std::set<std::string> seen;
@@ -99,7 +99,7 @@ void Checker::take(const std::string& text, int number) {
   }
 }
 
-void Checker::check(const std::string& input, const Line& line) {
+void Checker::check(const std::string& input, const Entry& line) {
   const auto& json = line.json;
   const std::string status = json.at("status");
   if (status != "complete" && status != "skipped") {
