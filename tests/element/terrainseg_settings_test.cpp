@@ -67,6 +67,7 @@ const Column columns[] = {
     {"light-ahead", "true", "false"},
     {"own-shadow", "true", "false"},
     {"upright", "true", "false"},
+    {"long-lines", "true", "false"},
     {"free-space", "true", "false"},
     {"ground-behind", "true", "false"},
     {"odd-spots", "true", "false"},
@@ -367,7 +368,7 @@ TEST(Stages, MirrorTheBooleansBothWays) {
   const std::vector<std::string> names = {"texture",   "exposure",    "row-prior",        "local-reference",
                                           "geodesic",  "second-look", "connected-ground", "ground-behind",
                                           "odd-spots", "refine",      "light-ahead",      "own-shadow",
-                                          "upright"};
+                                          "upright",   "long-lines"};
   for (const std::string& name : names) {
     EXPECT_NE(text(element.get(), "stages").find(name), std::string::npos) << name;
     g_object_set(element.get(), name.c_str(), FALSE, nullptr);

@@ -130,11 +130,11 @@ TEST(SettingTable, SaysWhichPipelineUsesWhat) {
     EXPECT_TRUE(is_used(*find_setting(name), paper)) << name;
   }
   for (const char* name :
-       {"texture",     "exposure",         "row-prior",    "local-reference", "geodesic",
-        "second-look", "connected-ground", "odd-spots",    "ground-behind",   "refine",
-        "light-ahead", "own-shadow",       "upright",      "near-spots",      "far-spots",
-        "stone-field", "window-guard",     "vivid-colors", "negatives",       "temporal",
-        "motion",      "vanishing-row",    "horizon-hint", "caution",         "doubtful"}) {
+       {"texture",          "exposure",   "row-prior",     "local-reference", "geodesic",      "second-look",
+        "connected-ground", "odd-spots",  "ground-behind", "refine",          "light-ahead",   "own-shadow",
+        "upright",          "long-lines", "near-spots",    "far-spots",       "stone-field",   "window-guard",
+        "vivid-colors",     "negatives",  "temporal",      "motion",          "vanishing-row", "horizon-hint",
+        "caution",          "doubtful"}) {
     EXPECT_TRUE(is_used(*find_setting(name), standard)) << name;
     EXPECT_FALSE(is_used(*find_setting(name), paper)) << name;
   }
