@@ -95,7 +95,11 @@ class TemporaryFile {
 
 void encode_h264(std::vector<Scene>& samples) {
   const TemporaryFile file(".mkv");
-  const cv::Size size = samples.at(0).picture.size();
+  // The largest picture, with even sides: 4:2:0 has no others, and a video has one size.
+  cv::Size size;
+  for (const Scene& s : samples)
+    size = {std::max(size.width, (s.picture.cols + 1) / 2 * 2),
+            std::max(size.height, (s.picture.rows + 1) / 2 * 2)};
   {
     const std::string pipeline =
         "appsrc ! videoconvert ! video/x-raw,format=I420 ! x264enc pass=qual quantizer=36 "
@@ -104,8 +108,12 @@ void encode_h264(std::vector<Scene>& samples) {
     cv::VideoWriter writer(pipeline, cv::CAP_GSTREAMER, 0, 15, size, true);
     if (!writer.isOpened())
       throw std::runtime_error("h264: OpenCV has no GStreamer with x264enc here");
-    for (const Scene& s : samples)
-      writer.write(s.picture);
+    for (const Scene& s : samples) {
+      cv::Mat padded;
+      cv::copyMakeBorder(s.picture, padded, 0, size.height - s.picture.rows, 0, size.width - s.picture.cols,
+                         cv::BORDER_REPLICATE);
+      writer.write(padded);
+    }
   }
   cv::VideoCapture reader("filesrc location=" + file.path() +
                               " ! decodebin ! videoconvert ! video/x-raw,format=BGR ! "
@@ -115,7 +123,7 @@ void encode_h264(std::vector<Scene>& samples) {
     cv::Mat picture;
     if (!reader.read(picture) || picture.size() != size)
       throw std::runtime_error("h264: frame " + std::to_string(i) + " did not come back from the decoder");
-    samples[i].picture = picture.clone();
+    samples[i].picture = picture({{}, samples[i].picture.size()}).clone();
   }
 }
 

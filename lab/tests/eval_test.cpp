@@ -397,6 +397,29 @@ TEST(EvalPerturbations, EachChangesThePictureAndKeepsItsLabelsInStep) {
   EXPECT_THROW(perturb("sepia", samples), std::runtime_error);
 }
 
+TEST(EvalPerturbations, H264TakesPicturesOfSeveralAndOddSizes) {
+  std::vector<Sample> samples;
+  for (const cv::Size size : {cv::Size(320, 240), cv::Size(301, 199)}) {
+    cv::Mat3b bgr(size, cv::Vec3b(60, 70, 80));
+    bgr.rowRange(0, 100) = cv::Vec3b(220, 180, 160);
+    samples.push_back({Picture::of(bgr, {}), cv::Mat1b(size, std::uint8_t{label_terrain})});
+  }
+  try {
+    perturb("h264", samples);
+  } catch (const std::runtime_error& error) {
+    if (std::string(error.what()).find("x264enc") != std::string::npos)
+      GTEST_SKIP() << error.what();
+    throw;
+  }
+  ASSERT_EQ(samples.size(), 2u);
+  for (const Sample& sample : samples) {
+    const cv::Mat3b after = sample.picture.bgr();
+    ASSERT_EQ(after.size(), sample.labels.size());
+    EXPECT_NEAR(after(20, 20)[1], 180, 25);
+    EXPECT_NEAR(after(after.rows - 20, after.cols - 20)[1], 70, 25);
+  }
+}
+
 /// An open plain under a sky: 640 x 200, ground from row 60 on.
 cv::Mat1b open_plain() {
   cv::Mat1b labels(200, 640, std::uint8_t{label_terrain});
