@@ -14,8 +14,9 @@ constexpr int longest_side = 256;
 /// Four times the smallest step of an edge, in grey levels. 20 and 48 give the same error; 20 costs more
 /// time.
 TERRAINSEG_TUNED(int, long_lines, least_step, 32);
-/// Q8: slopes of edges, from 6 to 70 degrees. Flatter edges meet too far away, steeper ones may be vertical.
-constexpr int flattest = 27, steepest = 704;
+/// Slopes of edges: from 1 : 9 (6 degrees) to 11 : 4 (70). Flatter edges meet too far away, steeper ones may
+/// be vertical.
+constexpr int flattest = 9, steepest_up = 11, steepest_along = 4;
 /// A pixel votes for the normals within 3.5 degrees of its gradient.
 constexpr int normals = 128, neighbours = 2;
 /// Inverse of the shortest length of a line, in widths of the picture.
@@ -90,19 +91,22 @@ std::uint16_t largest(const std::uint16_t* __restrict votes) {
   return most;
 }
 
-// Sobel's gradients of a row, and where they may be those of an edge. Auto-vectorised.
+// Sobel's gradients of a row, and where they may be those of an edge. Auto-vectorised, in 16 bits.
 void compare(const std::uint8_t* __restrict a, const std::uint8_t* __restrict b,
              const std::uint8_t* __restrict c, int width, std::int16_t* __restrict across,
              std::int16_t* __restrict down, std::uint8_t* __restrict steep) {
+  using Short = std::int16_t;
   for (int j = 1; j < width - 1; ++j) {
-    const int x = a[j + 1] - a[j - 1] + 2 * (b[j + 1] - b[j - 1]) + c[j + 1] - c[j - 1];
-    const int y = c[j - 1] + 2 * c[j] + c[j + 1] - a[j - 1] - 2 * a[j] - a[j + 1];
-    const int length_x = std::abs(x), length_y = std::abs(y);
-    across[j] = static_cast<std::int16_t>(x);
-    down[j] = static_cast<std::int16_t>(y);
-    const bool strong = length_x + length_y >= least_step, steeper = 256 * length_x > flattest * length_y,
-               flatter = 256 * length_x < steepest * length_y;
-    steep[j] = static_cast<std::uint8_t>(strong & steeper & flatter);
+    const auto x = static_cast<Short>(a[j + 1] - a[j - 1] + 2 * (b[j + 1] - b[j - 1]) + c[j + 1] - c[j - 1]);
+    const auto y = static_cast<Short>(c[j - 1] + 2 * c[j] + c[j + 1] - a[j - 1] - 2 * a[j] - a[j + 1]);
+    const auto length_x = static_cast<Short>(x < 0 ? -x : x), length_y = static_cast<Short>(y < 0 ? -y : y);
+    across[j] = x;
+    down[j] = y;
+    const bool strong = static_cast<Short>(length_x + length_y) >= static_cast<Short>(least_step),
+               steeper = static_cast<Short>(flattest * length_x) > length_y,
+               flatter =
+                   static_cast<Short>(steepest_along * length_x) < static_cast<Short>(steepest_up * length_y);
+    steep[j] = strong & steeper & flatter;
   }
 }
 
