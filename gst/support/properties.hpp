@@ -49,9 +49,10 @@ inline GType choice_type(const char* name, std::span<const Choice> choices) {
   auto* values = g_new0(GEnumValue, choices.size() + 1); // a type lives as long as the process
   for (std::size_t i = 0; i < choices.size(); ++i)
     values[i] = {static_cast<gint>(i), choices[i].meaning, choices[i].nick};
+  // NOLINTNEXTLINE(clang-analyzer-unix.Malloc)
   const GType type = g_enum_register_static(name, values);
   gst_type_mark_as_plugin_api(type, static_cast<GstPluginAPIFlags>(0)); // so that it is documented
-  return type;                                                          // NOLINT(clang-analyzer-unix.Malloc)
+  return type;
 }
 
 template <class S> struct Property;

@@ -235,8 +235,8 @@ std::string giving_up(GstMessage* message) {
   const std::lock_guard lock(log_mutex);
   for (const auto& [object, line] : logged)
     if (object == G_OBJECT(message->src))
-      return text + ": " + line;
-  return text + ": " + (detail_of_it.empty() ? said : detail_of_it);
+      return text.append(": ").append(line);
+  return text.append(": ").append(detail_of_it.empty() ? said : detail_of_it);
 }
 
 void listen_to_the_log(const std::vector<std::string>& arguments) {

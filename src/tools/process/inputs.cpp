@@ -197,6 +197,7 @@ Input numbered(const fs::path& argument, const Pattern& pattern) {
     return failed(argument.string(),
                   error ? "cannot read the folder: " + error.message() : "no file matches it");
   std::vector<fs::path> images;
+  images.reserve(numbered.size());
   for (const auto& [number, path] : numbered)
     images.push_back(path);
   return sequence(argument.string(), folder_name(folder), std::move(images));

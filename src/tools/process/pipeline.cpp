@@ -309,7 +309,7 @@ Fault Run::why_empty() const {
   const bool failed = bool(error);
   if (!complaints_.missing_decoder().empty())
     return {Cause::unsupported, complaints_.missing_decoder()};
-  if (const Fault fault = source_.fault(); fault && (fault.text != no_video || !failed))
+  if (Fault fault = source_.fault(); fault && (fault.text != no_video || !failed))
     return fault;
   if (!source_.has_video() && !source_.other_streams().empty())
     return {Cause::unsupported, "there is no video in it, only " + source_.other_streams()};
@@ -331,7 +331,7 @@ Fault Run::why_empty() const {
 Fault Run::damage() const {
   const auto damaged = [](const std::string& text) { return Fault{Cause::damaged, text}; };
   const std::string image = source_.image_after(record_.frames);
-  if (const Fault fault = source_.fault())
+  if (Fault fault = source_.fault())
     return fault;
   if (complaints_.source())
     return of_image(image, complaints_.source());
