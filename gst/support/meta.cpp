@@ -45,8 +45,8 @@ void rescale_boundary(GstStructure* fields, int old_height, int new_height, Axis
     return;
   const OwnedBuffer scaled(gst_buffer_new_allocate(nullptr, in.size(), nullptr));
   if (const MappedBuffer out(scaled.get(), GST_MAP_WRITE); out)
-    for (gsize i = 0; i + 1 < in.size(); i += 2) {
-      const int row = GST_READ_UINT16_LE(in.data() + i);
+    for (gsize i = 0; i + 1 < in.size(); i += 2) { // by bytes: the address of `in` may be odd
+      const int row = in.data()[i] | in.data()[i + 1] << 8;
       const int moved = row >= old_height ? new_height : std::min(y.row(row), new_height - 1);
       GST_WRITE_UINT16_LE(out.data() + i, static_cast<guint16>(moved));
     }

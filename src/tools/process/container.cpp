@@ -330,6 +330,14 @@ Head head_at(std::ifstream& file, std::uint64_t position) {
   return head;
 }
 
+/// Of any address: GST_READ_UINT64_BE() and the like read in one piece, for which it must be aligned.
+std::uint64_t big_endian(const unsigned char* bytes, int count) {
+  std::uint64_t value = 0;
+  for (int i = 0; i < count; ++i)
+    value = value << 8 | bytes[i];
+  return value;
+}
+
 bool is_tag(const unsigned char* bytes, const char* tag) {
   return std::memcmp(bytes, tag, 4) == 0;
 }
@@ -341,11 +349,11 @@ std::uint64_t iso_media_end(std::ifstream& file, std::uint64_t size) {
     const Head box = head_at(file, position);
     if (!std::all_of(&box[4], &box[8], [](char letter) { return g_ascii_isprint(letter); }))
       break;
-    std::uint64_t length = GST_READ_UINT32_BE(&box[0]);
+    std::uint64_t length = big_endian(&box[0], 4);
     if (length == 0) // extends to the end of the file
       return size;
     if (length == 1)
-      length = GST_READ_UINT64_BE(&box[8]);
+      length = big_endian(&box[8], 8);
     if (length < 8 || length > UINT64_MAX - position)
       break;
     position += length;
@@ -360,7 +368,7 @@ std::uint64_t riff_end(std::ifstream& file, std::uint64_t size) {
     const Head chunk = head_at(file, position);
     if (!is_tag(&chunk[0], "RIFF"))
       break;
-    const std::uint64_t length = GST_READ_UINT32_LE(&chunk[4]);
+    const std::uint64_t length = chunk[4] | chunk[5] << 8 | chunk[6] << 16 | std::uint64_t{chunk[7]} << 24;
     if (length == 0 || length == 0xffffffff) // not finished by the recorder
       return size;
     position += 8 + length;
@@ -375,7 +383,7 @@ std::uint64_t ebml_end(std::ifstream& file, std::uint64_t position, std::uint64_
   if (length > 8)
     return size;
   const std::uint64_t unknown = (std::uint64_t{1} << (7 * length)) - 1;
-  const std::uint64_t payload = GST_READ_UINT64_BE(&head[4]) >> (64 - 8 * length) & unknown;
+  const std::uint64_t payload = big_endian(&head[4], length) & unknown;
   return payload == unknown ? size : position + 4 + static_cast<unsigned>(length) + payload;
 }
 
@@ -384,7 +392,7 @@ std::uint64_t matroska_end(std::ifstream& file, std::uint64_t size) {
   if (segment + 12 > size)
     return segment;
   const Head head = head_at(file, segment);
-  return GST_READ_UINT32_BE(&head[0]) == 0x18538067 ? ebml_end(file, segment, size) : size;
+  return big_endian(&head[0], 4) == 0x18538067 ? ebml_end(file, segment, size) : size;
 }
 
 using Content = std::span<const std::uint8_t>;
@@ -549,7 +557,7 @@ std::optional<std::uint64_t> missing_length(const std::filesystem::path& path) {
     end = iso_media_end(file, size);
   else if (is_tag(&head[0], "RIFF"))
     end = riff_end(file, size);
-  else if (GST_READ_UINT32_BE(&head[0]) == 0x1a45dfa3)
+  else if (big_endian(&head[0], 4) == 0x1a45dfa3)
     end = matroska_end(file, size);
   return end > size ? std::optional(end) : std::nullopt;
 }
@@ -557,8 +565,8 @@ std::optional<std::uint64_t> missing_length(const std::filesystem::path& path) {
 bool tells_duration(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   const Head head = head_at(file, 0);
-  return (is_tag(&head[0], "RIFF") && is_tag(&head[8], "AVI ")) ||
-         GST_READ_UINT32_BE(&head[0]) == 0x1a45dfa3 || is_tag(&head[0], "FLV\x01");
+  return (is_tag(&head[0], "RIFF") && is_tag(&head[8], "AVI ")) || big_endian(&head[0], 4) == 0x1a45dfa3 ||
+         is_tag(&head[0], "FLV\x01");
 }
 
 bool lacks_end_mark(const std::filesystem::path& path) {
