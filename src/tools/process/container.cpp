@@ -321,6 +321,22 @@ void read_fragment(const Bytes& content, std::vector<IsoTrack>& tracks) {
 
 using Head = std::array<unsigned char, 16>;
 
+using Content = std::span<const std::uint8_t>;
+
+bool begins(Content bytes, std::string_view text) {
+  return bytes.size() >= text.size() && std::memcmp(bytes.data(), text.data(), text.size()) == 0;
+}
+
+/// `count` bytes from `at` on; 0 past the end.
+std::uint64_t number(Content bytes, std::size_t at, std::size_t count, bool little = false) {
+  std::uint64_t value = 0;
+  if (at > bytes.size() || bytes.size() - at < count)
+    return 0;
+  for (std::size_t i = 0; i < count; ++i)
+    value = value << 8 | bytes[at + (little ? count - 1 - i : i)];
+  return value;
+}
+
 /// 16 bytes from `position`, zeros past the end.
 Head head_at(std::ifstream& file, std::uint64_t position) {
   Head head{};
@@ -328,14 +344,6 @@ Head head_at(std::ifstream& file, std::uint64_t position) {
   file.seekg(static_cast<std::streamoff>(position));
   file.read(reinterpret_cast<char*>(head.data()), head.size());
   return head;
-}
-
-/// Of any address: GST_READ_UINT64_BE() and the like read in one piece, for which it must be aligned.
-std::uint64_t big_endian(const unsigned char* bytes, int count) {
-  std::uint64_t value = 0;
-  for (int i = 0; i < count; ++i)
-    value = value << 8 | bytes[i];
-  return value;
 }
 
 bool is_tag(const unsigned char* bytes, const char* tag) {
@@ -349,11 +357,11 @@ std::uint64_t iso_media_end(std::ifstream& file, std::uint64_t size) {
     const Head box = head_at(file, position);
     if (!std::all_of(&box[4], &box[8], [](char letter) { return g_ascii_isprint(letter); }))
       break;
-    std::uint64_t length = big_endian(&box[0], 4);
+    std::uint64_t length = number(box, 0, 4);
     if (length == 0) // extends to the end of the file
       return size;
     if (length == 1)
-      length = big_endian(&box[8], 8);
+      length = number(box, 8, 8);
     if (length < 8 || length > UINT64_MAX - position)
       break;
     position += length;
@@ -368,7 +376,7 @@ std::uint64_t riff_end(std::ifstream& file, std::uint64_t size) {
     const Head chunk = head_at(file, position);
     if (!is_tag(&chunk[0], "RIFF"))
       break;
-    const std::uint64_t length = chunk[4] | chunk[5] << 8 | chunk[6] << 16 | std::uint64_t{chunk[7]} << 24;
+    const std::uint64_t length = number(chunk, 4, 4, true);
     if (length == 0 || length == 0xffffffff) // not finished by the recorder
       return size;
     position += 8 + length;
@@ -383,7 +391,7 @@ std::uint64_t ebml_end(std::ifstream& file, std::uint64_t position, std::uint64_
   if (length > 8)
     return size;
   const std::uint64_t unknown = (std::uint64_t{1} << (7 * length)) - 1;
-  const std::uint64_t payload = big_endian(&head[4], length) & unknown;
+  const std::uint64_t payload = number(head, 4, length) & unknown;
   return payload == unknown ? size : position + 4 + static_cast<unsigned>(length) + payload;
 }
 
@@ -392,23 +400,7 @@ std::uint64_t matroska_end(std::ifstream& file, std::uint64_t size) {
   if (segment + 12 > size)
     return segment;
   const Head head = head_at(file, segment);
-  return big_endian(&head[0], 4) == 0x18538067 ? ebml_end(file, segment, size) : size;
-}
-
-using Content = std::span<const std::uint8_t>;
-
-bool begins(Content bytes, std::string_view text) {
-  return bytes.size() >= text.size() && std::memcmp(bytes.data(), text.data(), text.size()) == 0;
-}
-
-/// `count` bytes from `at` on; 0 past the end.
-std::size_t number(Content bytes, std::size_t at, std::size_t count, bool little) {
-  std::size_t value = 0;
-  if (at > bytes.size() || bytes.size() - at < count)
-    return 0;
-  for (std::size_t i = 0; i < count; ++i)
-    value = value << 8 | bytes[at + (little ? count - 1 - i : i)];
-  return value;
+  return number(head, 0, 4) == 0x18538067 ? ebml_end(file, segment, size) : size;
 }
 
 /// Of a TIFF structure, which EXIF data is: the orientation in its first directory.
@@ -433,7 +425,7 @@ int orientation_in(Content tiff) {
 Content exif_in_jpeg(Content file) {
   constexpr std::string_view name("Exif\0\0", 6);
   for (std::size_t at = 2; at + 4 <= file.size() && file[at] == 0xff;) {
-    const std::size_t marker = file[at + 1], length = number(file, at + 2, 2, false);
+    const std::size_t marker = file[at + 1], length = number(file, at + 2, 2);
     if (marker == 0xff) { // fills up
       ++at;
       continue;
@@ -557,7 +549,7 @@ std::optional<std::uint64_t> missing_length(const std::filesystem::path& path) {
     end = iso_media_end(file, size);
   else if (is_tag(&head[0], "RIFF"))
     end = riff_end(file, size);
-  else if (big_endian(&head[0], 4) == 0x1a45dfa3)
+  else if (number(head, 0, 4) == 0x1a45dfa3)
     end = matroska_end(file, size);
   return end > size ? std::optional(end) : std::nullopt;
 }
@@ -565,7 +557,7 @@ std::optional<std::uint64_t> missing_length(const std::filesystem::path& path) {
 bool tells_duration(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   const Head head = head_at(file, 0);
-  return (is_tag(&head[0], "RIFF") && is_tag(&head[8], "AVI ")) || big_endian(&head[0], 4) == 0x1a45dfa3 ||
+  return (is_tag(&head[0], "RIFF") && is_tag(&head[8], "AVI ")) || number(head, 0, 4) == 0x1a45dfa3 ||
          is_tag(&head[0], "FLV\x01");
 }
 
