@@ -4,7 +4,10 @@
 #include <gst/terrainseg/terrainsegmeta.h>
 #include <gst/video/video.h>
 
+#include <vector>
+
 #include "support/buffers.hpp"
+#include "support/estimate_meta.hpp"
 
 namespace terrainseg {
 namespace {
@@ -40,16 +43,13 @@ void rescale_horizon(GstStructure* fields, Axis y) {
 /// Rows equal to the old frame height mean "none" and become the new height.
 void rescale_boundary(GstStructure* fields, int old_height, int new_height, Axis y) {
   GstBuffer* boundary = gst_terrain_seg_meta_get_boundary(fields);
-  const MappedBuffer in(boundary, GST_MAP_READ);
-  if (!in)
+  ValueReader<std::uint16_t> rows;
+  if (!boundary || !rows.map(boundary) || !rows.is_whole())
     return;
-  const OwnedBuffer scaled(gst_buffer_new_allocate(nullptr, in.size(), nullptr));
-  if (const MappedBuffer out(scaled.get(), GST_MAP_WRITE); out)
-    for (gsize i = 0; i + 1 < in.size(); i += 2) { // by bytes: the address of `in` may be odd
-      const int row = in.data()[i] | in.data()[i + 1] << 8;
-      const int moved = row >= old_height ? new_height : std::min(y.row(row), new_height - 1);
-      GST_WRITE_UINT16_LE(out.data() + i, static_cast<guint16>(moved));
-    }
+  std::vector<std::uint16_t> moved(rows.values().begin(), rows.values().end());
+  for (std::uint16_t& row : moved)
+    row = static_cast<std::uint16_t>(row >= old_height ? new_height : std::min(y.row(row), new_height - 1));
+  const OwnedBuffer scaled(new_boundary_buffer(moved));
   if (scaled)
     gst_structure_set(fields, "boundary", GST_TYPE_BUFFER, scaled.get(), nullptr);
 }
