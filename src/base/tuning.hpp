@@ -47,6 +47,10 @@ inline std::vector<Table*>& tables() {
   static std::vector<Table*> all;
   return all;
 }
+inline void fill_tables() {
+  for (Table* table : tables())
+    table->fill();
+}
 template <typename Make> class TableOf final : public Table {
  public:
   explicit TableOf(Make make) : make_(make), values_(make()) { tables().push_back(this); }
@@ -67,8 +71,7 @@ inline bool set(std::string_view name, std::int64_t value) {
   if (knob == knobs().end())
     return false;
   knob->assign(knob->number, value);
-  for (Table* table : tables())
-    table->fill();
+  fill_tables();
   return true;
 }
 
@@ -76,8 +79,7 @@ inline bool set(std::string_view name, std::int64_t value) {
 inline void reset() {
   for (const Knob& knob : knobs())
     knob.assign(knob.number, knob.standard);
-  for (Table* table : tables())
-    table->fill();
+  fill_tables();
 }
 
 /// Registers a tunable constant and returns its value, which lives as long as the program.

@@ -297,13 +297,14 @@ bool LineWatch::due(int frame_height) {
 
 void LineWatch::take(std::optional<std::int32_t> row_q8) {
   if (!row_q8) {
-    if (++misses_ > most_misses)
-      found_ = agreed_ = false;
+    if (++misses_ > most_misses) {
+      row_q8_.reset();
+      agreed_ = false;
+    }
     return;
   }
-  agreed_ = found_ && std::abs(*row_q8 - row_q8_) <= (height_ << 8) / same_row;
-  found_ = true;
-  row_q8_ = *row_q8;
+  agreed_ = row_q8_ && std::abs(*row_q8 - *row_q8_) <= (height_ << 8) / same_row;
+  row_q8_ = row_q8;
   misses_ = 0;
 }
 

@@ -66,12 +66,12 @@ class LineWatch {
   /// Takes the result of a look: a row in Q8, or nothing.
   void take(std::optional<std::int32_t> row_q8);
   /// The row that two looks in succession found.
-  FrameLine line() const { return agreed_ ? FrameLine{FrameLine::Source::lines, row_q8_} : FrameLine{}; }
+  FrameLine line() const { return agreed_ ? FrameLine{FrameLine::Source::lines, *row_q8_} : FrameLine{}; }
 
  private:
   std::int32_t height_ = 0;               ///< of the frames
-  std::int32_t row_q8_ = 0;               ///< of the last look that found one
-  bool found_ = false, agreed_ = false;   ///< a look found a row; the last two that did found the same one
+  std::optional<std::int32_t> row_q8_;    ///< of the last look that found one
+  bool agreed_ = false;                   ///< the last two looks that found one found the same
   std::uint32_t frames_ = 0, misses_ = 0; ///< frames seen; looks in succession that found nothing
 };
 
