@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "kernels/sides.hpp"
 
+#include <algorithm>
+
 #include "kernels/targets.hpp"
 
 #undef HWY_TARGET_INCLUDE
@@ -238,6 +240,43 @@ void excess_of_row(const std::uint8_t* __restrict values, const std::uint8_t* __
   }
 }
 
+bool marks_of_row(const ColumnBoxes& boxes, const std::uint8_t* __restrict values, int least, int count,
+                  std::uint8_t* __restrict marks) {
+  const std::int16_t* __restrict columns = boxes.columns;
+  std::int32_t* __restrict sums = boxes.work;
+  const int reach = boxes.reach, least_sum = boxes.least;
+  std::fill_n(sums, reach + 1, 0);
+  std::int32_t run = 0;
+  int i = 0;
+  std::int32_t* const after = sums + reach + 1;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::FixedTag<std::int32_t, 4> d;
+  const hn::Rebind<std::int16_t, decltype(d)> d16;
+  auto before = hn::Zero(d);
+  for (; i + 4 <= count; i += 4) {
+    const auto each = hn::PromoteTo(d, hn::LoadU(d16, columns + i));
+    const auto pairs = hn::Add(each, hn::ShiftLeftLanes<1>(d, each));
+    const auto prefix = hn::Add(hn::Add(pairs, hn::ShiftLeftLanes<2>(d, pairs)), before);
+    hn::StoreU(prefix, d, after + i);
+    before = hn::Broadcast<3>(prefix);
+  }
+  run = hn::GetLane(before);
+#endif
+  for (; i < count; ++i)
+    after[i] = run += columns[i];
+  std::fill_n(after + count, reach, run);
+  const std::int32_t* const ends = after + reach;
+  for (i = 0; i < count; ++i)
+    marks[i] = static_cast<std::uint8_t>(ends[i] - sums[i] >= least_sum);
+  std::uint8_t any = 0;
+  const auto least_value = static_cast<std::uint8_t>(least);
+  for (i = 0; i < count; ++i) {
+    marks[i] = static_cast<std::uint8_t>(marks[i] & static_cast<std::uint8_t>(values[i] >= least_value));
+    any = static_cast<std::uint8_t>(any | marks[i]);
+  }
+  return any != 0;
+}
+
 } // namespace HWY_NAMESPACE
 } // namespace terrainseg::kernels
 HWY_AFTER_NAMESPACE();
@@ -254,6 +293,7 @@ HWY_EXPORT(deviations_of);
 HWY_EXPORT(shades_of_row);
 HWY_EXPORT(oddness_of_row);
 HWY_EXPORT(excess_of_row);
+HWY_EXPORT(marks_of_row);
 
 decltype(add_blocks) add_blocks = dispatched([] { return &HWY_DYNAMIC_DISPATCH(sum_of_blocks); });
 decltype(count_boxes) count_boxes = dispatched([] { return &HWY_DYNAMIC_DISPATCH(counts_of_boxes); });
@@ -265,6 +305,7 @@ decltype(deviations) deviations = dispatched([] { return &HWY_DYNAMIC_DISPATCH(d
 decltype(note_dark) note_dark = dispatched([] { return &HWY_DYNAMIC_DISPATCH(shades_of_row); });
 decltype(oddness) oddness = dispatched([] { return &HWY_DYNAMIC_DISPATCH(oddness_of_row); });
 decltype(add_excess) add_excess = dispatched([] { return &HWY_DYNAMIC_DISPATCH(excess_of_row); });
+decltype(mark_boxes) mark_boxes = dispatched([] { return &HWY_DYNAMIC_DISPATCH(marks_of_row); });
 
 // The loops of the stone field are plain: vectors of newer processors would save less than 5 % of a frame
 // (lab/speed/plain.py).

@@ -79,6 +79,19 @@ extern void (*const oddness)(const DeviationRow& in, const std::int16_t* nearest
 extern void (*const add_excess)(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign,
                                 int count, std::int16_t* sums);
 
+/// Boxes of `columns` from i - reach to i + reach, of which the part inside the row counts.
+struct ColumnBoxes {
+  const std::int16_t* columns;
+  int reach;
+  std::int32_t least; ///< smallest sum that is enough
+  std::int32_t* work; ///< 2 reach + 1 numbers more than columns
+};
+
+/// marks[i] = 1 where values[i] is at least `least` and the sum of the box is enough, otherwise 0. Returns
+/// whether there is any.
+extern bool (*const mark_boxes)(const ColumnBoxes& boxes, const std::uint8_t* values, int least, int count,
+                                std::uint8_t* marks);
+
 // The stone field: rows of cells and the ground around them, from which cells that differ are excluded.
 
 /// Per column, over the cells that are ground (1, otherwise 0): adds their number, their sum, and the sum of

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <vector>
 
@@ -57,7 +58,10 @@ class GroundOutline {
   /// 1 = ground, otherwise 0. Valid from row first() on.
   /// Column -1 is not ground, where rows have additional elements.
   const std::uint8_t* row(int i) const { return &cells_[static_cast<std::size_t>(i) * stride_ + 1]; }
-  bool at(std::uint32_t cell) const { return cells_[cell + 1] != 0; }
+  /// True when all cells of a row from `from` to `to` (exclusive) are ground.
+  bool is_whole(int i, int from, int to) const {
+    return !std::memchr(row(i) + from, 0, static_cast<std::size_t>(to - from));
+  }
 
  private:
   std::size_t stride_ = 0;

@@ -112,17 +112,15 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   const std::size_t size = static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height_);
   odd_.resize(size + 1);
   odd_.back() = 0;
-  for (const std::uint32_t cell : candidates_.cells()) // only candidates belong to spots
-    spot_[cell] = 0;
-  spot_.resize(size);
+  spot_.assign(size, 0);
   holes.clear();
+  // Reserved now, so that the first frame with a spot does not allocate.
   holes.reserve(size / 2);
-  queue_.reserve(size); // reserved now, so that the first frame with a spot does not allocate
-  seed_.resize(size);
+  candidates_.reserve(stride_, height_);
+  pieces_.reserve(stride_, height_);
   const bool any_ground = ground_.draw(
       curves, {view.level, width_, height_, view.column_level, view.level, view.ignored, stride_});
   first_ = std::max(ground_.first(), view.skipped > 0 ? horizon_row_ + view.skipped : 0);
-  candidates_.start(stride_, height_, first_);
   std::fill_n(odd_.begin(), std::min(first_, height_) * stride_ + 1, std::uint8_t{0});
   if (!any_ground || first_ >= height_)
     return false;
@@ -140,10 +138,9 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
     for (int row = bottom; row >= top; --row)
       measure_row(row);
   }
-  if (!seed())
+  if (!mark_spots())
     return false;
-  candidates_.grow(
-      seed_.data(), [&](int row) { return reach(growth_reach, row); }, spot_.data());
+  pieces_.find(spot_.data(), stride_, first_, height_);
   const bool any = keep_islands();
   list(holes);
   return any;
@@ -279,44 +276,41 @@ void OddSpots::measure_row(int row) {
   kernels::oddness(deviations, nearest_dark, reached, most_oddness, count_, odd + from);
 }
 
-// Marks the candidates around which the mean oddness of the ground is high enough. The other elements of
-// seed_ are 0, because keep_islands() clears them.
-bool OddSpots::seed() {
+// Marks the cells around seeds, where the mean oddness of the ground is high enough.
+bool OddSpots::mark_spots() {
   const int enough = is_far() ? far_seed_enough : seed_enough;
   const std::size_t from = static_cast<std::size_t>(first_) * static_cast<std::size_t>(stride_);
-  if (largest(&odd_[from], odd_.size() - from) < enough)
-    return false;
-  const std::uint8_t* const odd = odd_.data() + 1;
-  candidates_.list(odd, odd_enough);
-  return candidates_.seed(
-      odd, ground_, enough, [&](int row) { return reach(seed_reach, row); }, seed_.data());
+  return largest(&odd_[from], odd_.size() - from) >= enough &&
+         candidates_.mark(
+             {odd_.data() + 1, ground_, stride_, height_, first_}, odd_enough, enough,
+             [&](int row) { return reach(seed_reach, row); },
+             [&](int row) { return reach(growth_reach, row); }, spot_.data());
 }
 
 // Removes the pieces of spots for which keep() is false. Returns false when none remain.
 template <typename Keep> bool OddSpots::keep_pieces(Keep keep) {
   bool any = false;
-  for (const std::uint32_t cell : candidates_.cells())
-    seed_[cell] = spot_[cell]; // cells that are still to be visited
-  for (const std::uint32_t start : candidates_.cells()) {
-    if (!seed_[start])
+  for (std::uint32_t piece = 0; piece < pieces_.count(); ++piece) {
+    if (!is_spot(pieces_.first_run(piece)))
       continue;
-    candidates_.take_piece(start, seed_.data(), queue_);
-    const bool kept = keep(queue_);
+    const bool kept = keep(piece);
     any |= kept;
     if (!kept)
-      for (const std::uint32_t cell : queue_)
-        spot_[cell] = 0;
+      pieces_.each_run(piece, [&](const Pieces::Run& run) {
+        std::fill_n(&spot_[cell_of(run.row, run.from)], run.to - run.from, std::uint8_t{0});
+      });
   }
   return any;
 }
 
 // Removes pieces below a cell that is not ground: these belong to the boundary.
 bool OddSpots::keep_islands() {
-  const auto w = static_cast<std::uint32_t>(stride_);
-  return keep_pieces([&](const std::vector<std::uint32_t>& piece) {
-    return std::all_of(piece.begin(), piece.end(), [&](std::uint32_t cell) {
-      return static_cast<int>(cell / w) <= first_ || ground_.at(cell - w);
+  return keep_pieces([&](std::uint32_t piece) {
+    bool island = true;
+    pieces_.each_run(piece, [&](const Pieces::Run& run) {
+      island = island && (run.row <= first_ || ground_.is_whole(run.row - 1, run.from, run.to));
     });
+    return island;
   });
 }
 
@@ -325,16 +319,17 @@ bool OddSpots::keep_islands() {
 bool OddSpots::drop_flat(const FinerCells<std::int16_t>& motion, std::vector<Hole>& holes) {
   if (motion.values.empty())
     return true;
-  const auto w = static_cast<std::uint32_t>(stride_);
-  const bool any = keep_pieces([&](const std::vector<std::uint32_t>& piece) {
-    int sum = 0, most = std::numeric_limits<std::int16_t>::min();
-    for (const std::uint32_t cell : piece) {
-      const int row = static_cast<int>(cell / w), column = static_cast<int>(cell % w);
-      const int moves = motion.nearest(column << view_.level, row << view_.level);
-      sum += moves;
-      most = std::max(most, moves);
-    }
-    return most > flat_everywhere || sum > flat_on_average * static_cast<int>(piece.size());
+  const bool any = keep_pieces([&](std::uint32_t piece) {
+    int cells = 0, sum = 0, most = std::numeric_limits<std::int16_t>::min();
+    pieces_.each_run(piece, [&](const Pieces::Run& run) {
+      for (int column = run.from; column < run.to; ++column) {
+        const int moves = motion.nearest(column << view_.level, run.row << view_.level);
+        ++cells;
+        sum += moves;
+        most = std::max(most, moves);
+      }
+    });
+    return most > flat_everywhere || sum > flat_on_average * cells;
   });
   list(holes);
   return any;
@@ -342,9 +337,9 @@ bool OddSpots::drop_flat(const FinerCells<std::int16_t>& motion, std::vector<Hol
 
 void OddSpots::list(std::vector<Hole>& holes) const {
   holes.clear();
-  candidates_.each_stretch(spot_.data(), [&](int row, int from, int to) {
-    holes.push_back(hole_of_cells(view_.level, row, from, to));
-  });
+  for (const Pieces::Run& run : pieces_.runs())
+    if (is_spot(run))
+      holes.push_back(hole_of_cells(view_.level, run.row, run.from, run.to));
 }
 
 } // namespace terrainseg

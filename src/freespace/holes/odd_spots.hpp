@@ -73,10 +73,15 @@ class OddSpots {
   void find_extent(int top, int bottom);
   void compare_sides(int block_row);
   void measure_row(int row);
-  bool seed();
+  bool mark_spots();
   bool keep_islands();
   void list(std::vector<Hole>& holes) const;
   template <typename Keep> bool keep_pieces(Keep keep);
+  bool is_spot(const Pieces::Run& run) const { return spot_[cell_of(run.row, run.from)] != 0; }
+  std::size_t cell_of(int row, int column) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(stride_) +
+           static_cast<std::size_t>(column);
+  }
 
   GroundView view_;
   int width_ = 0, stride_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
@@ -84,7 +89,7 @@ class OddSpots {
   int from_ = 0, count_ = 0; ///< elements of a row that are searched; sides_ and later members begin there
   GroundOutline ground_;
   std::array<std::vector<std::uint8_t>, 3> color_; ///< these and odd_ begin with column -1 of the first row
-  std::vector<std::uint8_t> odd_, seed_, spot_;
+  std::vector<std::uint8_t> odd_, spot_;
   std::array<std::vector<std::uint32_t>, sum_count>
       sums_; ///< cumulative over blocks of rows, from the first one with ground
   std::array<std::vector<std::uint32_t>, sum_count> strips_; ///< of a row of blocks: prefix sums over the
@@ -97,8 +102,8 @@ class OddSpots {
   std::vector<std::int16_t> nearest_dark_;
   std::array<std::vector<std::uint8_t>, 3> deviation_; ///< of a row, Q4
   std::vector<std::uint8_t> dark_, shade_;             ///< of a row: darker than both sides; clearly darker
-  CandidateCells candidates_;                          ///< cells above the oddness threshold
-  std::vector<std::uint32_t> queue_;                   ///< cells of a piece
+  CandidateCells candidates_;
+  Pieces pieces_; ///< of the spots
 };
 
 } // namespace terrainseg

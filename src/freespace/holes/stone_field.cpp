@@ -70,8 +70,8 @@ void spread(const Value* values, int blocks, std::size_t count, std::vector<Valu
 
 /// Properties of a connected piece.
 struct StoneField::Piece {
-  int left, right, top, bottom, cells, peak;
-  bool inside; ///< surrounded by ground
+  int left, right, top, bottom, cells = 0, peak = 0;
+  bool inside = true; ///< surrounded by ground
 
   bool is_within(int distance, int most_width, int most_height) const {
     const int width = right - left + 1, height = bottom - top + 1;
@@ -89,8 +89,7 @@ bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, c
                       const StoneView& view, Watch& watch, std::vector<Hole>& holes) {
   holes.clear();
   for (const Run& run : runs_) // only these cells are marked
-    std::fill_n(&oddness_[static_cast<std::size_t>(run.row) * static_cast<std::size_t>(width_) + run.from],
-                run.to - run.from, std::uint8_t{0});
+    std::fill_n(&oddness_[cell_of(run.row, run.from)], run.to - run.from, std::uint8_t{0});
   runs_.clear();
   if (watch.frames_to_wait > 0) {
     --watch.frames_to_wait;
@@ -113,31 +112,35 @@ bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, c
   height_ = pyramid.height(view.level);
   horizon_row_ = static_cast<int>(view.horizon) * height_ >> 8;
   const std::size_t size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
-  for (auto* cells : {&deviation_, &marked_, &waiting_, &oddness_})
+  for (auto* cells : {&deviation_, &marked_, &oddness_})
     cells->resize(size);
-  piece_.reserve(size); // reserved now, so that the first frame with a stone does not allocate
+  // Reserved now, so that the first frame with a stone does not allocate.
+  candidates_.reserve(width_, height_);
+  pieces_.reserve(width_, height_);
   runs_.reserve(size / 2);
-  row_ends_.reserve(static_cast<std::size_t>(height_));
   const bool any_ground = ground_.draw(
       curves, {view.level, width_, height_, view.column_level, view.column_spacing, view.ignored, width_});
   first_ = std::min(ground_.first(), height_);
-  candidates_.start(width_, height_, first_);
   if (!any_ground)
     return false;
   read_luma(pyramid, transform);
   measure_ground();
   measure_deviations();
   const auto reach_of = [&](int row) { return reach(row); };
-  candidates_.list(deviation_.data(), odd_enough);
-  const auto clear = std::count_if(candidates_.cells().begin(), candidates_.cells().end(),
-                                   [&](std::uint32_t cell) { return deviation_[cell] >= sure_peak; });
-  if (clear < pieces_of_a_field()) // each piece has at least one such cell
+  const std::uint8_t* const deviations = deviation_.data();
+  const CandidateCells::View cells{deviations, ground_, width_, height_, first_};
+  std::size_t clear = 0;
+  for (std::size_t i = cells.cell_of(first_); i < size; i += 255) {
+    std::uint8_t some = 0;
+    for (std::size_t j = i; j < std::min(i + 255, size); ++j)
+      some = static_cast<std::uint8_t>(some + (deviations[j] >= sure_peak));
+    clear += some;
+  }
+  if (clear < static_cast<std::size_t>(pieces_of_a_field())) // each piece has at least one such cell
     return false;
-  if (!candidates_.seed(deviation_.data(), ground_, seed_enough, reach_of, marked_.data()))
+  if (!candidates_.mark(cells, odd_enough, seed_enough, reach_of, reach_of, marked_.data()))
     return false;
-  candidates_.grow(marked_.data(), reach_of, waiting_.data());
-  for (const std::uint32_t cell : candidates_.cells())
-    marked_[cell] = waiting_[cell];
+  pieces_.find(marked_.data(), width_, first_, height_);
   if (!is_field())
     return false;
   take_stones();
@@ -285,33 +288,23 @@ int StoneField::reach(int row) const {
   return std::max((seed_reach * distance(row) + 512) >> 10, 1);
 }
 
-// Calls visit(piece) for each piece that has a cell with a deviation of at least `peak`. piece_ then holds
-// its cells, and their waiting_ is 0.
-template <typename Visit> void StoneField::each_piece(int peak, Visit visit) {
-  for (const std::uint32_t cell : candidates_.cells())
-    if (waiting_[cell] && deviation_[cell] >= peak) {
-      candidates_.take_piece(cell, waiting_.data(), piece_);
-      visit(look_at(piece_));
-    }
-}
-
 // Number of clear pieces that a field must have.
 int StoneField::pieces_of_a_field() const {
   return in_field_ ? least_sure / less_in_a_field : least_sure;
 }
 
-StoneField::Piece StoneField::look_at(std::span<const std::uint32_t> cells) const {
-  Piece piece{width_, 0, height_, 0, static_cast<int>(cells.size()), 0, true};
-  const auto w = static_cast<std::uint32_t>(width_);
-  for (const std::uint32_t cell : cells) {
-    const auto row = static_cast<int>(cell / w), column = static_cast<int>(cell % w);
-    piece.left = std::min(piece.left, column);
-    piece.right = std::max(piece.right, column);
-    piece.top = std::min(piece.top, row);
-    piece.bottom = std::max(piece.bottom, row);
-    piece.peak = std::max<int>(piece.peak, deviation_[cell]);
-    piece.inside &= row > first_ && ground_.at(cell - w);
-  }
+StoneField::Piece StoneField::look_at(std::uint32_t number) const {
+  Piece piece{width_, 0, height_, 0};
+  pieces_.each_run(number, [&](const Pieces::Run& run) {
+    const std::uint8_t* const deviations = &deviation_[cell_of(run.row, 0)];
+    piece.left = std::min(piece.left, run.from);
+    piece.right = std::max(piece.right, run.to - 1);
+    piece.top = std::min(piece.top, run.row);
+    piece.bottom = run.row;
+    piece.cells += run.to - run.from;
+    piece.peak = std::max<int>(piece.peak, *std::max_element(deviations + run.from, deviations + run.to));
+    piece.inside = piece.inside && run.row > first_ && ground_.is_whole(run.row - 1, run.from, run.to);
+  });
   piece.inside &= piece.left > 0 && piece.right < width_ - 1 && piece.bottom < height_ - 1;
   return piece;
 }
@@ -321,55 +314,42 @@ int StoneField::distance_of(const Piece& piece) const {
   return std::max(piece.bottom - horizon_row_, least_distance);
 }
 
-// Pieces without a clear cell contribute only their number of cells.
-bool StoneField::is_field() {
+bool StoneField::is_field() const {
   int sure = 0;
   std::int64_t sure_cells = 0, all_cells = 0;
-  for (const std::uint32_t cell : candidates_.cells())
-    all_cells += waiting_[cell];
-  each_piece(sure_peak, [&](const Piece& piece) {
-    if (!piece.inside || !piece.is_within(distance_of(piece), sure_width, sure_height))
-      return;
+  for (std::uint32_t number = 0; number < pieces_.count(); ++number) {
+    const Piece piece = look_at(number);
+    all_cells += piece.cells;
+    if (piece.peak < sure_peak || !piece.inside ||
+        !piece.is_within(distance_of(piece), sure_width, sure_height))
+      continue;
     ++sure;
     sure_cells += piece.cells;
-  });
-  const int share = in_field_ ? least_share * less_in_a_field : least_share;
-  const bool field = sure >= pieces_of_a_field() && share * sure_cells >= all_cells;
-  for (const std::uint32_t cell : candidates_.cells()) {
-    waiting_[cell] = field ? marked_[cell] : std::uint8_t{0};
-    marked_[cell] = 0;
   }
-  return field;
+  const int share = in_field_ ? least_share * less_in_a_field : least_share;
+  return sure >= pieces_of_a_field() && share * sure_cells >= all_cells;
 }
 
 void StoneField::take_stones() {
-  each_piece(stone_peak, [&](const Piece& piece) {
-    if (piece.inside && piece.is_within(distance_of(piece), stone_width, stone_height))
-      fill(piece);
-  });
-  for (const std::uint32_t cell : candidates_.cells())
-    waiting_[cell] = 0;
+  for (std::uint32_t number = 0; number < pieces_.count(); ++number)
+    if (const Piece piece = look_at(number); piece.peak >= stone_peak && piece.inside &&
+                                             piece.is_within(distance_of(piece), stone_width, stone_height))
+      fill(number, std::min(piece.peak, most_oddness));
 }
 
-// Fills each row between its outermost cells: between the lit and the shaded side of a stone the luma equals
-// the ground's.
-void StoneField::fill(const Piece& piece) {
-  const auto w = static_cast<std::uint32_t>(width_);
-  const auto rows = static_cast<std::size_t>(piece.bottom - piece.top + 1);
-  row_ends_.assign(rows, {width_, 0});
-  for (const std::uint32_t cell : piece_) {
-    auto& [from, to] = row_ends_[static_cast<std::size_t>(static_cast<int>(cell / w) - piece.top)];
-    from = std::min(from, static_cast<int>(cell % w));
-    to = std::max(to, static_cast<int>(cell % w) + 1);
-  }
-  for (std::size_t r = 0; r < rows; ++r) {
-    const int row = piece.top + static_cast<int>(r);
-    const auto [from, to] = row_ends_[r];
-    runs_.push_back(
-        {static_cast<std::uint16_t>(row), static_cast<std::uint16_t>(from), static_cast<std::uint16_t>(to)});
-    std::fill_n(&oddness_[static_cast<std::size_t>(row) * w + static_cast<std::size_t>(from)], to - from,
-                static_cast<std::uint8_t>(std::min(piece.peak, most_oddness)));
-  }
+// Fills each row of a piece between its outermost cells: between the lit and the shaded side of a stone the
+// luma equals the ground's.
+void StoneField::fill(std::uint32_t number, int odd) {
+  const std::size_t first = runs_.size();
+  pieces_.each_run(number, [&](const Pieces::Run& run) {
+    if (runs_.size() > first && runs_.back().row == run.row)
+      runs_.back().to = static_cast<std::uint16_t>(run.to);
+    else
+      runs_.push_back({static_cast<std::uint16_t>(run.row), static_cast<std::uint16_t>(run.from),
+                       static_cast<std::uint16_t>(run.to)});
+  });
+  for (const Run& run : std::span(runs_).subspan(first))
+    std::fill_n(&oddness_[cell_of(run.row, run.from)], run.to - run.from, static_cast<std::uint8_t>(odd));
 }
 
 } // namespace terrainseg

@@ -78,12 +78,15 @@ class StoneField {
   std::array<std::uint32_t, 3> box_around(int block_row, int column, int reach) const;
   void measure_ground();
   void measure_deviations();
-  template <typename Visit> void each_piece(int peak, Visit visit);
   int pieces_of_a_field() const;
-  Piece look_at(std::span<const std::uint32_t> cells) const;
-  bool is_field();
+  Piece look_at(std::uint32_t number) const;
+  bool is_field() const;
   void take_stones();
-  void fill(const Piece& piece);
+  void fill(std::uint32_t number, int odd);
+  std::size_t cell_of(int row, int column) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+           static_cast<std::size_t>(column);
+  }
 
   bool in_field_ = false; ///< whether the last searched frame showed a field
   StoneView view_;
@@ -99,11 +102,9 @@ class StoneField {
   std::vector<std::uint16_t> scale_;
   std::vector<std::uint8_t> row_middle_, row_reach_; ///< of a row, per cell
   std::vector<std::uint16_t> row_scale_;
-  std::vector<std::uint8_t> deviation_, oddness_;
-  std::vector<std::uint8_t> marked_, waiting_; ///< 0 between frames
+  std::vector<std::uint8_t> deviation_, oddness_, marked_;
   CandidateCells candidates_;
-  std::vector<std::uint32_t> piece_; ///< cells of the current piece
-  std::vector<std::pair<int, int>> row_ends_;
+  Pieces pieces_;         ///< of the marked cells
   std::vector<Run> runs_; ///< rows of the stones
 };
 
