@@ -24,6 +24,7 @@
 #include "tools/process/manifest.hpp"
 #include "tools/process/options.hpp"
 #include "tools/process/outputs.hpp"
+#include "tools/process/source.hpp"
 #include "tools/process/worker.hpp"
 
 namespace terrainseg::process {
@@ -602,6 +603,38 @@ TEST(Causes, WhatMayPassLater) {
 }
 
 // ---- workers
+
+using Sources = InFolder;
+
+// The decoder is quick or the machine busy: frames arrive while the queue at the end is not started yet.
+TEST_F(Sources, FramesThatComeBeforeEverythingIsStartedAreNotLost) {
+  gst_init(nullptr, nullptr);
+  const auto run = [](GstElement* pipeline) {
+    gst_element_set_state(pipeline, GST_STATE_PLAYING);
+    const BusPointer bus(gst_element_get_bus(pipeline));
+    const auto ends = static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR);
+    const MessagePointer message(gst_bus_timed_pop_filtered(bus.get(), 20 * GST_SECOND, ends));
+    gst_element_set_state(pipeline, GST_STATE_NULL);
+    gst_object_unref(pipeline);
+    return message && GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_EOS;
+  };
+  const fs::path image = folder / "0.png";
+  ASSERT_TRUE(run(gst_parse_launch(
+      ("videotestsrc num-buffers=1 ! pngenc ! filesink location=" + image.string()).c_str(), nullptr)));
+  Input input;
+  input.kind = Input::Kind::images;
+  input.images = {image, image};
+  Source source(input, Options());
+  GstElement* const pipeline = gst_pipeline_new(nullptr);
+  GstElement* const sink = gst_element_factory_make("fakesink", nullptr);
+  gst_bin_add_many(GST_BIN(pipeline), source.bin(), sink, nullptr);
+  ASSERT_TRUE(gst_element_link(source.bin(), sink));
+  const PadPointer end(gst_ghost_pad_get_target(GST_GHOST_PAD(pad_of(source.bin(), "src").get())));
+  const ElementPointer queue(gst_pad_get_parent_element(end.get()));
+  gst_element_set_locked_state(queue.get(), TRUE); // the bin leaves it out, as if it came to it last
+  EXPECT_TRUE(run(pipeline));
+  gst_element_set_state(queue.get(), GST_STATE_NULL);
+}
 
 TEST(Workers, TakeWhatTheyAreGivenWhateverItsBytes) {
   Input input;

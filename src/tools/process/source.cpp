@@ -374,6 +374,9 @@ bool Source::link_video(GstPad* pad) {
   GstElement* upright = gst_parse_bin_from_description(elements.c_str(), TRUE, nullptr);
   gst_bin_add(GST_BIN(bin_), upright);
   const bool ok = gst_element_link(upright, tail_);
+  // The first frame may arrive while the bin still starts its other elements, and a queue that is not started
+  // refuses it.
+  gst_element_sync_state_with_parent(tail_);
   gst_element_sync_state_with_parent(upright);
   const PadPointer sink = pad_of(upright, "sink");
   add_probe<&Source::on_decoded>(sink, GST_PAD_PROBE_TYPE_BUFFER, this);
