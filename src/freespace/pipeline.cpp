@@ -61,7 +61,7 @@ FrameLine end_of_ground(const View& view, bool continued, const MotionTrack& tra
                         LongLines& lines, LineWatch& watch) {
   const FrameTask& task = view.task;
   if (task.settings.long_lines)
-    lines.prepare(view.pyramid, view.grid.level);
+    lines.prepare(view.luma, view.grid.level);
   const FrameLine measured = end_of_plane(task, continued, track);
   if (measured.known() || known_line(task).known())
     return measured;
@@ -72,7 +72,7 @@ FrameLine end_of_ground(const View& view, bool continued, const MotionTrack& tra
   if (!task.settings.long_lines)
     return {};
   if (watch.due(task.frame.height))
-    watch.take(lines.meeting_row(view.pyramid, view.transform, layout_of(task.frame.format).rgb));
+    watch.take(lines.meeting_row(view.luma));
   return watch.line();
 }
 

@@ -28,7 +28,9 @@ void look(OwnedFrame& frame, int level, Looked& looked) {
   looked.pyramid.build(frame.frame(), coarse_plan(frame.frame().format, level));
   const ColorTransform transform = color_transform_of(false, frame.frame().colorimetry);
   looked.grid = looked.reader.read(looked.pyramid, level, transform, {});
-  looked.coherence.look(looked.pyramid, looked.grid, transform, false);
+  LumaLevels luma;
+  luma.read(looked.pyramid, refinement_level(level), level, transform, false);
+  looked.coherence.look(luma, looked.grid);
 }
 
 OwnedFrame noise(int width, int height, unsigned seed) {

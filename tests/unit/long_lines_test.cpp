@@ -53,8 +53,11 @@ std::optional<double> row_of(OwnedFrame& frame, int grid_level) {
   Pyramid pyramid;
   pyramid.build(frame.frame(), coarse_plan(frame.frame().format, grid_level));
   LongLines lines;
-  lines.prepare(pyramid, grid_level);
-  const auto row = lines.meeting_row(pyramid, color_transform_of(rgb, frame.frame().colorimetry), rgb);
+  LumaLevels luma;
+  luma.read(pyramid, texture_level(grid_level), grid_level,
+            color_transform_of(rgb, frame.frame().colorimetry), rgb);
+  lines.prepare(luma, grid_level);
+  const auto row = lines.meeting_row(luma);
   return row ? std::optional(*row / 256.0) : std::nullopt;
 }
 

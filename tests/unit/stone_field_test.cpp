@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "base/lattice.hpp"
+#include "freespace/look/view.hpp"
 #include "support/frames.hpp"
 #include "terrainseg/segmenter.hpp"
 
@@ -23,20 +24,17 @@ struct Scene {
       : owned(format, width, height, painter, 0) {
     owned.frame().colorimetry = {ColorRange::full, ColorMatrix::bt601};
     view.level = level;
-    view.rgb = format == PixelFormat::RGB;
     pyramid.build(owned.frame(), {level + 1, 0, 0});
+    const bool rgb = format == PixelFormat::RGB;
+    luma.read(pyramid, level, level, color_transform_of(rgb, owned.frame().colorimetry), rgb);
     view.horizon = 64;
     curves.boundary.assign(static_cast<std::size_t>(width), static_cast<std::uint16_t>(height / 4));
     curves.safe = curves.boundary;
   }
-  bool find() {
-    return field.find(pyramid, color_transform_of(view.rgb, owned.frame().colorimetry), curves, view, watch,
-                      found.holes);
-  }
+  bool find() { return field.find(luma.level(view.level), curves, view, watch, found.holes); }
   /// Another picture of the same size, the same search.
   bool find_in(Scene& other) {
-    return field.find(other.pyramid, color_transform_of(false, other.owned.frame().colorimetry), other.curves,
-                      other.view, watch, found.holes);
+    return field.find(other.luma.level(view.level), other.curves, other.view, watch, found.holes);
   }
   bool stone(int row, int column) const {
     return field.oddness().values[static_cast<std::size_t>(row * field.width() + column)] != 0;
@@ -49,6 +47,7 @@ struct Scene {
 
   test::OwnedFrame owned;
   Pyramid pyramid;
+  LumaLevels luma;
   FreeSpaceCurves curves;
   StoneView view;
   StoneField field;

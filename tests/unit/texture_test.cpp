@@ -27,7 +27,9 @@ Read read(OwnedFrame& frame, int level, const Colorimetry& colorimetry = full) {
   const ColorTransform transform = color_transform_of(rgb, colorimetry);
   Read result;
   result.grid = result.reader.read(pyramid, level, transform, {});
-  TextureReader().read(pyramid, result.grid, transform, rgb, result.texture);
+  LumaLevels luma;
+  luma.read(pyramid, texture_level(level), level, transform, rgb);
+  TextureReader().read(luma, result.grid, result.texture);
   return result;
 }
 

@@ -103,10 +103,11 @@ void StoneFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, Ho
     return;
   const View& view = open.view;
   const SpotLevels levels = spot_levels(view);
-  const bool any = field_.find(view.pyramid, view.transform, *curves,
-                               {texture_level(view.grid.level), layout_of(view.task.frame.format).rgb,
-                                levels.columns, levels.far, open.horizon, view.task.settings.ignore_regions},
-                               memory.stones, found_.holes);
+  const int level = texture_level(view.grid.level);
+  const bool any =
+      field_.find(view.luma.level(level), *curves,
+                  {level, levels.columns, levels.far, open.horizon, view.task.settings.ignore_regions},
+                  memory.stones, found_.holes);
   if (any)
     found_.oddness = field_.oddness();
 }

@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "base/tuning.hpp"
-#include "freespace/look/view.hpp"
 #include "kernels/sides.hpp"
 
 namespace terrainseg {
@@ -85,8 +84,8 @@ int StoneField::distance(int row) const {
   return std::max(row - horizon_row_, nearest_rows);
 }
 
-bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
-                      const StoneView& view, Watch& watch, std::vector<Hole>& holes) {
+bool StoneField::find(const GrayView& luma, const FreeSpaceCurves& curves, const StoneView& view,
+                      Watch& watch, std::vector<Hole>& holes) {
   holes.clear();
   for (const Run& run : runs_) // only these cells are marked
     std::fill_n(&oddness_[cell_of(run.row, run.from)], run.to - run.from, std::uint8_t{0});
@@ -96,7 +95,7 @@ bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, c
     return false;
   }
   in_field_ = watch.in_field;
-  watch.in_field = look(pyramid, transform, curves, view);
+  watch.in_field = look(luma, curves, view);
   watch.looks_in_vain = watch.in_field ? 0 : std::min(watch.looks_in_vain + 1, pauses.size() - 1);
   watch.frames_to_wait = pauses[watch.looks_in_vain];
   holes.reserve(runs_.capacity());
@@ -105,11 +104,10 @@ bool StoneField::find(const Pyramid& pyramid, const ColorTransform& transform, c
   return watch.in_field;
 }
 
-bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
-                      const StoneView& view) {
+bool StoneField::look(const GrayView& luma, const FreeSpaceCurves& curves, const StoneView& view) {
   view_ = view;
-  width_ = pyramid.width(view.level);
-  height_ = pyramid.height(view.level);
+  width_ = luma.width;
+  height_ = luma.height;
   horizon_row_ = static_cast<int>(view.horizon) * height_ >> 8;
   const std::size_t size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   for (auto* cells : {&deviation_, &marked_, &oddness_})
@@ -123,9 +121,8 @@ bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, c
   first_ = std::min(ground_.first(), height_);
   if (!any_ground)
     return false;
-  read_luma(pyramid, transform);
-  measure_ground();
-  measure_deviations();
+  measure_ground(luma.plane);
+  measure_deviations(luma.plane);
   const auto reach_of = [&](int row) { return reach(row); };
   const std::uint8_t* const deviations = deviation_.data();
   const CandidateCells::View cells{deviations, ground_, width_, height_, first_};
@@ -145,16 +142,6 @@ bool StoneField::look(const Pyramid& pyramid, const ColorTransform& transform, c
     return false;
   take_stones();
   return true;
-}
-
-void StoneField::read_luma(const Pyramid& pyramid, const ColorTransform& transform) {
-  luma_.resize(static_cast<std::size_t>(height_));
-  if (view_.rgb)
-    luma_of_rgb_.resize(deviation_.size());
-  const auto width = static_cast<std::size_t>(width_);
-  for (auto i = static_cast<std::size_t>(first_); i < luma_.size(); ++i)
-    luma_[i] = luma_row(pyramid, view_.level, static_cast<int>(i), transform, view_.rgb,
-                        view_.rgb ? &luma_of_rgb_[i * width] : nullptr);
 }
 
 int StoneField::block_reach(int block_row) const {
@@ -213,7 +200,7 @@ std::array<std::uint32_t, 3> StoneField::box_around(int block_row, int column, i
 
 // Computes per block the mean of the surrounding ground and its mean deviation, in two passes. The second
 // pass leaves out cells beyond `trim` deviations of the first.
-void StoneField::measure_ground() {
+void StoneField::measure_ground(const Plane& luma) {
   blocks_x_ = (width_ + block - 1) >> block_shift;
   blocks_y_ = (height_ + block - 1) >> block_shift;
   first_block_ = first_ >> block_shift;
@@ -231,8 +218,7 @@ void StoneField::measure_ground() {
   };
 
   sum_blocks([&](int i) {
-    kernels::add_moments(luma_[static_cast<std::size_t>(i)], ground_.row(i), width_,
-                         {cells_.data(), sums_.data(), squares_.data()});
+    kernels::add_moments(luma.row(i), ground_.row(i), width_, {cells_.data(), sums_.data(), squares_.data()});
   });
   each_block([&](std::size_t b, const std::array<std::uint32_t, 3>& box, int reach) {
     const auto [n, sum, squares] = box;
@@ -255,8 +241,8 @@ void StoneField::measure_ground() {
       spread(&middle_[at], blocks_x_, static_cast<std::size_t>(width_), row_middle_);
       spread(&reach_[at], blocks_x_, static_cast<std::size_t>(width_), row_reach_);
     }
-    kernels::add_near(luma_[static_cast<std::size_t>(i)], ground_.row(i), row_middle_.data(),
-                      row_reach_.data(), width_, {cells_.data(), sums_.data(), distances_.data()});
+    kernels::add_near(luma.row(i), ground_.row(i), row_middle_.data(), row_reach_.data(), width_,
+                      {cells_.data(), sums_.data(), distances_.data()});
   });
   each_block([&](std::size_t b, const std::array<std::uint32_t, 3>& box, int) {
     const auto [n, sum, distances] = box;
@@ -270,15 +256,14 @@ void StoneField::measure_ground() {
   });
 }
 
-void StoneField::measure_deviations() {
+void StoneField::measure_deviations(const Plane& luma) {
   for (int i = first_; i < height_; ++i) {
     const std::size_t at = static_cast<std::size_t>(i >> block_shift) * static_cast<std::size_t>(blocks_x_);
     if (i % block == 0 || i == first_) {
       spread(&middle_[at], blocks_x_, static_cast<std::size_t>(width_), row_middle_);
       spread(&scale_[at], blocks_x_, static_cast<std::size_t>(width_), row_scale_);
     }
-    kernels::deviations_from(luma_[static_cast<std::size_t>(i)], ground_.row(i), row_middle_.data(),
-                             row_scale_.data(), width_,
+    kernels::deviations_from(luma.row(i), ground_.row(i), row_middle_.data(), row_scale_.data(), width_,
                              &deviation_[static_cast<std::size_t>(i) * static_cast<std::size_t>(width_)]);
   }
 }

@@ -9,11 +9,8 @@
 #include <array>
 #include <cstdint>
 #include <span>
-#include <utility>
 #include <vector>
 
-#include "base/color_transform.hpp"
-#include "coarse/pyramid.hpp"
 #include "freespace/curve/frame_curves.hpp"
 #include "freespace/holes/candidate_cells.hpp"
 #include "freespace/holes/hole.hpp"
@@ -22,8 +19,7 @@ namespace terrainseg {
 
 /// Parameters of the search in a frame.
 struct StoneView {
-  int level = 0;             ///< the pyramid level that is searched; of YUV only the luma is read
-  bool rgb = false;          ///< the pyramid's components are red, green and blue
+  int level = 0;             ///< the pyramid level that is searched
   int column_level = 0;      ///< the curves have one column per 2^column_level pixels of the frame
   int column_spacing = 0;    ///< see OutlineView
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
@@ -50,8 +46,8 @@ class StoneField {
   };
 
   /// Lists the stones. Returns false when there is no field of them or the frame is skipped.
-  bool find(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
-            const StoneView& view, Watch& watch, std::vector<Hole>& holes);
+  bool find(const GrayView& luma, const FreeSpaceCurves& curves, const StoneView& view, Watch& watch,
+            std::vector<Hole>& holes);
 
   /// Result of the last find(): per cell the deviation of its stone (Q4, 0..96), 0 outside stones.
   FinerCells<std::uint8_t> oddness() const { return {oddness_, width_, height_, view_.level, 0, width_}; }
@@ -67,17 +63,15 @@ class StoneField {
     std::uint16_t row, from, to; ///< in cells
   };
 
-  bool look(const Pyramid& pyramid, const ColorTransform& transform, const FreeSpaceCurves& curves,
-            const StoneView& view);
+  bool look(const GrayView& luma, const FreeSpaceCurves& curves, const StoneView& view);
   int distance(int row) const;
   int distance_of(const Piece& piece) const;
   int reach(int row) const;
   int block_reach(int block_row) const;
-  void read_luma(const Pyramid& pyramid, const ColorTransform& transform);
   template <typename AddRow> void sum_blocks(AddRow add_row);
   std::array<std::uint32_t, 3> box_around(int block_row, int column, int reach) const;
-  void measure_ground();
-  void measure_deviations();
+  void measure_ground(const Plane& luma);
+  void measure_deviations(const Plane& luma);
   int pieces_of_a_field() const;
   Piece look_at(std::uint32_t number) const;
   bool is_field() const;
@@ -93,8 +87,6 @@ class StoneField {
   int width_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
   int blocks_x_ = 0, blocks_y_ = 0, first_block_ = 0;
   GroundOutline ground_;
-  std::vector<const std::uint8_t*> luma_; ///< pointers to rows, valid from first_ on
-  std::vector<std::uint8_t> luma_of_rgb_;
   std::vector<std::uint16_t> cells_, sums_, distances_; ///< per column of a row of blocks
   std::vector<std::uint32_t> squares_;
   std::array<std::vector<std::uint32_t>, 3> blocks_; ///< integrals, from first_block_ on

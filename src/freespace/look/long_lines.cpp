@@ -112,21 +112,20 @@ void compare(const std::uint8_t* __restrict a, const std::uint8_t* __restrict b,
 
 } // namespace
 
-void LongLines::prepare(const Pyramid& pyramid, int grid_level) {
+void LongLines::prepare(const LumaLevels& luma, int grid_level) {
   const auto fits = [&](int level) {
-    return std::max(pyramid.width(level), pyramid.height(level)) <= longest_side;
+    return std::max(luma.level(level).width, luma.level(level).height) <= longest_side;
   };
   level_ = grid_level;
   while (level_ > texture_level(grid_level) && fits(level_ - 1))
     --level_;
   constexpr int least_side = 16;
-  const bool searched = fits(level_) && std::min(pyramid.width(level_), pyramid.height(level_)) >= least_side;
-  width_ = searched ? pyramid.width(level_) : 0;
-  height_ = searched ? pyramid.height(level_) : 0;
+  const GrayView& view = luma.level(level_);
+  const bool searched = fits(level_) && std::min(view.width, view.height) >= least_side;
+  width_ = searched ? view.width : 0;
+  height_ = searched ? view.height : 0;
   reach_ = (width_ + height_) / 2 + 1;
   const auto size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
-  for (auto& row : luma_)
-    row.resize(static_cast<std::size_t>(width_));
   across_.resize(size);
   down_.resize(size);
   steep_.resize(size);
@@ -137,11 +136,10 @@ void LongLines::prepare(const Pyramid& pyramid, int grid_level) {
   lines_.reserve(most_lines);
 }
 
-std::optional<std::int32_t> LongLines::meeting_row(const Pyramid& pyramid, const ColorTransform& transform,
-                                                   bool rgb) {
+std::optional<std::int32_t> LongLines::meeting_row(const LumaLevels& luma) {
   if (width_ == 0)
     return std::nullopt;
-  find_edges(pyramid, transform, rgb);
+  find_edges(luma.level(level_).plane);
   vote();
   pick_lines();
   const auto row = best_meeting_point();
@@ -150,17 +148,10 @@ std::optional<std::int32_t> LongLines::meeting_row(const Pyramid& pyramid, const
   return (*row + 8 * height_) * (16 << level_); // from the centre in Q4 to the frame's in Q8
 }
 
-void LongLines::find_edges(const Pyramid& pyramid, const ColorTransform& transform, bool rgb) {
-  const auto row = [&](int i) {
-    return luma_row(pyramid, level_, i, transform, rgb, luma_[static_cast<std::size_t>(i) % 3].data());
-  };
-  const std::uint8_t *above = row(0), *here = row(1);
+void LongLines::find_edges(const Plane& luma) {
   for (int i = 1; i < height_ - 1; ++i) {
-    const std::uint8_t* const below = row(i + 1);
     const std::size_t at = static_cast<std::size_t>(i) * static_cast<std::size_t>(width_);
-    compare(above, here, below, width_, &across_[at], &down_[at], &steep_[at]);
-    above = here;
-    here = below;
+    compare(luma.row(i - 1), luma.row(i), luma.row(i + 1), width_, &across_[at], &down_[at], &steep_[at]);
   }
   edges_.clear();
   for (int i = 2; i < height_ - 2; ++i)

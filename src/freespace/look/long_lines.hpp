@@ -20,11 +20,11 @@ namespace terrainseg {
 class LongLines {
  public:
   /// Allocates for frames of this size. meeting_row() then allocates nothing.
-  void prepare(const Pyramid& pyramid, int grid_level);
+  void prepare(const LumaLevels& luma, int grid_level);
 
   /// The row where most of the edges meet, Q8 rows of the frame, negative above it; nothing when too few
-  /// edges meet. `rgb`: the pyramid, that of prepare(), holds R, G, B.
-  std::optional<std::int32_t> meeting_row(const Pyramid& pyramid, const ColorTransform& transform, bool rgb);
+  /// edges meet. The sizes are those of prepare().
+  std::optional<std::int32_t> meeting_row(const LumaLevels& luma);
 
  private:
   /// A pixel on an edge, relative to the centre of the picture.
@@ -38,7 +38,7 @@ class LongLines {
     std::int32_t x, y, c, s;
     std::int32_t length; ///< pixels
   };
-  void find_edges(const Pyramid& pyramid, const ColorTransform& transform, bool rgb);
+  void find_edges(const Plane& luma);
   void take_edges(int row);
   void vote();
   void pick_lines();
@@ -46,9 +46,8 @@ class LongLines {
   std::optional<std::int32_t> best_meeting_point() const;
   std::size_t cell(const EdgePixel& pixel, int normal) const;
 
-  int level_ = 0, width_ = 0, height_ = 0; ///< of the searched pyramid level; no width when none is
-  int reach_ = 0;                          ///< largest distance of a line from the centre
-  std::array<std::vector<std::uint8_t>, 3> luma_;
+  int level_ = 0, width_ = 0, height_ = 0;  ///< of the searched pyramid level; no width when none is
+  int reach_ = 0;                           ///< largest distance of a line from the centre
   std::vector<std::int16_t> across_, down_; ///< gradient per pixel, 4 * grey levels of a step
   std::vector<std::uint8_t> steep_;         ///< per pixel: 1 where the gradient may be that of an edge
   std::vector<EdgePixel> edges_;

@@ -38,14 +38,21 @@ Grid GridReader::read(const Pyramid& pyramid, int level, const ColorTransform& t
           {part(3), source.size()}};
 }
 
-const std::uint8_t* luma_row(const Pyramid& pyramid, int level, int row, const ColorTransform& transform,
-                             bool rgb, std::uint8_t* room) {
-  const std::uint8_t* const first = pyramid.plane(level, 0).row(row);
-  if (!rgb)
-    return first;
-  transform_luma_row(transform, {first, pyramid.plane(level, 1).row(row), pyramid.plane(level, 2).row(row)},
-                     room, pyramid.width(level));
-  return room;
+void LumaLevels::read(const Pyramid& pyramid, int finest, int coarsest, const ColorTransform& transform,
+                      bool rgb) {
+  gain_ = rgb ? 1 << 16 : transform.matrix[0][0];
+  for (int level = finest; level <= coarsest; ++level) {
+    GrayView& luma = levels_[static_cast<std::size_t>(level)];
+    luma = {pyramid.plane(level, 0), pyramid.width(level), pyramid.height(level)};
+    if (!rgb)
+      continue;
+    const Grid grid = pyramid.grid(level);
+    auto& converted = converted_[static_cast<std::size_t>(level)];
+    converted.resize(grid.size());
+    for (int i = 0; i < grid.height; ++i)
+      transform_luma_row(transform, grid.row(i), &converted[grid.at(i, 0)], grid.width);
+    luma.plane = {converted.data(), grid.width};
+  }
 }
 
 namespace {
@@ -68,8 +75,7 @@ void add_differences(const std::uint8_t* luma, int step, int whole, int count, i
 
 } // namespace
 
-void TextureReader::read(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform, bool rgb,
-                         std::vector<std::uint16_t>& texture) {
+void TextureReader::read(const LumaLevels& luma, const Grid& grid, std::vector<std::uint16_t>& texture) {
   texture.assign(grid.size(), 0);
   const int bands = std::clamp(grid.level, 1, bands_wanted);
   for (int band = 1; band <= bands; ++band) {
@@ -78,19 +84,17 @@ void TextureReader::read(const Pyramid& pyramid, const Grid& grid, const ColorTr
     const int step = grid.level == 0 ? 1 : 2, per_cell = 1 << (band - 1);
     // Centres the box of differences on the cell.
     const int before = per_cell / 2;
-    const int width = pyramid.width(level), height = pyramid.height(level);
+    const auto& [plane, width, height] = luma.level(level);
     if (width < 2)
       continue;
     const int count = grid.width * per_cell, whole = std::min(count, (width - (step == 1 ? 1 : 0)) / step);
     columns_.resize(before + count);
     std::uint16_t* columns = columns_.data() + before;
-    luma_.resize(width);
     for (int i = 0; i < grid.height; ++i) {
       std::fill(columns_.begin(), columns_.end(), std::uint16_t{0});
       for (int k = 0; k < per_cell; ++k) {
         const int row = std::min(std::max(i * per_cell + k - before, 0) * step, (height - 1) / step * step);
-        add_differences(luma_row(pyramid, level, row, transform, rgb, luma_.data()), step, whole, count,
-                        width, columns);
+        add_differences(plane.row(row), step, whole, count, width, columns);
       }
       const int shift = 4 - 2 * (band - 1);              // Q4 of the mean of per_cell^2 differences
       std::fill_n(columns_.begin(), before, columns[0]); // the first cell's box ends at the edge of the
@@ -98,8 +102,7 @@ void TextureReader::read(const Pyramid& pyramid, const Grid& grid, const ColorTr
       kernels::add_boxes(columns_.data(), per_cell, shift, grid.width, &texture[grid.at(i, 0)]);
     }
   }
-  // The differences are of unconverted YUV luma: the sums get the gain of its range.
-  const int gain = ((rgb ? 1 << 16 : transform.matrix[0][0]) * bands_wanted / bands) >> 8;
+  const int gain = (luma.gain() * bands_wanted / bands) >> 8;
   if (gain != 256)
     for (std::uint16_t& t : texture)
       t = static_cast<std::uint16_t>(std::min(65535, (t * gain) >> 8));
@@ -123,17 +126,18 @@ View FrameReader::read(const FrameTask& task, std::uint32_t& exposure_mean, Stag
   if (!blank)
     read_cells(task, exposure_mean);
   clock.lap(Stage::features);
-  return {task,  pyramid_, transform_, window,    window_cells_, area.veto, vetoed_,
-          blank, grid_,    texture_,   exposure_, cells_,        connected_};
+  return {task,    pyramid_, luma_, transform_, window,    window_cells_, area.veto,
+          vetoed_, blank,    grid_, texture_,   exposure_, cells_,        connected_};
 }
 
 void FrameReader::read_cells(const FrameTask& task, std::uint32_t& exposure_mean) {
   const Settings& settings = task.settings;
   const bool rgb = layout_of(task.frame.format).rgb;
   transform_ = color_transform_of(rgb, task.frame.colorimetry);
+  luma_.read(pyramid_, texture_level(task.grid_level), task.grid_level, transform_, rgb);
   grid_ = grid_reader_.read(pyramid_, task.grid_level, transform_, settings.ignore_regions);
   if (settings.texture)
-    texture_reader_.read(pyramid_, grid_, transform_, rgb, texture_);
+    texture_reader_.read(luma_, grid_, texture_);
   else
     texture_.assign(grid_.size(), 0);
   const std::uint32_t mean_now = settings.exposure ? mean_luma(grid_) : 0;

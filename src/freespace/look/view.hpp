@@ -2,6 +2,7 @@
 // All features of one frame that do not depend on the terrain.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -32,9 +33,22 @@ class GridReader {
   std::vector<std::uint8_t> bytes_; ///< the three components, then the marks of ignored cells
 };
 
-/// A row of luma of a level: the pyramid's own, or, when it holds R, G, B (`rgb`), converted into `room`.
-const std::uint8_t* luma_row(const Pyramid& pyramid, int level, int row, const ColorTransform& transform,
-                             bool rgb, std::uint8_t* room);
+/// The luma of pyramid levels: their first component, or, when they hold R, G, B, converted from these.
+class LumaLevels {
+ public:
+  /// Makes the levels `finest` to `coarsest`. They are valid until the pyramid or this is built again.
+  /// Allocates only when they grow.
+  void read(const Pyramid& pyramid, int finest, int coarsest, const ColorTransform& transform, bool rgb);
+
+  const GrayView& level(int level) const { return levels_[static_cast<std::size_t>(level)]; }
+  /// Q16: what brings differences of its values to the full range.
+  int gain() const { return gain_; }
+
+ private:
+  std::array<GrayView, 8> levels_{};
+  std::array<std::vector<std::uint8_t>, 8> converted_;
+  int gain_ = 1 << 16;
+};
 
 /// Texture of each cell: its roughness on the three bands above the grid. Sum over the three bands (levels
 /// L-1, L-2, L-3) of the cell's mean |Y(2i, 2j+1) - Y(2i, 2j)|, Q4 in 8-bit luma steps, 0..12240, written to
@@ -44,11 +58,9 @@ const std::uint8_t* luma_row(const Pyramid& pyramid, int level, int row, const C
 /// alone 2.3.
 class TextureReader {
  public:
-  void read(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform, bool rgb,
-            std::vector<std::uint16_t>& texture);
+  void read(const LumaLevels& luma, const Grid& grid, std::vector<std::uint16_t>& texture);
 
  private:
-  std::vector<std::uint8_t> luma_;
   std::vector<std::uint16_t> columns_;
 };
 
@@ -56,6 +68,7 @@ class TextureReader {
 struct View {
   const FrameTask& task;
   const Pyramid& pyramid;
+  const LumaLevels& luma; ///< the levels texture_level() to that of the grid
   ColorTransform transform;
   Rectangle window;                   ///< the training window, in pixels of the frame
   std::span<const Cell> window_cells; ///< the training window's cells
@@ -87,6 +100,7 @@ class FrameReader {
   std::vector<Cell> window_cells_;
   std::vector<std::uint8_t> vetoed_;
   GridReader grid_reader_;
+  LumaLevels luma_;
   ColorTransform transform_;
   Grid grid_;
   TextureReader texture_reader_;

@@ -6,7 +6,6 @@
 #include <numeric>
 
 #include "base/tuning.hpp"
-#include "freespace/look/view.hpp"
 #include "kernels/cells.hpp"
 #include "learning/terrain_model.hpp"
 
@@ -33,30 +32,26 @@ TERRAINSEG_TUNED(int, upright, near_by, -4 * 16);
 
 } // namespace
 
-void UprightCoherence::look(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform,
-                            bool rgb) {
-  add_rows(pyramid, grid, transform, rgb);
+void UprightCoherence::look(const LumaLevels& luma, const Grid& grid) {
+  level_ = refinement_level(grid.level);
+  add_rows(luma.level(level_), grid);
   compare(grid);
   average(grid);
 }
 
 // Sums luma and steps over the rows of each cell.
-void UprightCoherence::add_rows(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform,
-                                bool rgb) {
-  level_ = refinement_level(grid.level);
-  width_ = static_cast<std::size_t>(pyramid.width(level_));
-  const int width = static_cast<int>(width_), height = pyramid.height(level_),
-            per_cell = 1 << (grid.level - level_);
+void UprightCoherence::add_rows(const GrayView& luma, const Grid& grid) {
+  width_ = static_cast<std::size_t>(luma.width);
+  const int per_cell = 1 << (grid.level - level_);
   sums_.resize(static_cast<std::size_t>(grid.height) * width_);
   steps_.resize(sums_.size());
-  luma_.resize(static_cast<std::size_t>(per_cell) * width_);
   for (int i = 0; i < grid.height; ++i) {
-    const int top = i * per_cell, rows = std::min(per_cell, height - top);
+    const int top = i * per_cell, rows = std::min(per_cell, luma.height - top);
     std::array<const std::uint8_t*, 4> row{};
-    for (std::size_t k = 0; k < static_cast<std::size_t>(rows); ++k)
-      row[k] = luma_row(pyramid, level_, top + static_cast<int>(k), transform, rgb, &luma_[k * width_]);
+    for (int k = 0; k < rows; ++k)
+      row[static_cast<std::size_t>(k)] = luma.plane.row(top + k);
     const std::size_t at = static_cast<std::size_t>(i) * width_;
-    kernels::sum_rows(row, rows, width, &sums_[at], &steps_[at]);
+    kernels::sum_rows(row, rows, luma.width, &sums_[at], &steps_[at]);
   }
 }
 
@@ -355,7 +350,7 @@ Scores CellScorer::score(const View& view, const Vouched& trusted, bool continue
   score_cells(view.grid, view.cells, tables.of(terrain, settings, view.cells.color), penalty_, trusted,
               in_one_light(view, trusted.seeds), score_);
   if (settings.upright) {
-    coherence_.look(view.pyramid, view.grid, view.transform, layout_of(view.task.frame.format).rgb);
+    coherence_.look(view.luma, view.grid);
     coherence_.weigh(view.grid, score_);
   }
   average_scores(score_, continued, average);

@@ -7,11 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "base/color_transform.hpp"
 #include "base/quantities.hpp"
 #include "coarse/grid.hpp"
-#include "coarse/pyramid.hpp"
-#include "freespace/look/connected_ground.hpp"
+#include "freespace/look/view.hpp"
 #include "freespace/score/likelihood.hpp"
 #include "terrainseg/settings.hpp"
 
@@ -22,8 +20,8 @@ namespace terrainseg {
 /// are upright and add up. This separates a wall of the ground's colour from the ground, which colour cannot.
 class UprightCoherence {
  public:
-  /// Measures a frame from the luma two levels finer than the grid. `rgb`: the pyramid holds R, G, B.
-  void look(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform, bool rgb);
+  /// Measures a frame from its luma at the refinement's level.
+  void look(const LumaLevels& luma, const Grid& grid);
 
   /// Per cell in Q8: log2 of the largest step of the summed rows minus that of the mean step, averaged over 3
   /// x 5 cells. High for upright objects.
@@ -33,13 +31,12 @@ class UprightCoherence {
   void weigh(const Grid& grid, CellScores& score) const;
 
  private:
-  void add_rows(const Pyramid& pyramid, const Grid& grid, const ColorTransform& transform, bool rgb);
+  void add_rows(const GrayView& luma, const Grid& grid);
   void compare(const Grid& grid);
   void average(const Grid& grid);
 
   int level_ = 0;
-  std::size_t width_ = 0; ///< width of that finer level
-  std::vector<std::uint8_t> luma_;
+  std::size_t width_ = 0;                   ///< width of that finer level
   std::vector<std::uint16_t> sums_, steps_; ///< of the rows of a cell: luma, and absolute differences
   std::vector<std::uint16_t> column_sums_, column_steps_, most_; ///< of the summed rows
   std::vector<std::uint32_t> values_; ///< of a row of cells: what both logarithms are of
@@ -104,8 +101,6 @@ class GeodesicPenalty {
   std::vector<std::uint8_t> is_seed_;
   std::vector<int> here_, below_; ///< distances of two rows
 };
-
-struct View;
 
 class CellScorer {
  public:
