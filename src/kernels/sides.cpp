@@ -46,15 +46,17 @@ void sum_of_blocks(const std::uint8_t* __restrict cells, const std::uint8_t* __r
   }
 }
 
-void running_differences(const std::uint32_t* __restrict a, const std::uint32_t* __restrict b, int count,
-                         std::uint32_t* __restrict out) {
+// out[i] = the sum of one(0) to one(i); four(d, i) gives four of them.
+template <typename Four, typename One>
+void running_sums(int count, std::uint32_t* __restrict out, [[maybe_unused]] const Four& four,
+                  const One& one) {
   std::uint32_t run = 0;
   int i = 0;
 #if HWY_TARGET != HWY_SCALAR
   const hn::FixedTag<std::uint32_t, 4> d;
   auto before = hn::Zero(d);
   for (; i + 4 <= count; i += 4) {
-    const auto each = hn::Sub(hn::LoadU(d, b + i), hn::LoadU(d, a + i));
+    const auto each = four(d, i);
     const auto pairs = hn::Add(each, hn::ShiftLeftLanes<1>(d, each));
     const auto sums = hn::Add(hn::Add(pairs, hn::ShiftLeftLanes<2>(d, pairs)), before);
     hn::StoreU(sums, d, out + i);
@@ -62,10 +64,15 @@ void running_differences(const std::uint32_t* __restrict a, const std::uint32_t*
   }
   run = hn::GetLane(before);
 #endif
-  for (; i < count; ++i) {
-    run += b[i] - a[i];
-    out[i] = run;
-  }
+  for (; i < count; ++i)
+    out[i] = run += one(i);
+}
+
+void running_differences(const std::uint32_t* __restrict a, const std::uint32_t* __restrict b, int count,
+                         std::uint32_t* __restrict out) {
+  running_sums(
+      count, out, [=](auto d, int i) HWY_ATTR { return hn::Sub(hn::LoadU(d, b + i), hn::LoadU(d, a + i)); },
+      [=](int i) { return b[i] - a[i]; });
 }
 
 /// Table of 2^24 / n, which is faster than a division.
@@ -243,34 +250,25 @@ void excess_of_row(const std::uint8_t* __restrict values, const std::uint8_t* __
 bool marks_of_row(const ColumnBoxes& boxes, const std::uint8_t* __restrict values, int least, int count,
                   std::uint8_t* __restrict marks) {
   const std::int16_t* __restrict columns = boxes.columns;
-  std::int32_t* __restrict sums = boxes.work;
+  std::uint32_t* __restrict sums = boxes.work;
   const int reach = boxes.reach, least_sum = boxes.least;
-  std::fill_n(sums, reach + 1, 0);
-  std::int32_t run = 0;
-  int i = 0;
-  std::int32_t* const after = sums + reach + 1;
-#if HWY_TARGET != HWY_SCALAR
-  const hn::FixedTag<std::int32_t, 4> d;
-  const hn::Rebind<std::int16_t, decltype(d)> d16;
-  auto before = hn::Zero(d);
-  for (; i + 4 <= count; i += 4) {
-    const auto each = hn::PromoteTo(d, hn::LoadU(d16, columns + i));
-    const auto pairs = hn::Add(each, hn::ShiftLeftLanes<1>(d, each));
-    const auto prefix = hn::Add(hn::Add(pairs, hn::ShiftLeftLanes<2>(d, pairs)), before);
-    hn::StoreU(prefix, d, after + i);
-    before = hn::Broadcast<3>(prefix);
-  }
-  run = hn::GetLane(before);
-#endif
-  for (; i < count; ++i)
-    after[i] = run += columns[i];
-  std::fill_n(after + count, reach, run);
-  const std::int32_t* const ends = after + reach;
-  for (i = 0; i < count; ++i)
-    marks[i] = static_cast<std::uint8_t>(ends[i] - sums[i] >= least_sum);
+  std::uint32_t* const after = sums + reach + 1;
+  std::fill(sums, after, 0u);
+  running_sums(
+      count, after,
+      [=](auto d, int i) HWY_ATTR {
+        const hn::RebindToSigned<decltype(d)> wide;
+        return hn::BitCast(
+            d, hn::PromoteTo(wide, hn::LoadU(hn::Rebind<std::int16_t, decltype(d)>(), columns + i)));
+      },
+      [=](int i) { return static_cast<std::uint32_t>(columns[i]); });
+  std::fill_n(after + count, reach, after[count - 1]);
+  const std::uint32_t* const ends = after + reach;
+  for (int i = 0; i < count; ++i)
+    marks[i] = static_cast<std::uint8_t>(static_cast<std::int32_t>(ends[i] - sums[i]) >= least_sum);
   std::uint8_t any = 0;
   const auto least_value = static_cast<std::uint8_t>(least);
-  for (i = 0; i < count; ++i) {
+  for (int i = 0; i < count; ++i) {
     marks[i] = static_cast<std::uint8_t>(marks[i] & static_cast<std::uint8_t>(values[i] >= least_value));
     any = static_cast<std::uint8_t>(any | marks[i]);
   }

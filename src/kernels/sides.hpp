@@ -83,8 +83,8 @@ extern void (*const add_excess)(const std::uint8_t* values, const std::uint8_t* 
 struct ColumnBoxes {
   const std::int16_t* columns;
   int reach;
-  std::int32_t least; ///< smallest sum that is enough
-  std::int32_t* work; ///< 2 reach + 1 numbers more than columns
+  std::int32_t least;  ///< smallest sum that is enough
+  std::uint32_t* work; ///< 2 reach + 1 numbers more than columns
 };
 
 /// marks[i] = 1 where values[i] is at least `least` and the sum of the box is enough, otherwise 0. Returns

@@ -1482,7 +1482,7 @@ TEST(Kernels, MarkBoxes) {
         const auto size = static_cast<std::size_t>(count);
         const Guarded<std::uint8_t> values(size, at_end), marks(size, at_end);
         const Guarded<std::int16_t> columns(size, at_end);
-        const Guarded<std::int32_t> work(size + static_cast<std::size_t>(2 * reach + 1), at_end);
+        const Guarded<std::uint32_t> work(size + static_cast<std::size_t>(2 * reach + 1), at_end);
         for (std::size_t i = 0; i < size; ++i) {
           values[i] = random() & 127;
           columns[i] = static_cast<std::int16_t>(random());

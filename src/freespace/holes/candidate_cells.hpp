@@ -75,7 +75,7 @@ class CandidateCells {
 
   std::vector<std::uint8_t> seeds_;
   std::vector<std::int16_t> columns_; ///< sums over the rows of a box, of which there are at most 255
-  std::vector<std::int32_t> sums_;
+  std::vector<std::uint32_t> sums_;
 };
 
 /// Connected pieces (eight neighbours) of marked cells, as runs of cells of a row. Allocates in reserve()
