@@ -34,11 +34,10 @@ TERRAINSEG_TUNED(int, row_prior, denied, 256);
 void row_prior(int grid_height, std::uint32_t slow_horizon, bool enabled, int caution, RowPriors& prior) {
   const int neutral =
       slow_horizon == 0 ? first_middle : middle + ((middle_per_row * static_cast<int>(slow_horizon)) >> 8);
-  prior.resize(static_cast<std::size_t>(grid_height));
+  prior.resize(grid_height);
   for (int i = 0; i < grid_height; ++i) {
     const int slope = std::clamp(2 * ((2 * i + 1) * 128 / grid_height - neutral), -128, 128);
-    prior[static_cast<std::size_t>(i)] =
-        static_cast<std::int16_t>((enabled ? (2 * strongest * slope) >> 8 : 0) - caution);
+    prior[i] = static_cast<std::int16_t>((enabled ? (2 * strongest * slope) >> 8 : 0) - caution);
   }
 }
 
@@ -49,8 +48,7 @@ std::uint32_t horizon_of_prior(std::uint32_t slow_horizon, int vanishing_row) {
 
 void deny_rows_before(int first, RowPriors& prior) {
   for (int i = 0; i < std::min(first, static_cast<int>(prior.size())); ++i)
-    prior[static_cast<std::size_t>(i)] =
-        static_cast<std::int16_t>(prior[static_cast<std::size_t>(i)] - denied);
+    prior[i] = static_cast<std::int16_t>(prior[i] - denied);
 }
 
 std::uint32_t follow_horizon(std::uint32_t slow_horizon, const GridCurve& boundary, int grid_height,
@@ -94,7 +92,7 @@ TERRAINSEG_TUNED(int, boundary, edgeless_price, 400);
 template <typename Worth> constexpr std::array<std::int16_t, most_color_step + 1> table_of(Worth worth) {
   std::array<std::int16_t, most_color_step + 1> table{};
   for (int step = 0; step <= most_color_step; ++step)
-    table[static_cast<std::size_t>(step)] = static_cast<std::int16_t>(16 * worth(step));
+    table[step] = static_cast<std::int16_t>(16 * worth(step));
   return table;
 }
 constexpr int octaves_above(int step, int floor, int per_octave) {
@@ -120,7 +118,7 @@ void BoundarySearch::look(const Grid& grid, const ColorSteps& steps, int gain_q8
 void BoundarySearch::find(const Grid& grid, const CellScores& score, const RowPriors& prior,
                           bool ground_behind, GridCurve& boundary) {
   const int rows = grid.height + 1;
-  const auto column_of = [rows](auto& table, int j) { return &table[static_cast<std::size_t>(j) * rows]; };
+  const auto column_of = [rows](auto& table, int j) { return &table[j * rows]; };
   weigh_columns(grid, score, prior);
   if (ground_behind)
     add_ground_behind(grid, score, prior);
@@ -130,7 +128,7 @@ void BoundarySearch::find(const Grid& grid, const CellScores& score, const RowPr
     // The best predecessor of every row, by a distance transform: one pass down, one pass up.
     std::uint16_t* from = column_of(came_from_, j);
     std::int32_t* best = best_.data();
-    const std::int16_t* price = &price_[static_cast<std::size_t>(j) * static_cast<std::size_t>(grid.height)];
+    const std::int16_t* price = &price_[j * grid.height];
     std::int32_t leader = best[0];
     std::uint16_t origin = 0;
     // Selects without a branch, because about a third of the predictions would fail.
@@ -153,10 +151,10 @@ void BoundarySearch::find(const Grid& grid, const CellScores& score, const RowPr
     for (int r = 0; r < rows; ++r)
       best[r] += utility[r] - constant;
   }
-  boundary.resize(static_cast<std::size_t>(grid.width));
+  boundary.resize(grid.width);
   auto row = static_cast<std::uint16_t>(std::max_element(best_.begin(), best_.end()) - best_.begin());
   for (int j = grid.width - 1; j >= 0; --j) {
-    boundary[static_cast<std::size_t>(j)] = row;
+    boundary[j] = row;
     if (j > 0)
       row = column_of(came_from_, j)[row];
   }
@@ -178,7 +176,7 @@ void BoundarySearch::weigh_edges(const Grid& grid, const ColorSteps& steps, int 
       const int edge =
           edge_worth[steps.down[above + j]] + 16 * std::clamp(shadow_per_grey * darker, 0, shadow_limit);
       const bool seen = (grid.ignored[above + j] | grid.ignored[below + j]) == 0;
-      edges_[j * rows + static_cast<std::size_t>(r)] = seen ? edge : 0;
+      edges_[j * rows + r] = seen ? edge : 0;
     }
   }
   if (!before.empty())

@@ -37,9 +37,7 @@ int ratio(std::uint32_t ground, std::uint32_t ground_total, std::uint32_t rest, 
 }
 
 std::uint32_t smoothed(const std::array<std::uint32_t, texture_bins>& histogram, int bin) {
-  const auto at = [&](int i) {
-    return histogram[static_cast<std::size_t>(std::clamp(i, 0, texture_bins - 1))];
-  };
+  const auto at = [&](int i) { return histogram[std::clamp(i, 0, texture_bins - 1)]; };
   return (at(bin - 1) + 2 * at(bin) + at(bin + 1)) / 4;
 }
 
@@ -79,7 +77,7 @@ void Reestimation::count(const Grid& grid, const CellBins& cells, const GridCurv
       const std::size_t cell = grid.at(row, column);
       if (grid.ignored[cell])
         continue;
-      Side& side = row >= boundary[static_cast<std::size_t>(column)] ? ground_ : rest_;
+      Side& side = row >= boundary[column] ? ground_ : rest_;
       side.color[cells.color[cell]] += one;
       side.texture[cells.texture[cell]] += one;
       ++side.cells;
@@ -96,7 +94,7 @@ void Reestimation::compare() {
       color_[i] = static_cast<std::int16_t>(ratio(ground_.blurred[i] + color_floor, ground,
                                                   rest_.blurred[i] + color_floor, rest, color_weight));
   for (int i = 0; i < texture_bins; ++i)
-    texture_[static_cast<std::size_t>(i)] = static_cast<std::int16_t>(
+    texture_[i] = static_cast<std::int16_t>(
         ratio(smoothed(ground_.texture, i) + texture_floor,
               one * ground_.cells + texture_bins * texture_floor, smoothed(rest_.texture, i) + texture_floor,
               one * rest_.cells + texture_bins * texture_floor, texture_weight));
@@ -121,8 +119,8 @@ TERRAINSEG_TUNED(int, ground_behind, least_rows, 2);
 void GroundBehindSearch::find(const Grid& grid, const CellScores& score, const GridCurve& boundary,
                               int gain_q8, GroundBehind& behind) {
   const int width = grid.width;
-  behind.first.assign(static_cast<std::size_t>(width), 0);
-  behind.end.assign(static_cast<std::size_t>(width), 0);
+  behind.first.assign(width, 0);
+  behind.end.assign(width, 0);
   behind.any = false;
   const auto [top, bottom] = std::minmax_element(boundary.begin(), boundary.end());
   const int first_row = *top;
@@ -132,10 +130,9 @@ void GroundBehindSearch::find(const Grid& grid, const CellScores& score, const G
   for (int j = 0; j < width; ++j) {
     // Find the stretch with the largest sum.
     int sum = 0, start = 0, greatest = 16 * least_sum;
-    std::uint16_t &first = behind.first[static_cast<std::size_t>(j)],
-                  &end = behind.end[static_cast<std::size_t>(j)];
+    std::uint16_t &first = behind.first[j], &end = behind.end[j];
     // The obstacle itself takes at least one row.
-    for (int i = first_row; i < boundary[static_cast<std::size_t>(j)] - 1; ++i) {
+    for (int i = first_row; i < boundary[j] - 1; ++i) {
       const int penalty = penalty_[grid.at(i, j)];
       if (sum <= 0 || penalty == unseen) {
         sum = 0;
@@ -171,7 +168,7 @@ void GroundBehindSearch::compare_sideways(const Grid& grid, const GridCurve& bou
         const int j = rightwards ? k : grid.width - 1 - k;
         const std::size_t cell = grid.at(i, j);
         const std::array<int, 3> color{16 * colors[0][j], 16 * colors[1][j], 16 * colors[2][j]};
-        if (i >= boundary[static_cast<std::size_t>(j)]) {
+        if (i >= boundary[j]) {
           if (!grid.ignored[cell]) {
             reference = color;
             seen = true;

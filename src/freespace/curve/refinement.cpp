@@ -65,18 +65,17 @@ void Refinement::refine(const Pyramid& pyramid, const Grid& grid, const ColorTra
 // Interpolates the curve at the columns of the refinement's level and marks where it may move.
 void Refinement::interpolate(const Grid& grid, const GridCurve& curve, int width, int height) {
   const int ratio = 1 << (grid.level - refinement_level(grid.level));
-  fine_.resize(static_cast<std::size_t>(width));
-  moves_.resize(static_cast<std::size_t>(width));
+  fine_.resize(width);
+  moves_.resize(width);
   for (int j = 0, x = 0; x < width; ++j) {
     const auto edge = [&](int column) {
-      return edge_above(curve[static_cast<std::size_t>(std::min(column, grid.width - 1))], grid, height);
+      return edge_above(curve[std::min(column, grid.width - 1)], grid, height);
     };
     const int here = edge(j), next = edge(j + 1);
     const bool open = is_open(here, height) || is_open(next, height);
     for (int part = 0; part < ratio && x < width; ++part, ++x) {
-      moves_[static_cast<std::size_t>(x)] = !open;
-      fine_[static_cast<std::size_t>(x)] =
-          open ? (2 * part < ratio ? here : next) : (here * (ratio - part) + next * part) / ratio;
+      moves_[x] = !open;
+      fine_[x] = open ? (2 * part < ratio ? here : next) : (here * (ratio - part) + next * part) / ratio;
     }
   }
 }
@@ -88,7 +87,7 @@ void Refinement::sharpen_sides(const Pyramid& pyramid, const ColorTransform& tra
   const int level = refinement_level(grid.level), ratio = 1 << (grid.level - level),
             width = pyramid.width(level), height = pyramid.height(level);
   for (int j = 0; j + 1 < grid.width; ++j) {
-    const int here = curve[static_cast<std::size_t>(j)], next = curve[static_cast<std::size_t>(j) + 1];
+    const int here = curve[j], next = curve[j + 1];
     if (std::min(here, next) == 0 || std::abs(here - next) < least_side)
       continue;
     // A column of the picture more on both sides.
@@ -98,8 +97,8 @@ void Refinement::sharpen_sides(const Pyramid& pyramid, const ColorTransform& tra
       count_crossings(pyramid, transform, level, ratio,
                       {left, row, count, std::min(end - row, kernels::strip_columns)}, crossings);
     for (int k = 1, row = here; k < count - 1; ++k) {
-      row += here < next ? crossings[static_cast<std::size_t>(k)] : -crossings[static_cast<std::size_t>(k)];
-      fine_[static_cast<std::size_t>(left + k)] = edge_above(row, grid, height);
+      row += here < next ? crossings[k] : -crossings[k];
+      fine_[left + k] = edge_above(row, grid, height);
     }
   }
 }
@@ -116,22 +115,21 @@ void Refinement::count_crossings(const Pyramid& pyramid, const ColorTransform& t
         int sum = 0;
         for (int y = top; y < end; ++y)
           sum += pyramid.plane(level, c).row(y)[box.x + k];
-        strip_[static_cast<std::size_t>(k)][static_cast<std::size_t>(c)][static_cast<std::size_t>(i)] =
-            static_cast<std::uint8_t>(sum / (end - top));
+        strip_[k][c][i] = static_cast<std::uint8_t>(sum / (end - top));
       }
   }
   std::array<std::uint8_t, kernels::strip_columns> last{}, best{};
   last.fill(static_cast<std::uint8_t>(box.width - 1));
   kernels::strongest_edges(strip_, transform.matrix, box.width, last.data(), best.data());
   for (int i = 0; i < box.height; ++i)
-    ++crossings[best[static_cast<std::size_t>(i)]];
+    ++crossings[best[i]];
 }
 
 // The curve before was the same in these columns: takes what it was moved to, and returns true. Otherwise
 // keeps this one as the curve before.
 bool Refinement::ask(int first, int end) {
   bool same = true;
-  for (auto x = static_cast<std::size_t>(first); x < static_cast<std::size_t>(end); ++x) {
+  for (int x = first; x < end; ++x) {
     const int wanted = 2 * fine_[x] + moves_[x];
     same &= asked_[x] == wanted;
     asked_[x] = wanted;
@@ -151,10 +149,10 @@ void Refinement::snap_columns(const Pyramid& pyramid, const ColorTransform& tran
   std::array<int, kernels::strip_columns> tops{};
   int rows = 0;
   for (int x = first; x < end; ++x) {
-    if (!moves_[static_cast<std::size_t>(x)])
+    if (!moves_[x])
       continue;
-    const auto i = static_cast<std::size_t>(x - first);
-    const int centre = (fine_[static_cast<std::size_t>(x)] + 1) / 2; // between rows centre - 1 and centre
+    const int i = x - first;
+    const int centre = (fine_[x] + 1) / 2; // between rows centre - 1 and centre
     tops[i] = std::max(centre - reach, 1) - 1;
     const int bottom = std::min(centre + reach, lowest);
     last[i] = static_cast<std::uint8_t>(std::max(bottom - tops[i], 0));
@@ -167,9 +165,9 @@ void Refinement::snap_columns(const Pyramid& pyramid, const ColorTransform& tran
   }
   kernels::strongest_edges(strip_, transform.matrix, rows, last.data(), best.data());
   for (int x = first; x < end; ++x) {
-    const auto i = static_cast<std::size_t>(x - first);
+    const int i = x - first;
     if (best[i] > 0)
-      fine_[static_cast<std::size_t>(x)] = 2 * (tops[i] + best[i]) - 1;
+      fine_[x] = 2 * (tops[i] + best[i]) - 1;
   }
   std::copy(fine_.begin() + first, fine_.begin() + end, snapped_.begin() + first);
 }
@@ -190,13 +188,13 @@ void Refinement::write_rows(int level, int height, int mask_level, int frame_wid
                             FrameCurve& rows) const {
   const int count = subsampled(frame_width, mask_level), coarser = std::max(mask_level - level, 0),
             columns = 1 << std::max(level - mask_level, 0); // columns of the mask per column of this level
-  rows.resize(static_cast<std::size_t>(count));
+  rows.resize(count);
   for (int x = 0; x < count; x += columns) {
-    const std::size_t f = static_cast<std::size_t>(x / columns) << coarser;
-    const int a = fine_[f], b = fine_[std::min(f + 1, fine_.size() - 1)];
+    const int f = x / columns << coarser;
+    const int a = fine_[f], b = fine_[std::min(f + 1, static_cast<int>(fine_.size()) - 1)];
     const int written = std::min(columns, count - x),
               step = is_open(b, height) ? 0 : (b - a) * (1 << mask_level);
-    std::uint16_t* out = &rows[static_cast<std::size_t>(x)];
+    std::uint16_t* out = &rows[x];
     if (is_open(a, height))
       std::fill_n(out, written, static_cast<std::uint16_t>(a <= all ? 0 : frame_height));
     else
@@ -215,11 +213,11 @@ void walk_doubtful(const Grid& grid, const CellScores& score, int limit, const G
     return s[std::max(j - 1, 0)] + 2 * s[j] + s[std::min(j + 1, grid.width - 1)];
   };
   for (int j = 0; j < grid.width; ++j) {
-    int row = boundary[static_cast<std::size_t>(j)];
+    int row = boundary[j];
     while (row < grid.height &&
            across(row - 1, j) + 2 * across(row, j) + across(row + 1, j) < limit * 16 * 16)
       ++row;
-    safe[static_cast<std::size_t>(j)] = static_cast<std::uint16_t>(row);
+    safe[j] = static_cast<std::uint16_t>(row);
   }
 }
 

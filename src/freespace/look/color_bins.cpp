@@ -52,7 +52,7 @@ void fill_exposure(std::uint32_t mean, ExposureTables& tables) {
 TerrainModel in_this_light(const TerrainModel& learned, const ExposureTables& exposure) {
   TerrainModel model = learned;
   const int luma = std::min(learned.mean[0] * 256 / exposure.gain, 255 << 8); // Q8
-  const int chroma_gain = std::max<int>(exposure.chroma_gain[static_cast<std::size_t>(luma >> 8)], 1);
+  const int chroma_gain = std::max<int>(exposure.chroma_gain[luma >> 8], 1);
   for (int c = 0; c < 3; ++c) {
     const std::int64_t gain = c == 0 ? exposure.gain : chroma_gain; // 64 bits for the square of the chroma
                                                                     // gain
@@ -91,7 +91,7 @@ TERRAINSEG_TUNED(int, color_bins, bins_per_octave, 614);
 constexpr std::array<std::int16_t, 256> brightness = [] {
   std::array<std::int16_t, 256> table{};
   for (int y = 0; y < 256; ++y)
-    table[static_cast<std::size_t>(y)] = static_cast<std::int16_t>(
+    table[y] = static_cast<std::int16_t>(
         (brightness_slope * (middle_grey - log2_q8(static_cast<std::uint64_t>(y) + 16))) >> 8);
   return table;
 }();
@@ -210,8 +210,8 @@ void bin_colors(const std::uint8_t* __restrict y, const std::uint8_t* __restrict
 void blur(std::span<const std::uint32_t> in, std::span<std::uint32_t> out, int slice, int count) {
   const int block = slice * count;
   for (int start = 0; start < color_bins; start += block) {
-    const std::uint32_t* from = &in[static_cast<std::size_t>(start)];
-    std::uint32_t* to = &out[static_cast<std::size_t>(start)];
+    const std::uint32_t* from = &in[start];
+    std::uint32_t* to = &out[start];
     for (int i = 0; i < slice; ++i)
       to[i] = (3 * from[i] + from[i + slice]) >> 2;
     for (int i = slice; i < block - slice; ++i)
@@ -230,7 +230,7 @@ void log2_q8(const std::uint32_t* values, int count, std::int16_t* out) {
 void mean_around(const Grid& grid, int reach, std::vector<std::uint8_t>& between,
                  std::vector<std::uint32_t>& sums, std::vector<std::uint8_t>& out) {
   const int w = grid.width, h = grid.height;
-  sums.resize(static_cast<std::size_t>(2 * w + 2 * reach + 1));
+  sums.resize(2 * w + 2 * reach + 1);
   between.resize(grid.size());
   out.resize(grid.size());
   average_rows(grid.planes[0], w, h, reach, sums.data(), between.data());
@@ -247,7 +247,7 @@ void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, cons
   out.color.resize(grid.size());
   out.texture.resize(grid.size());
   out.roughness.resize(grid.size());
-  out.gain.resize(static_cast<std::size_t>(grid.width));
+  out.gain.resize(grid.width);
   for (int row = 0; row < grid.height; ++row) {
     const auto [grid_y, grid_u, grid_v] = grid.row(row);
     const std::size_t first = grid.at(row, 0);

@@ -64,14 +64,14 @@ int normal_of(int across, int down) {
   int low = 0, high = normals;
   while (high - low > 1) {
     const int middle = (low + high) / 2;
-    const Direction& limit = directions[2 * static_cast<std::size_t>(middle)];
+    const Direction& limit = directions[2 * middle];
     (limit.c * down - limit.s * across >= 0 ? low : high) = middle;
   }
   return low;
 }
 
 const Direction& middle_of(int normal) {
-  return directions[2 * static_cast<std::size_t>(normal) + 1];
+  return directions[2 * normal + 1];
 }
 
 // Length of a vector, 7 % too long at most.
@@ -150,7 +150,7 @@ std::optional<std::int32_t> LongLines::meeting_row(const LumaLevels& luma) {
 
 void LongLines::find_edges(const Plane& luma) {
   for (int i = 1; i < height_ - 1; ++i) {
-    const std::size_t at = static_cast<std::size_t>(i) * static_cast<std::size_t>(width_);
+    const int at = i * width_;
     compare(luma.row(i - 1), luma.row(i), luma.row(i + 1), width_, &across_[at], &down_[at], &steep_[at]);
   }
   edges_.clear();
@@ -218,9 +218,8 @@ void LongLines::pick_lines() {
     const int line = static_cast<int>(peak) / row, at = static_cast<int>(peak) % row;
     const int polarity = line / normals * normals, normal = line % normals;
     for (int n = std::max(normal - apart, 0); n <= std::min(normal + apart, normals - 1); ++n)
-      std::fill(&owner_[static_cast<std::size_t>((polarity + n) * row + std::max(at - beside, 0))],
-                &owner_[static_cast<std::size_t>((polarity + n) * row + std::min(at + beside, row - 1))] + 1,
-                taken);
+      std::fill(&owner_[(polarity + n) * row + std::max(at - beside, 0)],
+                &owner_[(polarity + n) * row + std::min(at + beside, row - 1)] + 1, taken);
     owner_[peak] = static_cast<std::uint8_t>(first_line + lines_.size());
     const Direction& direction = middle_of(normal);
     lines_.push_back({0, 0, direction.c, direction.s, 0});
@@ -230,7 +229,7 @@ void LongLines::pick_lines() {
   for (const EdgePixel& pixel : edges_)
     for (int normal = pixel.normal - neighbours; normal <= pixel.normal + neighbours; ++normal)
       if (const int owner = owner_[cell(pixel, normal)]; owner >= first_line) {
-        Line& line = lines_[static_cast<std::size_t>(owner - first_line)];
+        Line& line = lines_[owner - first_line];
         line.x += pixel.x;
         line.y += pixel.y;
         ++line.length;

@@ -42,12 +42,12 @@ void LumaLevels::read(const Pyramid& pyramid, int finest, int coarsest, const Co
                       bool rgb) {
   gain_ = rgb ? 1 << 16 : transform.matrix[0][0];
   for (int level = finest; level <= coarsest; ++level) {
-    GrayView& luma = levels_[static_cast<std::size_t>(level)];
+    GrayView& luma = levels_[level];
     luma = {pyramid.plane(level, 0), pyramid.width(level), pyramid.height(level)};
     if (!rgb)
       continue;
     const Grid grid = pyramid.grid(level);
-    auto& converted = converted_[static_cast<std::size_t>(level)];
+    auto& converted = converted_[level];
     converted.resize(grid.size());
     for (int i = 0; i < grid.height; ++i)
       transform_luma_row(transform, grid.row(i), &converted[grid.at(i, 0)], grid.width);

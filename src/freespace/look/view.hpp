@@ -40,7 +40,7 @@ class LumaLevels {
   /// Allocates only when they grow.
   void read(const Pyramid& pyramid, int finest, int coarsest, const ColorTransform& transform, bool rgb);
 
-  const GrayView& level(int level) const { return levels_[static_cast<std::size_t>(level)]; }
+  const GrayView& level(int level) const { return levels_[level]; }
   /// Q16: what brings differences of its values to the full range.
   int gain() const { return gain_; }
 

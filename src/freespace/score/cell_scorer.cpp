@@ -49,7 +49,7 @@ void UprightCoherence::add_rows(const GrayView& luma, const Grid& grid) {
     const int top = i * per_cell, rows = std::min(per_cell, luma.height - top);
     std::array<const std::uint8_t*, 4> row{};
     for (int k = 0; k < rows; ++k)
-      row[static_cast<std::size_t>(k)] = luma.plane.row(top + k);
+      row[k] = luma.plane.row(top + k);
     const std::size_t at = static_cast<std::size_t>(i) * width_;
     kernels::sum_rows(row, rows, luma.width, &sums_[at], &steps_[at]);
   }
@@ -261,7 +261,7 @@ int own_step(const Grid& grid, const ColorSteps& steps, std::span<const Cell> se
       ++count;
     }
     if (seed.y > 0) {
-      sum += steps.down[cell - static_cast<std::size_t>(grid.width)];
+      sum += steps.down[cell - grid.width];
       ++count;
     }
   }
@@ -295,7 +295,7 @@ void GeodesicPenalty::raise(const Grid& grid, const ColorSteps& steps, std::span
     int* here = here_.data();
     const int* below = below_.data();
     for (int j = 0; j < width; ++j)
-      here[j] = is_seed_[row + static_cast<std::size_t>(j)] ? 0 : far;
+      here[j] = is_seed_[row + j] ? 0 : far;
     if (i < lowest) {
       for (std::size_t j = 0; j < size; ++j)
         here[j] = std::min(here[j], below[j] + price(steps.down, row + j, row + size + j));
