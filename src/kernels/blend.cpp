@@ -294,27 +294,16 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace terrainseg::kernels {
 
-HWY_EXPORT(cover);
-HWY_EXPORT(any);
-HWY_EXPORT(pool);
-HWY_EXPORT(plane);
-HWY_EXPORT(pairs);
-HWY_EXPORT(words);
-HWY_EXPORT(word_pairs);
-HWY_EXPORT(triples);
-HWY_EXPORT(quads);
-HWY_EXPORT(packed_422);
-
-decltype(cover_mask) cover_mask = dispatched([] { return &HWY_DYNAMIC_DISPATCH(cover); });
-decltype(covers) covers = dispatched([] { return &HWY_DYNAMIC_DISPATCH(any); });
-decltype(pool_coverage) pool_coverage = dispatched([] { return &HWY_DYNAMIC_DISPATCH(pool); });
-decltype(blend_plane) blend_plane = dispatched([] { return &HWY_DYNAMIC_DISPATCH(plane); });
-decltype(blend_pairs) blend_pairs = dispatched([] { return &HWY_DYNAMIC_DISPATCH(pairs); });
-decltype(blend_words) blend_words = dispatched([] { return &HWY_DYNAMIC_DISPATCH(words); });
-decltype(blend_word_pairs) blend_word_pairs = dispatched([] { return &HWY_DYNAMIC_DISPATCH(word_pairs); });
-decltype(blend_triples) blend_triples = dispatched([] { return &HWY_DYNAMIC_DISPATCH(triples); });
-decltype(blend_quads) blend_quads = dispatched([] { return &HWY_DYNAMIC_DISPATCH(quads); });
-decltype(blend_422) blend_422 = dispatched([] { return &HWY_DYNAMIC_DISPATCH(packed_422); });
+TERRAINSEG_DISPATCH(cover_mask, cover);
+TERRAINSEG_DISPATCH(covers, any);
+TERRAINSEG_DISPATCH(pool_coverage, pool);
+TERRAINSEG_DISPATCH(blend_plane, plane);
+TERRAINSEG_DISPATCH(blend_pairs, pairs);
+TERRAINSEG_DISPATCH(blend_words, words);
+TERRAINSEG_DISPATCH(blend_word_pairs, word_pairs);
+TERRAINSEG_DISPATCH(blend_triples, triples);
+TERRAINSEG_DISPATCH(blend_quads, quads);
+TERRAINSEG_DISPATCH(blend_422, packed_422);
 
 } // namespace terrainseg::kernels
 #endif

@@ -302,33 +302,17 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace terrainseg::kernels {
 
-HWY_EXPORT(weigh_cells);
-HWY_EXPORT(add_pair_differences);
-HWY_EXPORT(add_column_boxes);
-HWY_EXPORT(sums_of_rows);
-HWY_EXPORT(largest_steps_of_cells);
-HWY_EXPORT(upright_evidence);
-HWY_EXPORT(color_steps_between);
-HWY_EXPORT(follow_cells);
-HWY_EXPORT(smooth_cells);
-HWY_EXPORT(strongest_of_strip);
-HWY_EXPORT(octaves_looked_up);
-
-decltype(weigh_components) weigh_components = dispatched([] { return &HWY_DYNAMIC_DISPATCH(weigh_cells); });
-decltype(add_differences) add_differences =
-    dispatched([] { return &HWY_DYNAMIC_DISPATCH(add_pair_differences); });
-decltype(add_boxes) add_boxes = dispatched([] { return &HWY_DYNAMIC_DISPATCH(add_column_boxes); });
-decltype(sum_rows) sum_rows = dispatched([] { return &HWY_DYNAMIC_DISPATCH(sums_of_rows); });
-decltype(largest_steps) largest_steps =
-    dispatched([] { return &HWY_DYNAMIC_DISPATCH(largest_steps_of_cells); });
-decltype(weigh_upright) weigh_upright = dispatched([] { return &HWY_DYNAMIC_DISPATCH(upright_evidence); });
-decltype(color_steps) color_steps = dispatched([] { return &HWY_DYNAMIC_DISPATCH(color_steps_between); });
-decltype(follow_row) follow_row = dispatched([] { return &HWY_DYNAMIC_DISPATCH(follow_cells); });
-decltype(smooth_row) smooth_row = dispatched([] { return &HWY_DYNAMIC_DISPATCH(smooth_cells); });
-decltype(strongest_edges) strongest_edges =
-    dispatched([] { return &HWY_DYNAMIC_DISPATCH(strongest_of_strip); });
-decltype(look_up_octaves) look_up_octaves =
-    dispatched([] { return &HWY_DYNAMIC_DISPATCH(octaves_looked_up); });
+TERRAINSEG_DISPATCH(weigh_components, weigh_cells);
+TERRAINSEG_DISPATCH(add_differences, add_pair_differences);
+TERRAINSEG_DISPATCH(add_boxes, add_column_boxes);
+TERRAINSEG_DISPATCH(sum_rows, sums_of_rows);
+TERRAINSEG_DISPATCH(largest_steps, largest_steps_of_cells);
+TERRAINSEG_DISPATCH(weigh_upright, upright_evidence);
+TERRAINSEG_DISPATCH(color_steps, color_steps_between);
+TERRAINSEG_DISPATCH(follow_row, follow_cells);
+TERRAINSEG_DISPATCH(smooth_row, smooth_cells);
+TERRAINSEG_DISPATCH(strongest_edges, strongest_of_strip);
+TERRAINSEG_DISPATCH(look_up_octaves, octaves_looked_up);
 
 } // namespace terrainseg::kernels
 #endif

@@ -363,23 +363,14 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace terrainseg::kernels {
 
-HWY_EXPORT(high_pass_any);
-HWY_EXPORT(mean_of_cells);
-HWY_EXPORT(steepest_of_row);
-HWY_EXPORT(warp_all);
-HWY_EXPORT(compare);
-HWY_EXPORT(add_windows);
-HWY_EXPORT(move_sums);
-HWY_EXPORT(evidence_of);
-
-decltype(high_pass) high_pass = dispatched([] { return &HWY_DYNAMIC_DISPATCH(high_pass_any); });
-decltype(steepest) steepest = dispatched([] { return &HWY_DYNAMIC_DISPATCH(steepest_of_row); });
-decltype(mean_of_quarters) mean_of_quarters = dispatched([] { return &HWY_DYNAMIC_DISPATCH(mean_of_cells); });
-decltype(warp_rows) warp_rows = dispatched([] { return &HWY_DYNAMIC_DISPATCH(warp_all); });
-decltype(compare_cells) compare_cells = dispatched([] { return &HWY_DYNAMIC_DISPATCH(compare); });
-decltype(window_costs) window_costs = dispatched([] { return &HWY_DYNAMIC_DISPATCH(add_windows); });
-decltype(moved_sums) moved_sums = dispatched([] { return &HWY_DYNAMIC_DISPATCH(move_sums); });
-decltype(evidence_of_sums) evidence_of_sums = dispatched([] { return &HWY_DYNAMIC_DISPATCH(evidence_of); });
+TERRAINSEG_DISPATCH(high_pass, high_pass_any);
+TERRAINSEG_DISPATCH(steepest, steepest_of_row);
+TERRAINSEG_DISPATCH(mean_of_quarters, mean_of_cells);
+TERRAINSEG_DISPATCH(warp_rows, warp_all);
+TERRAINSEG_DISPATCH(compare_cells, compare);
+TERRAINSEG_DISPATCH(window_costs, add_windows);
+TERRAINSEG_DISPATCH(moved_sums, move_sums);
+TERRAINSEG_DISPATCH(evidence_of_sums, evidence_of);
 
 } // namespace terrainseg::kernels
 #endif

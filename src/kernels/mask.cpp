@@ -148,12 +148,8 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace terrainseg::kernels {
 
-HWY_EXPORT(write_mask);
-HWY_EXPORT(add_stretches);
-
-decltype(write_mask_rows) write_mask_rows = dispatched([] { return &HWY_DYNAMIC_DISPATCH(write_mask); });
-decltype(add_mask_stretches) add_mask_stretches =
-    dispatched([] { return &HWY_DYNAMIC_DISPATCH(add_stretches); });
+TERRAINSEG_DISPATCH(write_mask_rows, write_mask);
+TERRAINSEG_DISPATCH(add_mask_stretches, add_stretches);
 
 } // namespace terrainseg::kernels
 #endif

@@ -314,14 +314,9 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace terrainseg::kernels {
 
-HWY_EXPORT(differences_of);
-HWY_EXPORT(weights_of);
-HWY_EXPORT(sums_of);
-
-decltype(point_differences) point_differences =
-    dispatched([] { return &HWY_DYNAMIC_DISPATCH(differences_of); });
-decltype(fit_weights) fit_weights = dispatched([] { return &HWY_DYNAMIC_DISPATCH(weights_of); });
-decltype(fit_sums) fit_sums = dispatched([] { return &HWY_DYNAMIC_DISPATCH(sums_of); });
+TERRAINSEG_DISPATCH(point_differences, differences_of);
+TERRAINSEG_DISPATCH(fit_weights, weights_of);
+TERRAINSEG_DISPATCH(fit_sums, sums_of);
 
 } // namespace terrainseg::kernels
 #endif

@@ -547,23 +547,13 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace terrainseg::kernels {
 
-HWY_EXPORT(reduce);
-HWY_EXPORT(reduce_one);
-HWY_EXPORT(reduce_vertically);
-HWY_EXPORT(split);
-HWY_EXPORT(narrow_row);
-HWY_EXPORT(pick_bytes);
-HWY_EXPORT(spread_row);
-
-decltype(reduce_pair) reduce_pair = dispatched([] { return &HWY_DYNAMIC_DISPATCH(reduce); });
-decltype(reduce_horizontally) reduce_horizontally =
-    dispatched([] { return &HWY_DYNAMIC_DISPATCH(reduce_one); });
-decltype(reduce_pair_vertically) reduce_pair_vertically =
-    dispatched([] { return &HWY_DYNAMIC_DISPATCH(reduce_vertically); });
-decltype(split_422) split_422 = dispatched([] { return &HWY_DYNAMIC_DISPATCH(split); });
-decltype(narrow) narrow = dispatched([] { return &HWY_DYNAMIC_DISPATCH(narrow_row); });
-decltype(pick) pick = dispatched([] { return &HWY_DYNAMIC_DISPATCH(pick_bytes); });
-decltype(spread) spread = dispatched([] { return &HWY_DYNAMIC_DISPATCH(spread_row); });
+TERRAINSEG_DISPATCH(reduce_pair, reduce);
+TERRAINSEG_DISPATCH(reduce_horizontally, reduce_one);
+TERRAINSEG_DISPATCH(reduce_pair_vertically, reduce_vertically);
+TERRAINSEG_DISPATCH(split_422, split);
+TERRAINSEG_DISPATCH(narrow, narrow_row);
+TERRAINSEG_DISPATCH(pick, pick_bytes);
+TERRAINSEG_DISPATCH(spread, spread_row);
 
 } // namespace terrainseg::kernels
 #endif

@@ -253,12 +253,8 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace terrainseg::kernels {
 
-HWY_EXPORT(faster);
-HWY_EXPORT(classify);
-
-decltype(parts_are_faster) parts_are_faster = dispatched([] { return &HWY_DYNAMIC_DISPATCH(faster); });
-decltype(classify_row_by_parts) classify_row_by_parts =
-    dispatched([] { return &HWY_DYNAMIC_DISPATCH(classify); });
+TERRAINSEG_DISPATCH(parts_are_faster, faster);
+TERRAINSEG_DISPATCH(classify_row_by_parts, classify);
 
 namespace {
 

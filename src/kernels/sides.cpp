@@ -282,28 +282,16 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace terrainseg::kernels {
 
-HWY_EXPORT(sum_of_blocks);
-HWY_EXPORT(running_differences);
-HWY_EXPORT(sides_of_boxes);
-HWY_EXPORT(counts_of_boxes);
-HWY_EXPORT(twice_each);
-HWY_EXPORT(deviations_of);
-HWY_EXPORT(shades_of_row);
-HWY_EXPORT(oddness_of_row);
-HWY_EXPORT(excess_of_row);
-HWY_EXPORT(marks_of_row);
-
-decltype(add_blocks) add_blocks = dispatched([] { return &HWY_DYNAMIC_DISPATCH(sum_of_blocks); });
-decltype(count_boxes) count_boxes = dispatched([] { return &HWY_DYNAMIC_DISPATCH(counts_of_boxes); });
-decltype(run_differences) run_differences =
-    dispatched([] { return &HWY_DYNAMIC_DISPATCH(running_differences); });
-decltype(compare_boxes) compare_boxes = dispatched([] { return &HWY_DYNAMIC_DISPATCH(sides_of_boxes); });
-decltype(double_each) double_each = dispatched([] { return &HWY_DYNAMIC_DISPATCH(twice_each); });
-decltype(deviations) deviations = dispatched([] { return &HWY_DYNAMIC_DISPATCH(deviations_of); });
-decltype(note_dark) note_dark = dispatched([] { return &HWY_DYNAMIC_DISPATCH(shades_of_row); });
-decltype(oddness) oddness = dispatched([] { return &HWY_DYNAMIC_DISPATCH(oddness_of_row); });
-decltype(add_excess) add_excess = dispatched([] { return &HWY_DYNAMIC_DISPATCH(excess_of_row); });
-decltype(mark_boxes) mark_boxes = dispatched([] { return &HWY_DYNAMIC_DISPATCH(marks_of_row); });
+TERRAINSEG_DISPATCH(add_blocks, sum_of_blocks);
+TERRAINSEG_DISPATCH(count_boxes, counts_of_boxes);
+TERRAINSEG_DISPATCH(run_differences, running_differences);
+TERRAINSEG_DISPATCH(compare_boxes, sides_of_boxes);
+TERRAINSEG_DISPATCH(double_each, twice_each);
+TERRAINSEG_DISPATCH(deviations, deviations_of);
+TERRAINSEG_DISPATCH(note_dark, shades_of_row);
+TERRAINSEG_DISPATCH(oddness, oddness_of_row);
+TERRAINSEG_DISPATCH(add_excess, excess_of_row);
+TERRAINSEG_DISPATCH(mark_boxes, marks_of_row);
 
 // The loops of the stone field are plain: vectors of newer processors would save less than 5 % of a frame
 // (lab/speed/plain.py).
