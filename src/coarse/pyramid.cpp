@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <memory_resource>
 #include <vector>
 
 #include "base/workers.hpp"
@@ -53,32 +54,6 @@ void touch(const std::uint8_t* row, std::ptrdiff_t bytes) {
     static_cast<void>(*static_cast<const volatile std::uint8_t*>(row + i));
 }
 
-// Aligned memory for rows: one allocation, divided into pieces.
-class RowMemory {
- public:
-  // Called twice with the same sequence: the first pass adds the sizes, the second returns the memory.
-  std::uint8_t* take(std::ptrdiff_t bytes) {
-    std::uint8_t* at = base_ ? base_ + used_ : nullptr;
-    used_ += aligned(bytes);
-    return at;
-  }
-  void allocate() {
-    memory_.assign(static_cast<std::size_t>(used_ + row_alignment), 0);
-    const auto address = reinterpret_cast<std::uintptr_t>(memory_.data());
-    base_ = memory_.data() + (row_alignment - static_cast<std::ptrdiff_t>(address % row_alignment));
-    used_ = 0;
-  }
-  void clear() {
-    base_ = nullptr;
-    used_ = 0;
-  }
-
- private:
-  std::vector<std::uint8_t> memory_;
-  std::uint8_t* base_ = nullptr;
-  std::ptrdiff_t used_ = 0;
-};
-
 struct Shape {
   PixelFormat format{};
   int width = 0, height = 0;
@@ -127,48 +102,28 @@ FormatLayout narrowed(FormatLayout layout) {
   return layout;
 }
 
-struct Routes {
-  int count = 0;
-  std::array<Route, 3> route;
-};
-
-Routes routes_of(const FormatLayout& layout) {
-  Routes routes;
-  const auto add = [&](const Route& r) { routes.route[static_cast<std::size_t>(routes.count++)] = r; };
+std::vector<Route> routes_of(const FormatLayout& layout) {
   const auto& [a, b, c] = layout.components;
-  if (layout.rgb) {
-    add({3,
-         {0, 1, 2},
-         {a.offset, b.offset, c.offset},
-         a.step == 3 ? Interleave::three : Interleave::four,
-         0,
-         false,
-         false,
-         0});
-    return routes;
-  }
+  if (layout.rgb)
+    return {
+        {3, {0, 1, 2}, {a.offset, b.offset, c.offset}, a.step == 3 ? Interleave::three : Interleave::four}};
   const Staging staging = staging_of(layout);
   const bool packed = staging == Staging::split, staged = staging != Staging::none;
-  add({1, {0}, {0}, Interleave::one, 0, false, staged, 0});
-  if (layout.component_count == 1)
-    return routes;
-  const bool narrow_chroma = b.x_shift > b.y_shift;
-  if (packed || layout.planes == 2) {
-    const bool u_first = b.offset < c.offset;
-    add({2,
-         {1, 2},
-         {u_first ? 0 : 1, u_first ? 1 : 0},
-         Interleave::two,
-         b.y_shift,
-         narrow_chroma,
-         staged,
-         packed ? 1 : b.plane});
-    return routes;
-  }
-  for (int i = 1; i < 3; ++i) {
-    const ComponentLayout& l = layout.components[static_cast<std::size_t>(i)];
-    add({1, {i}, {0}, Interleave::one, l.y_shift, narrow_chroma, staged, l.plane});
-  }
+  std::vector<Route> routes{{1, {0}, {0}, Interleave::one, 0, false, staged}};
+  const bool narrow_chroma = b.x_shift > b.y_shift, u_first = b.offset < c.offset;
+  if (packed || layout.planes == 2)
+    routes.push_back({2,
+                      {1, 2},
+                      {u_first ? 0 : 1, u_first ? 1 : 0},
+                      Interleave::two,
+                      b.y_shift,
+                      narrow_chroma,
+                      staged,
+                      packed ? 1 : b.plane});
+  else
+    for (int i = 1; i < layout.component_count; ++i)
+      routes.push_back(
+          {1, {i}, {0}, Interleave::one, b.y_shift, narrow_chroma, staged, layout.components[i].plane});
   return routes;
 }
 
@@ -200,7 +155,10 @@ struct Step {
   std::uint8_t* row(int y) const { return (own.holds(y) ? lines : ring).row(y); }
 };
 
+// The way of a route's rows through a band.
 struct Course {
+  Route route;
+  int due = 0; ///< the row of the frame that a staged route needs next
   int top = 0; ///< coarsest level that is made
   Rows source; ///< rows of the source that this band reads
   Lines<const std::uint8_t> source_lines;
@@ -219,13 +177,10 @@ constexpr int next_that_allows(int available, int end) {
 }
 
 struct Band {
-  RowMemory memory;
-  std::array<Course, 3> course;
+  std::vector<Course> courses;
   std::array<MutablePlane, 3> staged; ///< the last rows that were staged
 
-  std::uint8_t* staged_row(int plane, int y) const {
-    return staged[static_cast<std::size_t>(plane)].row(y & (ring_rows - 1));
-  }
+  std::uint8_t* staged_row(int plane, int y) const { return staged[plane].row(y & (ring_rows - 1)); }
 };
 
 void reduce_sparsely(const Step& step, const std::uint8_t* row, std::uint8_t* out) {
@@ -250,16 +205,11 @@ struct Pyramid::State {
   Shape shape;
   FormatLayout layout{}; ///< layout of bytes, also of staged rows
   Staging staging{};
-  Routes routes;
   int split = 0; ///< the coarsest level that is computed in bands
-  int tails = 0; ///< number of components with coarser levels
-  std::array<Routes, 3> tail_routes;
-  std::array<Band, 3> tail;
-  std::array<std::array<RowMemory, 3>, level_count> memory;
+  std::pmr::monotonic_buffer_resource memory;
   std::array<std::array<MutablePlane, 3>, level_count> planes;
-  std::array<Plane, 3> own_planes; ///< level 0 of planar components
-  std::vector<Band> bands;
-  Frame frame; ///< the frame of the current build
+  std::vector<Band> bands, tails; ///< tails: each component's levels that are coarser than `split`
+  Frame frame;                    ///< the frame of the current build
 
   int width(int level) const { return subsampled(shape.width, level); }
   int height(int level) const { return subsampled(shape.height, level); }
@@ -267,9 +217,7 @@ struct Pyramid::State {
     const PyramidPlan& plan = shape.plan;
     return level <= plan.coarsest && level >= (component == 0 ? plan.finest_luma : plan.finest_color);
   }
-  const ComponentLayout& part(int component) const {
-    return layout.components[static_cast<std::size_t>(component)];
-  }
+  const ComponentLayout& part(int component) const { return layout.components[component]; }
   bool is_frame_plane(int component) const {
     const ComponentLayout& l = part(component);
     return component < layout.component_count && staging != Staging::narrow && l.step == 1 &&
@@ -277,15 +225,16 @@ struct Pyramid::State {
   }
 
   void adopt(const Shape& wanted);
-  void lay_out(Band& band, int index);
-  void lay_out(Band& band, const Route& route, Course& course, int top, int index);
-  void run(Band& band, const Routes& ways);
-  void run_staged(Band& band, const Routes& ways);
-  void run_plane(const Route& route, Course& course);
+  std::uint8_t* take(std::ptrdiff_t bytes);
+  Band band_of(int index);
+  Course course_of(const Route& route, int top, int index);
+  void run(Band& band);
+  void run_staged(Band& band);
+  void run_plane(Course& course);
   void run_band(int index);
-  void begin(const Band& band, Course& course, const Route& route) const;
+  void begin(const Band& band, Course& course) const;
   Lines<const std::uint8_t> source_of(const Band& band, const Route& route) const;
-  void advance(const Route& route, Course& course, int level, int available);
+  void advance(Course& course, int level, int available);
   void deliver(const Route& route, int level, int y, const std::uint8_t* pixels);
   void fill_level_0(int component, int index);
   void copy_chroma(int component, int index);
@@ -306,48 +255,37 @@ void Pyramid::State::adopt(const Shape& wanted) {
   shape = wanted;
   layout = narrowed(layout_of(shape.format));
   staging = staging_of(layout);
-  routes = routes_of(layout);
   const PyramidPlan& plan = shape.plan;
   split = shape.bands == 1 ? plan.coarsest : std::min(plan.coarsest, std::max(plan.finest_color, 1));
+  bands.clear();
+  tails.clear();
+  memory.release();
   for (int level = 0; level < level_count; ++level)
     for (int c = 0; c < 3; ++c) {
-      RowMemory& m = memory[level][c];
-      m.clear();
       planes[level][c] = {};
       if (!kept(level, c) || (level == 0 && is_frame_plane(c)))
         continue;
-      const std::ptrdiff_t stride = aligned(width(level));
-      m.take(stride * height(level));
-      m.allocate();
-      planes[level][c] = {m.take(0), stride};
+      const std::ptrdiff_t stride = aligned(width(level)), bytes = stride * height(level);
+      planes[level][c] = {take(bytes), stride};
       if (c >= layout.component_count)
-        std::memset(planes[level][c].data, no_chroma, static_cast<std::size_t>(stride * height(level)));
+        std::memset(planes[level][c].data, no_chroma, static_cast<std::size_t>(bytes));
     }
-  bands.resize(static_cast<std::size_t>(shape.bands));
-  for (int i = 0; i < shape.bands; ++i) {
-    Band& band = bands[static_cast<std::size_t>(i)];
-    band.memory.clear();
-    lay_out(band, i);
-    band.memory.allocate();
-    lay_out(band, i);
+  for (int i = 0; i < shape.bands; ++i)
+    bands.push_back(band_of(i));
+  for (int c = 0; c < layout.component_count && split < plan.coarsest; ++c) {
+    const Route route{.components = 1,
+                      .component = {c},
+                      .interleave = Interleave::one,
+                      .source_level = split,
+                      .from_kept = true};
+    tails.push_back({{course_of(route, plan.coarsest, 0)}, {}});
   }
-  tails = split < shape.plan.coarsest ? layout.component_count : 0;
-  for (int c = 0; c < tails; ++c) {
-    Routes& routes_of_tail = tail_routes[c];
-    routes_of_tail.count = 1;
-    Route& route = routes_of_tail.route[0];
-    route = {};
-    route.components = 1;
-    route.component[0] = c;
-    route.interleave = Interleave::one;
-    route.source_level = split;
-    route.from_kept = true;
-    Band& band = tail[c];
-    band.memory.clear();
-    lay_out(band, route, band.course[0], plan.coarsest, 0);
-    band.memory.allocate();
-    lay_out(band, route, band.course[0], plan.coarsest, 0);
-  }
+}
+
+// Aligned memory of zeros, valid until the next adopt().
+std::uint8_t* Pyramid::State::take(std::ptrdiff_t bytes) {
+  const auto size = static_cast<std::size_t>(bytes);
+  return static_cast<std::uint8_t*>(std::memset(memory.allocate(size, row_alignment), 0, size));
 }
 
 // A band owns rows of the coarsest level that is computed in bands, and the finer rows below them. Each
@@ -363,21 +301,24 @@ Rows Pyramid::State::own_rows(int level, int index) const {
   return {cut(index), index + 1 == shape.bands ? height(level) : cut(index + 1)};
 }
 
-void Pyramid::State::lay_out(Band& band, int index) {
-  for (int r = 0; r < routes.count; ++r)
-    lay_out(band, routes.route[r], band.course[r], split, index);
+Band Pyramid::State::band_of(int index) {
+  Band band;
+  for (const Route& route : routes_of(layout))
+    band.courses.push_back(course_of(route, split, index));
   if (staging == Staging::none)
-    return;
+    return band;
   const std::ptrdiff_t stride = aligned(shape.width + 1);
   for (int p = 0; p < (staging == Staging::split ? 2 : layout.planes); ++p)
-    band.staged[static_cast<std::size_t>(p)] = {band.memory.take(stride * ring_rows), stride};
+    band.staged[p] = {take(stride * ring_rows), stride};
+  return band;
 }
 
-void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int top, int index) {
+Course Pyramid::State::course_of(const Route& route, int top, int index) {
+  Course course;
+  course.route = route;
   course.top = top;
   for (int level = top; level > route.source_level; --level) {
     Step& step = course.step[level];
-    step = {};
     step.own = own_rows(level, index);
     step.made.first = step.own.first;
     step.end = step.own.end;
@@ -395,8 +336,7 @@ void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int
     const bool from_three = route.interleave == Interleave::three && level > 1;
     step.interleave = from_three ? Interleave::four : route.interleave;
     const std::ptrdiff_t bytes = std::ptrdiff_t{width(level)} * kernels::written_step(route.interleave);
-    step.ring = {nullptr, aligned(bytes), ring_rows - 1};
-    step.ring.data = band.memory.take(step.ring.stride * ring_rows);
+    step.ring = {take(aligned(bytes) * ring_rows), aligned(bytes), ring_rows - 1};
     step.lines = step.ring;
     if (route.components == 1 && kept(level, route.component[0]))
       step.lines = {planes[level][route.component[0]].data, planes[level][route.component[0]].stride};
@@ -406,8 +346,7 @@ void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int
     // Aligns the second pixel, with which the loops start. Saves 4 % of the pyramid's time.
     const std::ptrdiff_t second = 2 * kernels::written_step(route.interleave);
     const auto take_sums = [&] {
-      std::uint8_t* at = band.memory.take(2 * bytes + row_alignment);
-      return reinterpret_cast<std::uint16_t*>(at ? at + row_alignment - second : nullptr);
+      return reinterpret_cast<std::uint16_t*>(take(2 * bytes + row_alignment) + row_alignment - second);
     };
     step.waiting.partial = take_sums();
     step.waiting.held = take_sums();
@@ -416,12 +355,12 @@ void Pyramid::State::lay_out(Band& band, const Route& route, Course& course, int
     const Step& first = course.step[route.source_level + 1];
     course.source = {std::max(0, 2 * first.made.first - 2),
                      std::min(height(route.source_level), 2 * first.end + 1)};
-  } else {
-    course.source = {};
   }
+  return course;
 }
 
-void Pyramid::State::begin(const Band& band, Course& course, const Route& route) const {
+void Pyramid::State::begin(const Band& band, Course& course) const {
+  const Route& route = course.route;
   for (int level = route.source_level + 1; level <= course.top; ++level) {
     course.step[level].made.end = course.step[level].made.first;
     course.step[level].begun = false;
@@ -442,7 +381,7 @@ Lines<const std::uint8_t> Pyramid::State::source_of(const Band& band, const Rout
     return {plane.data, plane.stride};
   }
   if (route.staged) {
-    const MutablePlane& rows = band.staged[static_cast<std::size_t>(route.source_plane)];
+    const MutablePlane& rows = band.staged[route.source_plane];
     return {rows.data, rows.stride, ring_rows - 1};
   }
   const Plane& plane = frame.planes[route.source_plane];
@@ -457,7 +396,8 @@ void Pyramid::State::deliver(const Route& route, int level, int y, const std::ui
 }
 
 // Computes the rows of this level and of all coarser ones that rows 0..available-1 of the finer level allow.
-void Pyramid::State::advance(const Route& route, Course& course, int level, int available) {
+void Pyramid::State::advance(Course& course, int level, int available) {
+  const Route& route = course.route;
   Step& step = course.step[level];
   const int last = step.source_height - 1;
   const auto read = [&](int y) -> const std::uint8_t* {
@@ -488,72 +428,69 @@ void Pyramid::State::advance(const Route& route, Course& course, int level, int 
       deliver(route, level, y, out);
     ++step.made.end;
     if (level < course.top && allows_more(step.made.end, step.end))
-      advance(route, course, level + 1, step.made.end);
+      advance(course, level + 1, step.made.end);
   }
 }
 
-void Pyramid::State::run(Band& band, const Routes& ways) {
-  const auto count = static_cast<std::size_t>(ways.count);
-  for (std::size_t r = 0; r < count; ++r)
-    begin(band, band.course[r], ways.route[r]);
-  if (ways.route[0].staged)
-    return run_staged(band, ways);
-  for (std::size_t r = 0; r < count; ++r)
-    run_plane(ways.route[r], band.course[r]);
+void Pyramid::State::run(Band& band) {
+  for (Course& course : band.courses)
+    begin(band, course);
+  if (band.courses[0].route.staged)
+    return run_staged(band);
+  for (Course& course : band.courses)
+    run_plane(course);
 }
 
 // One plane after the other, because prefetch follows one sequence of rows best.
-void Pyramid::State::run_plane(const Route& route, Course& course) {
-  if (course.top == route.source_level)
+void Pyramid::State::run_plane(Course& course) {
+  const int level = course.route.source_level;
+  if (course.top == level)
     return;
   for (int available = course.source.first; available < course.source.end;) {
     const int before = available;
     available = next_that_allows(available, course.source.end);
     for (int y = before; y < available - 1 && course.read_through > 0; ++y)
       touch(course.source_lines.row(y), course.read_through);
-    advance(route, course, route.source_level + 1, available);
+    advance(course, level + 1, available);
   }
 }
 
 // A staged row serves all routes.
-void Pyramid::State::run_staged(Band& band, const Routes& ways) {
-  const auto count = static_cast<std::size_t>(ways.count);
+void Pyramid::State::run_staged(Band& band) {
   int first = shape.height, end = 0, apart = shape.height;
-  for (std::size_t r = 0; r < count; ++r) {
-    const Route& route = ways.route[r];
-    const Rows source = band.course[r].source;
+  for (const Course& course : band.courses) {
+    const Rows source = course.source;
+    const int level = course.route.source_level;
     if (source.end > source.first) {
-      first = std::min(first, source.first << route.source_level);
-      end = std::max(end, source.end << route.source_level);
+      first = std::min(first, source.first << level);
+      end = std::max(end, source.end << level);
     }
-    apart = std::min(apart, rows_apart(route) << route.source_level);
+    apart = std::min(apart, rows_apart(course.route) << level);
   }
   // The next row of the frame that a route needs after `available` rows of its source; `end` = none.
-  const auto next = [&](std::size_t r, int available) {
-    const Course& course = band.course[r];
-    const int level = ways.route[r].source_level, last = course.source.end;
+  const auto next = [&](const Course& course, int available) {
+    const int level = course.route.source_level, last = course.source.end;
     return course.top > level && available < last ? (next_that_allows(available, last) - 1) << level : end;
   };
-  std::array<int, 3> due{};
-  for (std::size_t r = 0; r < count; ++r) {
-    const int level = ways.route[r].source_level;
-    due[r] = next(r, (first + (1 << level) - 1) >> level);
+  for (Course& course : band.courses) {
+    const int level = course.route.source_level;
+    course.due = next(course, (first + (1 << level) - 1) >> level);
   }
   for (int y = first; y < end; ++y) {
     if (y % apart == 0)
       stage(band, y);
-    for (std::size_t r = 0; r < count; ++r) {
-      if (y != due[r])
+    for (Course& course : band.courses) {
+      if (y != course.due)
         continue;
-      const int level = ways.route[r].source_level, available = (y >> level) + 1;
-      advance(ways.route[r], band.course[r], level + 1, available);
-      due[r] = next(r, available);
+      const int level = course.route.source_level, available = (y >> level) + 1;
+      advance(course, level + 1, available);
+      course.due = next(course, available);
     }
   }
 }
 
 void Pyramid::State::narrow(int plane, int y, std::uint8_t* out) const {
-  const Plane& source = frame.planes[static_cast<std::size_t>(plane)];
+  const Plane& source = frame.planes[plane];
   kernels::narrow(source.row(y), layout.upper_shift(), row_bytes(layout, plane, shape.width),
                   rows_ahead * source.stride, out);
 }
@@ -575,13 +512,13 @@ void Pyramid::State::stage(const Band& band, int y) const {
 // A row of the frame as bytes. Samples of two bytes are converted into the memory of old staged rows.
 const std::uint8_t* Pyramid::State::bytes_of_row(const Band& band, int plane, int y) const {
   if (staging != Staging::narrow)
-    return frame.planes[static_cast<std::size_t>(plane)].row(y);
+    return frame.planes[plane].row(y);
   narrow(plane, y, band.staged_row(plane, 0));
   return band.staged_row(plane, 0);
 }
 
 void Pyramid::State::run_band(int index) {
-  run(bands[static_cast<std::size_t>(index)], routes);
+  run(bands[index]);
   for (int c = 0; c < layout.component_count; ++c) {
     if (kept(0, c) && !is_frame_plane(c))
       fill_level_0(c, index);
@@ -591,7 +528,7 @@ void Pyramid::State::run_band(int index) {
 }
 
 void Pyramid::State::fill_level_0(int component, int index) {
-  const Band& band = bands[static_cast<std::size_t>(index)];
+  const Band& band = bands[index];
   const ComponentLayout& l = part(component);
   const Rows rows = own_rows(0, index);
   for (int y = rows.first; y < rows.end; ++y) {
@@ -607,7 +544,7 @@ void Pyramid::State::fill_level_0(int component, int index) {
 }
 
 void Pyramid::State::copy_chroma(int component, int index) {
-  const Band& band = bands[static_cast<std::size_t>(index)];
+  const Band& band = bands[index];
   const ComponentLayout& l = part(component);
   const Rows rows = own_rows(1, index);
   for (int y = rows.first; y < rows.end; ++y) {
@@ -622,8 +559,6 @@ void Pyramid::State::copy_chroma(int component, int index) {
 
 Pyramid::Pyramid() : state_(std::make_unique<State>()) {}
 Pyramid::~Pyramid() = default;
-Pyramid::Pyramid(Pyramid&&) noexcept = default;
-Pyramid& Pyramid::operator=(Pyramid&&) noexcept = default;
 
 void Pyramid::build(const Frame& frame, const PyramidPlan& plan, Workers* workers) {
   State& s = *state_;
@@ -633,14 +568,12 @@ void Pyramid::build(const Frame& frame, const PyramidPlan& plan, Workers* worker
   const int bands = std::min(threads, most);
   s.adopt({frame.format, frame.width, frame.height, plan, bands});
   s.frame = frame;
-  for (int c = 0; c < 3; ++c)
-    s.own_planes[c] = frame.planes[s.part(c).plane];
   if (bands == 1)
     s.run_band(0);
   else
     workers->run(bands, [&s](int i) { s.run_band(i); });
-  if (s.tails > 0)
-    workers->run(s.tails, [&s](int c) { s.run(s.tail[c], s.tail_routes[c]); });
+  if (!s.tails.empty())
+    workers->run(static_cast<int>(s.tails.size()), [&s](int c) { s.run(s.tails[c]); });
 }
 
 int Pyramid::width(int level) const {
@@ -654,7 +587,7 @@ int Pyramid::height(int level) const {
 Plane Pyramid::plane(int level, int component) const {
   const State& s = *state_;
   if (level == 0 && s.is_frame_plane(component))
-    return s.own_planes[component];
+    return s.frame.planes[s.part(component).plane];
   const MutablePlane& p = s.planes[level][component];
   return {p.data, p.stride};
 }

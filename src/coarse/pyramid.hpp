@@ -35,8 +35,6 @@ class Pyramid {
  public:
   Pyramid();
   ~Pyramid();
-  Pyramid(Pyramid&&) noexcept;
-  Pyramid& operator=(Pyramid&&) noexcept;
 
   /// Builds all planned levels from a frame. Allocates only when size, format, plan or the number of workers
   /// differ from the last call. Workers compute bands of rows; the result is the same.
