@@ -22,15 +22,13 @@ class CandidateCells {
     const GroundOutline& ground;
     int width = 0, height = 0, first = 0;
 
-    std::size_t cell_of(int row) const {
-      return static_cast<std::size_t>(row) * static_cast<std::size_t>(width);
-    }
+    int cell_of(int row) const { return row * width; }
   };
 
   void reserve(int width, int height) {
-    seeds_.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-    columns_.reserve(static_cast<std::size_t>(width));
-    sums_.resize(static_cast<std::size_t>(width + 2 * height + 1)); // for the largest reach
+    seeds_.resize(width * height);
+    columns_.reserve(width);
+    sums_.resize(width + 2 * height + 1); // for the largest reach
   }
 
   /// Sets marks[cell] = 1 where the value is at least `least` and the box that extends growth_reach(row)
@@ -58,7 +56,7 @@ class CandidateCells {
   // the rows, so each row is added once.
   template <typename Reach, typename Add>
   bool mark_boxes(const View& view, Reach reach_of, Add add, int least, int least_sum, std::uint8_t* marks) {
-    columns_.assign(static_cast<std::size_t>(view.width), 0);
+    columns_.assign(view.width, 0);
     bool any = false;
     int top = view.first, bottom = view.first;
     for (int i = view.first; i < view.height; ++i) {
@@ -89,7 +87,7 @@ class Pieces {
   };
 
   void reserve(int width, int height) {
-    const std::size_t most = static_cast<std::size_t>(width + 1) / 2 * static_cast<std::size_t>(height);
+    const int most = (width + 1) / 2 * height;
     for (auto* indices : {&parents_, &firsts_, &lasts_})
       indices->reserve(most);
     runs_.reserve(most);
@@ -103,7 +101,7 @@ class Pieces {
     std::uint32_t above = 0; // the first run of the row above
     for (int i = first; i < height; ++i) {
       const auto here = static_cast<std::uint32_t>(runs_.size());
-      list_runs(marks + static_cast<std::size_t>(i) * static_cast<std::size_t>(width), width, i);
+      list_runs(marks + i * width, width, i);
       join_rows(above, here);
       above = here;
     }
@@ -125,7 +123,7 @@ class Pieces {
  private:
   void list_runs(const std::uint8_t* marks, int width, int row) {
     const auto next = [&](int from, int mark) {
-      const void* const found = std::memchr(marks + from, mark, static_cast<std::size_t>(width - from));
+      const void* const found = std::memchr(marks + from, mark, width - from);
       return found ? static_cast<int>(static_cast<const std::uint8_t*>(found) - marks) : width;
     };
     for (int from = next(0, 1); from < width;) {

@@ -27,12 +27,11 @@ void outline_behind(const std::uint16_t* __restrict first, const std::uint16_t* 
 
 bool GroundOutline::draw(const FreeSpaceCurves& curves, const OutlineView& view) {
   const int k = view.level, half = 1 << k >> 1;
-  const auto width = static_cast<std::size_t>(view.width);
-  stride_ = static_cast<std::size_t>(view.stride);
+  stride_ = view.stride;
   const auto cells_of = [&](const FrameCurve& rows, std::vector<std::uint16_t>& out) {
     out.assign(stride_, no_row);
-    for (std::size_t j = 0; j < width; ++j) {
-      const std::size_t x = j << k >> view.column_spacing << view.column_spacing >> view.column_level;
+    for (int j = 0; j < view.width; ++j) {
+      const int x = j << k >> view.column_spacing << view.column_spacing >> view.column_level;
       out[j] = static_cast<std::uint16_t>((rows[x] + half) >> k);
     }
   };
@@ -43,17 +42,17 @@ bool GroundOutline::draw(const FreeSpaceCurves& curves, const OutlineView& view)
   if (curves.ground_behind) {
     cells_of(curves.behind_first, behind_first_);
     cells_of(curves.behind_end, behind_end_);
-    for (std::size_t j = 0; j < width; ++j)
+    for (int j = 0; j < view.width; ++j)
       if (behind_first_[j] < behind_end_[j])
         first_ = std::min<int>(first_, behind_first_[j]);
   }
   if (first_ >= view.height)
     return false;
-  cells_.resize(stride_ * static_cast<std::size_t>(view.height) + 1);
-  cells_[static_cast<std::size_t>(first_) * stride_] = 0;
+  cells_.resize(stride_ * view.height + 1);
+  cells_[first_ * stride_] = 0;
   for (int i = first_; i < view.height; ++i) {
     const auto row = static_cast<std::uint16_t>(i);
-    std::uint8_t* const in = &cells_[static_cast<std::size_t>(i) * stride_ + 1];
+    std::uint8_t* const in = &cells_[i * stride_ + 1];
     outline_row(safe_.data(), row, stride_, in);
     if (curves.ground_behind)
       outline_behind(behind_first_.data(), behind_end_.data(), row, stride_, in);
@@ -61,7 +60,7 @@ bool GroundOutline::draw(const FreeSpaceCurves& curves, const OutlineView& view)
   for (const Rectangle& region : view.ignored) {
     const Rectangle cells = cells_in(region, k, view.width, view.height);
     for (int i = std::max(cells.y, first_); i < cells.y + cells.height; ++i)
-      std::fill_n(&cells_[static_cast<std::size_t>(i) * stride_ + 1] + cells.x, cells.width, std::uint8_t{0});
+      std::fill_n(&cells_[i * stride_ + 1] + cells.x, cells.width, std::uint8_t{0});
   }
   return true;
 }
@@ -91,7 +90,7 @@ void lower_below(const Detection& found, int mask_level, FrameCurve& rows) {
   for (const Hole& hole : found.holes) {
     const int right = std::min(subsampled(hole.right, mask_level), static_cast<int>(rows.size()));
     for (int x = subsampled(hole.left, mask_level); x < right; ++x)
-      rows[static_cast<std::size_t>(x)] = std::max(rows[static_cast<std::size_t>(x)], hole.free_from);
+      rows[x] = std::max(rows[x], hole.free_from);
   }
   found.veto.lower(mask_level, {rows.data(), rows.size()});
 }

@@ -28,10 +28,9 @@ template <typename Value> struct FinerCells {
   /// Returns the value of the cell nearest to a pixel of the frame. Must not be empty.
   Value nearest(int x, int y) const {
     const auto cell = [&](int pixel, int count) {
-      return static_cast<std::size_t>(
-          std::clamp((pixel - middle + (1 << level >> 1)) >> level, 0, count - 1));
+      return std::clamp((pixel - middle + (1 << level >> 1)) >> level, 0, count - 1);
     };
-    return values[cell(y, height) * static_cast<std::size_t>(stride) + cell(x, width)];
+    return values[cell(y, height) * stride + cell(x, width)];
   }
 };
 
@@ -57,14 +56,12 @@ class GroundOutline {
   int first() const { return first_; } ///< the uppermost row with ground; the height when there is none
   /// 1 = ground, otherwise 0. Valid from row first() on.
   /// Column -1 is not ground, where rows have additional elements.
-  const std::uint8_t* row(int i) const { return &cells_[static_cast<std::size_t>(i) * stride_ + 1]; }
+  const std::uint8_t* row(int i) const { return &cells_[i * stride_ + 1]; }
   /// True when all cells of a row from `from` to `to` (exclusive) are ground.
-  bool is_whole(int i, int from, int to) const {
-    return !std::memchr(row(i) + from, 0, static_cast<std::size_t>(to - from));
-  }
+  bool is_whole(int i, int from, int to) const { return !std::memchr(row(i) + from, 0, to - from); }
 
  private:
-  std::size_t stride_ = 0;
+  int stride_ = 0;
   int first_ = 0;
   std::vector<std::uint16_t> safe_, behind_first_, behind_end_; ///< in rows of cells
   std::vector<std::uint8_t> cells_;                             ///< from column -1 of the first row on

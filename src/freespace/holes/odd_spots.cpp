@@ -109,7 +109,7 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
     height_ = std::min(height_, horizon_row_ + view.rows);
   blocks_x_ = stride_ >> 1;
   blocks_y_ = (height_ >> 1) + 1;
-  const std::size_t size = static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height_);
+  const std::size_t size = stride_ * height_;
   odd_.resize(size + 1);
   odd_.back() = 0;
   spot_.assign(size, 0);
@@ -128,8 +128,8 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   sum_blocks();
   const int most_reach = side_reach(is_far() ? std::max(view.rows, far_nearest_rows) : height_);
   for (auto& strip : strips_) // reserved for any position of the horizon
-    strip.reserve(static_cast<std::size_t>(blocks_x_ + 1 + 2 * most_reach));
-  nearest_dark_.assign(static_cast<std::size_t>(stride_), 30000);
+    strip.reserve(blocks_x_ + 1 + 2 * most_reach);
+  nearest_dark_.assign(stride_, 30000);
   for (int block_row = blocks_y_ - 1; 2 * block_row >= first_; --block_row) {
     const int top = std::max(2 * block_row - 1, first_), bottom = std::min(2 * block_row, height_ - 1);
     find_extent(top, bottom);
@@ -150,7 +150,7 @@ void OddSpots::read_cells(const Pyramid& pyramid, const ColorTransform& transfor
   for (auto& plane : color_)
     plane.resize(odd_.size());
   for (int i = first_; i < height_; ++i) {
-    const std::size_t row = static_cast<std::size_t>(i) * static_cast<std::size_t>(stride_);
+    const int row = i * stride_;
     transform_row(transform,
                   {pyramid.plane(view_.level, 0).row(i), pyramid.plane(view_.level, 1).row(i),
                    pyramid.plane(view_.level, 2).row(i)},
@@ -161,18 +161,17 @@ void OddSpots::read_cells(const Pyramid& pyramid, const ColorTransform& transfor
 // Block (I, J) holds the cells 2 I - 1 and 2 I of the columns 2 J - 1 and 2 J: its centre is a cell of the
 // grid.
 void OddSpots::sum_blocks() {
-  const auto w = static_cast<std::size_t>(stride_), stride = static_cast<std::size_t>(blocks_x_);
-  const int first_block = (first_ + 1) >> 1;
+  const int stride = blocks_x_, first_block = (first_ + 1) >> 1;
   for (auto& sums : sums_) {
-    sums.resize(stride * (static_cast<std::size_t>(blocks_y_) + 1));
-    std::fill_n(&sums[static_cast<std::size_t>(first_block) * stride], stride, 0u);
+    sums.resize(stride * (blocks_y_ + 1));
+    std::fill_n(&sums[first_block * stride], stride, 0u);
   }
   for (int I = first_block; I < blocks_y_; ++I) {
-    const std::size_t above = static_cast<std::size_t>(I) * stride, here = above + stride;
+    const int above = I * stride, here = above + stride;
     for (auto& sums : sums_)
       std::copy_n(&sums[above], stride, &sums[here]);
     for (int i = std::max(2 * I - 1, first_); i <= std::min(2 * I, height_ - 1); ++i) {
-      const std::size_t row = static_cast<std::size_t>(i) * w;
+      const int row = i * stride_;
       const std::uint8_t* const ground = ground_.row(i) - 1;
       kernels::add_blocks(ground, ground, blocks_x_, &sums_[0][here], nullptr);
       for (std::size_t c = 0; c < 3; ++c)
@@ -183,10 +182,9 @@ void OddSpots::sum_blocks() {
 
 // Prefix sums over the blocks of the rows `top` to `bottom`, padded by `pad` blocks on the left and right of
 // the picture.
-void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
-  const auto stride = static_cast<std::size_t>(blocks_x_);
-  const auto from = static_cast<std::size_t>(std::max(top, (first_ + 1) >> 1)) * stride,
-             to = static_cast<std::size_t>(bottom) * stride;
+void OddSpots::sum_strips(int top, int bottom, int pad) {
+  const int stride = blocks_x_;
+  const int from = std::max(top, (first_ + 1) >> 1) * stride, to = bottom * stride;
   for (std::size_t s = 0; s < sum_count; ++s) {
     auto& strip = strips_[s];
     strip.resize(stride + 1 + 2 * pad);
@@ -202,14 +200,13 @@ void OddSpots::sum_strips(int top, int bottom, std::size_t pad) {
 // whole vectors.
 void OddSpots::find_extent(int top, int bottom) {
   constexpr int vector = 32;
-  const auto w = static_cast<std::size_t>(stride_);
-  std::size_t from = w, last = 0;
+  std::ptrdiff_t from = stride_, last = 0;
   for (int row = top; row <= bottom; ++row) {
     const std::uint8_t* const ground = ground_.row(row) - 1;
-    if (const auto* const first = static_cast<const std::uint8_t*>(std::memchr(ground, 1, w))) {
-      from = std::min(from, static_cast<std::size_t>(first - ground));
-      const auto* const end = static_cast<const std::uint8_t*>(memrchr(ground, 1, w));
-      last = std::max(last, static_cast<std::size_t>(end - ground));
+    if (const auto* const first = static_cast<const std::uint8_t*>(std::memchr(ground, 1, stride_))) {
+      from = std::min(from, first - ground);
+      const auto* const end = static_cast<const std::uint8_t*>(memrchr(ground, 1, stride_));
+      last = std::max(last, end - ground);
     }
   }
   from_ = std::max(static_cast<int>(from) - 1, 0) / vector * vector;
@@ -221,9 +218,8 @@ void OddSpots::compare_sides(int I) {
   const int away = distance(2 * I), reach = side_reach(away),
             rows = std::max((box_height * away / 16 + 1) >> 1, 1);
   const int top = std::max(I - rows, 0), bottom = std::min(I + rows + 1, blocks_y_);
-  const auto blocks = static_cast<std::size_t>(blocks_x_);
-  const int first = from_ / 2, count = count_ / 2;
-  sum_strips(top, bottom, static_cast<std::size_t>(reach));
+  const int first = from_ / 2, count = count_ / 2, blocks = blocks_x_;
+  sum_strips(top, bottom, reach);
   // A side with too little ground has no result.
   const auto full = 4u * static_cast<std::uint32_t>(reach) * static_cast<std::uint32_t>(bottom - top);
   for (auto* values : {&box_cells_, &box_inverse_[0], &box_inverse_[1], &box_inverse_[2]})
@@ -252,8 +248,8 @@ void OddSpots::compare_sides(int I) {
 }
 
 void OddSpots::measure_row(int row) {
-  const auto w = static_cast<std::size_t>(stride_), from = static_cast<std::size_t>(from_);
-  std::uint8_t* const odd = &odd_[static_cast<std::size_t>(row) * w];
+  const int w = stride_, from = from_;
+  std::uint8_t* const odd = &odd_[row * w];
   std::fill_n(odd, count_ > 0 ? from_ : stride_, std::uint8_t{0});
   if (count_ == 0)
     return;
@@ -261,8 +257,8 @@ void OddSpots::measure_row(int row) {
   dark_.resize(w);
   for (std::size_t c = 0; c < 3; ++c) {
     deviation_[c].resize(w);
-    kernels::deviations(&color_[c][static_cast<std::size_t>(row) * w + from], sides_.left[c].data(),
-                        sides_.right[c].data(), sides_.inverse[c].data(), count_, deviation_[c].data(),
+    kernels::deviations(&color_[c][row * w + from], sides_.left[c].data(), sides_.right[c].data(),
+                        sides_.inverse[c].data(), count_, deviation_[c].data(),
                         c == 0 ? dark_.data() : nullptr);
   }
   // One more column on each side.
@@ -279,7 +275,7 @@ void OddSpots::measure_row(int row) {
 // Marks the cells around seeds, where the mean oddness of the ground is high enough.
 bool OddSpots::mark_spots() {
   const int enough = is_far() ? far_seed_enough : seed_enough;
-  const std::size_t from = static_cast<std::size_t>(first_) * static_cast<std::size_t>(stride_);
+  const int from = first_ * stride_;
   return largest(&odd_[from], odd_.size() - from) >= enough &&
          candidates_.mark(
              {odd_.data() + 1, ground_, stride_, height_, first_}, odd_enough, enough,

@@ -69,7 +69,7 @@ class OddSpots {
   bool is_far() const { return view_.rows > 0; } ///< only rows near the horizon are searched
   void read_cells(const Pyramid& pyramid, const ColorTransform& transform);
   void sum_blocks();
-  void sum_strips(int top, int bottom, std::size_t pad);
+  void sum_strips(int top, int bottom, int pad);
   void find_extent(int top, int bottom);
   void compare_sides(int block_row);
   void measure_row(int row);
@@ -78,10 +78,7 @@ class OddSpots {
   void list(std::vector<Hole>& holes) const;
   template <typename Keep> bool keep_pieces(Keep keep);
   bool is_spot(const Pieces::Run& run) const { return spot_[cell_of(run.row, run.from)] != 0; }
-  std::size_t cell_of(int row, int column) const {
-    return static_cast<std::size_t>(row) * static_cast<std::size_t>(stride_) +
-           static_cast<std::size_t>(column);
-  }
+  int cell_of(int row, int column) const { return row * stride_ + column; }
 
   GroundView view_;
   int width_ = 0, stride_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;

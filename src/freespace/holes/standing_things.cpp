@@ -64,18 +64,16 @@ void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesO
   const int cell_level = level_ + cell_bits, half = 1 << cell_level >> 1;
   columns_ = width / 4;
   rows_ = height / 4;
-  ground_.resize(static_cast<std::size_t>(columns_) * rows_);
+  ground_.resize(columns_ * rows_);
   // The first row of cells whose centre is at or below a row of the frame.
   const auto cell_row = [=](int row) {
     return static_cast<std::uint16_t>(std::max((row - half + (1 << cell_level) - 1) >> cell_level, 0));
   };
   const int last = static_cast<int>(curves.safe.size()) - 1;
-  const auto columns = static_cast<std::size_t>(columns_);
   for (std::vector<std::uint16_t>* rows : {&safe_, &behind_first_, &behind_end_})
-    rows->assign(columns, 0);
-  for (std::size_t j = 0; j < columns; ++j) {
-    const auto x = static_cast<std::size_t>(
-        std::min(((static_cast<int>(j) << cell_level) + half) >> of.mask_level, last));
+    rows->assign(columns_, 0);
+  for (int j = 0; j < columns_; ++j) {
+    const int x = std::min(((j << cell_level) + half) >> of.mask_level, last);
     safe_[j] = cell_row(curves.safe[x]);
     if (curves.ground_behind) {
       behind_first_[j] = cell_row(curves.behind_first[x]);
@@ -84,7 +82,7 @@ void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesO
   }
   for (int i = 0; i < rows_; ++i)
     outline_row({safe_.data(), behind_first_.data(), behind_end_.data()}, static_cast<std::uint16_t>(i),
-                columns, ground_.data() + i * columns_);
+                columns_, ground_.data() + i * columns_);
   fill_ignored(of.ignored, cell_level, columns_, rows_, 0, ground_.data());
 }
 
@@ -118,8 +116,7 @@ bool StandingThings::find(const Pyramid& pyramid, const FreeSpaceCurves& curves,
                                          // allocate
   for (int i = 0; i < rows_; ++i) {
     const std::ptrdiff_t at = std::ptrdiff_t{i} * columns_;
-    if (outline_standing(ground_.data() + at, view.standing.data() + at, static_cast<std::size_t>(columns_),
-                         stands_.data() + at))
+    if (outline_standing(ground_.data() + at, view.standing.data() + at, columns_, stands_.data() + at))
       list(i, pyramid.width(0), pyramid.height(0), holes);
   }
   return !holes.empty();

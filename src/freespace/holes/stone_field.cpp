@@ -57,12 +57,10 @@ std::uint32_t root(std::uint32_t square) {
   return result;
 }
 
-template <typename Value>
-void spread(const Value* values, int blocks, std::size_t count, std::vector<Value>& cells) {
-  cells.resize(static_cast<std::size_t>(blocks) << block_shift);
-  for (int b = 0; b < blocks; ++b)
-    std::fill_n(&cells[static_cast<std::size_t>(b) << block_shift], block, values[b]);
-  cells.resize(count);
+template <typename Value> void spread(const Value* values, int width, std::vector<Value>& cells) {
+  cells.resize(width);
+  for (int x = 0; x < width; x += block)
+    std::fill_n(&cells[x], std::min(block, width - x), values[x >> block_shift]);
 }
 
 } // namespace
@@ -71,12 +69,6 @@ void spread(const Value* values, int blocks, std::size_t count, std::vector<Valu
 struct StoneField::Piece {
   int left, right, top, bottom, cells = 0, peak = 0;
   bool inside = true; ///< surrounded by ground
-
-  bool is_within(int distance, int most_width, int most_height) const {
-    const int width = right - left + 1, height = bottom - top + 1;
-    return (width <= always_small || 64 * width <= most_width * distance) &&
-           (height <= always_small || 64 * height <= most_height * distance);
-  }
 };
 
 // Distance from the horizon in rows.
@@ -109,7 +101,7 @@ bool StoneField::look(const GrayView& luma, const FreeSpaceCurves& curves, const
   width_ = luma.width;
   height_ = luma.height;
   horizon_row_ = static_cast<int>(view.horizon) * height_ >> 8;
-  const std::size_t size = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  const int size = width_ * height_;
   for (auto* cells : {&deviation_, &marked_, &oddness_})
     cells->resize(size);
   // Reserved now, so that the first frame with a stone does not allocate.
@@ -126,14 +118,14 @@ bool StoneField::look(const GrayView& luma, const FreeSpaceCurves& curves, const
   const auto reach_of = [&](int row) { return reach(row); };
   const std::uint8_t* const deviations = deviation_.data();
   const CandidateCells::View cells{deviations, ground_, width_, height_, first_};
-  std::size_t clear = 0;
-  for (std::size_t i = cells.cell_of(first_); i < size; i += 255) {
+  int clear = 0;
+  for (int i = cells.cell_of(first_); i < size; i += 255) {
     std::uint8_t some = 0;
-    for (std::size_t j = i; j < std::min(i + 255, size); ++j)
+    for (int j = i; j < std::min(i + 255, size); ++j)
       some = static_cast<std::uint8_t>(some + (deviations[j] >= sure_peak));
     clear += some;
   }
-  if (clear < static_cast<std::size_t>(pieces_of_a_field())) // each piece has at least one such cell
+  if (clear < pieces_of_a_field()) // each piece has at least one such cell
     return false;
   if (!candidates_.mark(cells, odd_enough, seed_enough, reach_of, reach_of, marked_.data()))
     return false;
@@ -151,10 +143,9 @@ int StoneField::block_reach(int block_row) const {
 
 // Sums per block over the measured rows, as integrals. `add_row(row)` adds a row to the columns.
 template <typename AddRow> void StoneField::sum_blocks(AddRow add_row) {
-  const auto columns = static_cast<std::size_t>(width_), stride = static_cast<std::size_t>(blocks_x_) + 1;
+  const int columns = width_, stride = blocks_x_ + 1;
   for (auto& sums : blocks_) {
-    sums.resize(stride * (static_cast<std::size_t>(blocks_y_) + 1)); // large enough for any first row of the
-                                                                     // ground
+    sums.resize(stride * (blocks_y_ + 1)); // large enough for any first row of the ground
     std::fill_n(sums.begin(), stride, 0u);
   }
   for (int I = first_block_; I < blocks_y_; ++I) {
@@ -165,12 +156,12 @@ template <typename AddRow> void StoneField::sum_blocks(AddRow add_row) {
     for (int i = top; i < bottom; i += row_step)
       if (i >= first_)
         add_row(i);
-    const std::size_t above = static_cast<std::size_t>(I - first_block_) * stride;
+    const int above = (I - first_block_) * stride;
     std::array<std::uint32_t, 3> run{};
     for (auto& sums : blocks_)
       sums[above + stride] = 0;
-    for (std::size_t b = 0; b + 1 < stride; ++b) {
-      for (std::size_t x = b << block_shift; x < std::min((b + 1) << block_shift, columns); ++x) {
+    for (int b = 0; b < blocks_x_; ++b) {
+      for (int x = b << block_shift; x < std::min((b + 1) << block_shift, columns); ++x) {
         run[0] += cells_[x];
         run[1] += sums_[x];
         run[2] += squares_[x] + distances_[x]; // one of the two is 0
@@ -184,12 +175,9 @@ template <typename AddRow> void StoneField::sum_blocks(AddRow add_row) {
 // Of the box around a block: the number of counted cells, their sum, and the sum of their squares or
 // distances.
 std::array<std::uint32_t, 3> StoneField::box_around(int block_row, int column, int reach) const {
-  const auto stride = static_cast<std::size_t>(blocks_x_) + 1;
-  const auto top = static_cast<std::size_t>(std::max(block_row - reach - first_block_, 0)) * stride,
-             bottom =
-                 static_cast<std::size_t>(std::min(block_row + reach + 1, blocks_y_) - first_block_) * stride,
-             left = static_cast<std::size_t>(std::max(column - reach, 0)),
-             right = static_cast<std::size_t>(std::min(column + reach + 1, blocks_x_));
+  const int stride = blocks_x_ + 1, top = std::max(block_row - reach - first_block_, 0) * stride,
+            bottom = (std::min(block_row + reach + 1, blocks_y_) - first_block_) * stride,
+            left = std::max(column - reach, 0), right = std::min(column + reach + 1, blocks_x_);
   std::array<std::uint32_t, 3> box{};
   for (std::size_t s = 0; s < 3; ++s) {
     const std::uint32_t* const sums = blocks_[s].data();
@@ -204,23 +192,21 @@ void StoneField::measure_ground(const Plane& luma) {
   blocks_x_ = (width_ + block - 1) >> block_shift;
   blocks_y_ = (height_ + block - 1) >> block_shift;
   first_block_ = first_ >> block_shift;
-  const std::size_t count = static_cast<std::size_t>(blocks_x_) * static_cast<std::size_t>(blocks_y_);
-  middle_.resize(count);
-  reach_.resize(count);
-  scale_.resize(count);
+  middle_.resize(blocks_x_ * blocks_y_);
+  reach_.resize(middle_.size());
+  scale_.resize(middle_.size());
   const auto each_block = [&](auto visit) {
     for (int I = first_block_; I < blocks_y_; ++I) {
       const int reach = block_reach(I);
       for (int J = 0; J < blocks_x_; ++J)
-        visit(static_cast<std::size_t>(I) * static_cast<std::size_t>(blocks_x_) + static_cast<std::size_t>(J),
-              box_around(I, J, reach), reach);
+        visit(I * blocks_x_ + J, box_around(I, J, reach), reach);
     }
   };
 
   sum_blocks([&](int i) {
     kernels::add_moments(luma.row(i), ground_.row(i), width_, {cells_.data(), sums_.data(), squares_.data()});
   });
-  each_block([&](std::size_t b, const std::array<std::uint32_t, 3>& box, int reach) {
+  each_block([&](int b, const std::array<std::uint32_t, 3>& box, int reach) {
     const auto [n, sum, squares] = box;
     const auto side = static_cast<std::uint32_t>(2 * reach + 1) << block_shift;
     reach_[b] = 0; // too little ground: no result
@@ -236,15 +222,15 @@ void StoneField::measure_ground(const Plane& luma) {
   });
 
   sum_blocks([&](int i) {
-    const std::size_t at = static_cast<std::size_t>(i >> block_shift) * static_cast<std::size_t>(blocks_x_);
     if (i % block == 0 || i < first_ + row_step) {
-      spread(&middle_[at], blocks_x_, static_cast<std::size_t>(width_), row_middle_);
-      spread(&reach_[at], blocks_x_, static_cast<std::size_t>(width_), row_reach_);
+      const int at = (i >> block_shift) * blocks_x_;
+      spread(&middle_[at], width_, row_middle_);
+      spread(&reach_[at], width_, row_reach_);
     }
     kernels::add_near(luma.row(i), ground_.row(i), row_middle_.data(), row_reach_.data(), width_,
                       {cells_.data(), sums_.data(), distances_.data()});
   });
-  each_block([&](std::size_t b, const std::array<std::uint32_t, 3>& box, int) {
+  each_block([&](int b, const std::array<std::uint32_t, 3>& box, int) {
     const auto [n, sum, distances] = box;
     scale_[b] = 0;
     if (reach_[b] == 0 || n == 0)
@@ -258,13 +244,13 @@ void StoneField::measure_ground(const Plane& luma) {
 
 void StoneField::measure_deviations(const Plane& luma) {
   for (int i = first_; i < height_; ++i) {
-    const std::size_t at = static_cast<std::size_t>(i >> block_shift) * static_cast<std::size_t>(blocks_x_);
     if (i % block == 0 || i == first_) {
-      spread(&middle_[at], blocks_x_, static_cast<std::size_t>(width_), row_middle_);
-      spread(&scale_[at], blocks_x_, static_cast<std::size_t>(width_), row_scale_);
+      const int at = (i >> block_shift) * blocks_x_;
+      spread(&middle_[at], width_, row_middle_);
+      spread(&scale_[at], width_, row_scale_);
     }
     kernels::deviations_from(luma.row(i), ground_.row(i), row_middle_.data(), row_scale_.data(), width_,
-                             &deviation_[static_cast<std::size_t>(i) * static_cast<std::size_t>(width_)]);
+                             &deviation_[i * width_]);
   }
 }
 
@@ -295,8 +281,11 @@ StoneField::Piece StoneField::look_at(std::uint32_t number) const {
 }
 
 // Sizes are compared with the distance of the piece's lower end.
-int StoneField::distance_of(const Piece& piece) const {
-  return std::max(piece.bottom - horizon_row_, least_distance);
+bool StoneField::is_stone(const Piece& piece, int most_width, int most_height) const {
+  const int distance = std::max(piece.bottom - horizon_row_, least_distance);
+  const int width = piece.right - piece.left + 1, height = piece.bottom - piece.top + 1;
+  return piece.inside && (width <= always_small || 64 * width <= most_width * distance) &&
+         (height <= always_small || 64 * height <= most_height * distance);
 }
 
 bool StoneField::is_field() const {
@@ -305,8 +294,7 @@ bool StoneField::is_field() const {
   for (std::uint32_t number = 0; number < pieces_.count(); ++number) {
     const Piece piece = look_at(number);
     all_cells += piece.cells;
-    if (piece.peak < sure_peak || !piece.inside ||
-        !piece.is_within(distance_of(piece), sure_width, sure_height))
+    if (piece.peak < sure_peak || !is_stone(piece, sure_width, sure_height))
       continue;
     ++sure;
     sure_cells += piece.cells;
@@ -317,8 +305,8 @@ bool StoneField::is_field() const {
 
 void StoneField::take_stones() {
   for (std::uint32_t number = 0; number < pieces_.count(); ++number)
-    if (const Piece piece = look_at(number); piece.peak >= stone_peak && piece.inside &&
-                                             piece.is_within(distance_of(piece), stone_width, stone_height))
+    if (const Piece piece = look_at(number);
+        piece.peak >= stone_peak && is_stone(piece, stone_width, stone_height))
       fill(number, std::min(piece.peak, most_oddness));
 }
 

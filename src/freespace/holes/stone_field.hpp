@@ -65,7 +65,6 @@ class StoneField {
 
   bool look(const GrayView& luma, const FreeSpaceCurves& curves, const StoneView& view);
   int distance(int row) const;
-  int distance_of(const Piece& piece) const;
   int reach(int row) const;
   int block_reach(int block_row) const;
   template <typename AddRow> void sum_blocks(AddRow add_row);
@@ -73,14 +72,12 @@ class StoneField {
   void measure_ground(const Plane& luma);
   void measure_deviations(const Plane& luma);
   int pieces_of_a_field() const;
+  bool is_stone(const Piece& piece, int most_width, int most_height) const;
   Piece look_at(std::uint32_t number) const;
   bool is_field() const;
   void take_stones();
   void fill(std::uint32_t number, int odd);
-  std::size_t cell_of(int row, int column) const {
-    return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
-           static_cast<std::size_t>(column);
-  }
+  int cell_of(int row, int column) const { return row * width_ + column; }
 
   bool in_field_ = false; ///< whether the last searched frame showed a field
   StoneView view_;
