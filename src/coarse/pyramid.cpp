@@ -5,6 +5,7 @@
 #include <array>
 #include <cstring>
 #include <memory_resource>
+#include <optional>
 #include <vector>
 
 #include "base/workers.hpp"
@@ -206,7 +207,7 @@ struct Pyramid::State {
   FormatLayout layout{}; ///< layout of bytes, also of staged rows
   Staging staging{};
   int split = 0; ///< the coarsest level that is computed in bands
-  std::pmr::monotonic_buffer_resource memory;
+  std::optional<std::pmr::monotonic_buffer_resource> memory;
   std::array<std::array<MutablePlane, 3>, level_count> planes;
   std::vector<Band> bands, tails; ///< tails: each component's levels that are coarser than `split`
   Frame frame;                    ///< the frame of the current build
@@ -259,7 +260,7 @@ void Pyramid::State::adopt(const Shape& wanted) {
   split = shape.bands == 1 ? plan.coarsest : std::min(plan.coarsest, std::max(plan.finest_color, 1));
   bands.clear();
   tails.clear();
-  memory.release();
+  memory.emplace(); // release() would compute in floating point
   for (int level = 0; level < level_count; ++level)
     for (int c = 0; c < 3; ++c) {
       planes[level][c] = {};
@@ -285,7 +286,7 @@ void Pyramid::State::adopt(const Shape& wanted) {
 // Aligned memory of zeros, valid until the next adopt().
 std::uint8_t* Pyramid::State::take(std::ptrdiff_t bytes) {
   const auto size = static_cast<std::size_t>(bytes);
-  return static_cast<std::uint8_t*>(std::memset(memory.allocate(size, row_alignment), 0, size));
+  return static_cast<std::uint8_t*>(std::memset(memory->allocate(size, row_alignment), 0, size));
 }
 
 // A band owns rows of the coarsest level that is computed in bands, and the finer rows below them. Each
