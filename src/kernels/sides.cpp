@@ -88,10 +88,10 @@ constexpr Inverses make_inverses() {
 }
 constexpr Inverses inverses = make_inverses();
 
-void counts_of_boxes(const std::uint32_t* __restrict counts, int reach, std::uint32_t least, int count,
-                     const BoxCounts& out) {
-  const std::uint32_t *const counts_b = counts + reach, *const counts_c = counts_b + 1,
-                             *const counts_d = counts_c + reach;
+void counts_of_boxes(const std::uint32_t* __restrict counts, std::uint32_t least, int count,
+                     const BoxRow& out) {
+  const std::uint32_t *const counts_b = counts + out.reach, *const counts_c = counts_b + 1,
+                             *const counts_d = counts_c + out.reach;
   int b = 0;
 #if TERRAINSEG_GATHERS
   const hn::FixedTag<std::uint32_t, 8> d;

@@ -21,22 +21,17 @@ extern void (*const run_differences)(const std::uint32_t* a, const std::uint32_t
 
 /// Properties of the box around each block of a row; 0 in all = unknown.
 struct BoxRow {
-  const std::uint32_t* cells;         ///< number of cells of both sides and the block
-  const std::uint32_t* inverse;       ///< 2^24 / cells
-  const std::uint32_t* inverse_left;  ///< 2^24 / cells of the left side
-  const std::uint32_t* inverse_right; ///< 2^24 / cells of the right side
-  int reach;                          ///< number of blocks of each side
+  std::uint32_t* cells;         ///< number of cells of both sides and the block
+  std::uint32_t* inverse;       ///< 2^24 / cells
+  std::uint32_t* inverse_left;  ///< 2^24 / cells of the left side
+  std::uint32_t* inverse_right; ///< 2^24 / cells of the right side
+  int reach;                    ///< number of blocks of each side
 };
 
-/// Memory of a BoxRow.
-struct BoxCounts {
-  std::uint32_t *cells, *inverse, *inverse_left, *inverse_right;
-};
-
-/// Computes a BoxRow from prefix sums of counts, in the form that compare_boxes() takes. Boxes of which a
-/// side has fewer than `least` cells (1 or more) are unknown.
-extern void (*const count_boxes)(const std::uint32_t* counts, int reach, std::uint32_t least, int count,
-                                 const BoxCounts& out);
+/// Computes all but the reach of a BoxRow from prefix sums of counts, in the form that compare_boxes() takes.
+/// Boxes of which a side has fewer than `least` cells (1 or more) are unknown.
+extern void (*const count_boxes)(const std::uint32_t* counts, std::uint32_t least, int count,
+                                 const BoxRow& out);
 
 /// Results of compare_boxes(): means in Q4, variances in Q8; 0 = unknown.
 struct SideRow {

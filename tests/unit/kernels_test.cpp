@@ -1182,8 +1182,8 @@ TEST(Kernels, CountBoxes) {
         for (std::size_t p = 1; p < counts.size(); ++p)
           counts[p] = counts[p - 1] + random() % (random() % 8 ? most + 1 : 2);
         const std::uint32_t least = 1 + random() % (most * static_cast<unsigned>(reach) / 2);
-        count_boxes(counts.data(), reach, least, count,
-                    {cells.data(), whole.data(), lefts.data(), rights.data()});
+        count_boxes(counts.data(), least, count,
+                    {cells.data(), whole.data(), lefts.data(), rights.data(), reach});
         for (std::size_t b = 0; b < blocks; ++b) {
           const std::uint32_t left = counts[b + r] - counts[b],
                               right = counts[b + 2 * r + 1] - counts[b + r + 1],

@@ -224,11 +224,9 @@ void OddSpots::compare_sides(int I) {
   const auto full = 4u * static_cast<std::uint32_t>(reach) * static_cast<std::uint32_t>(bottom - top);
   for (auto* values : {&box_cells_, &box_inverse_[0], &box_inverse_[1], &box_inverse_[2]})
     values->resize(blocks);
-  kernels::count_boxes(
-      strips_[0].data() + first, reach, (full + least_side - 1) / least_side, count,
-      {box_cells_.data(), box_inverse_[0].data(), box_inverse_[1].data(), box_inverse_[2].data()});
   const kernels::BoxRow boxes{box_cells_.data(), box_inverse_[0].data(), box_inverse_[1].data(),
                               box_inverse_[2].data(), reach};
+  kernels::count_boxes(strips_[0].data() + first, (full + least_side - 1) / least_side, count, boxes);
   for (auto* values : {&block_left_, &block_right_, &block_deviation_})
     values->resize(blocks);
   variance_.resize(blocks);
