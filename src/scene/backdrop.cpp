@@ -343,8 +343,7 @@ template <class Where> void draw_open_pixels(const Stage& stage, const Canvas& m
 
 class Outdoors : public Surroundings {
  public:
-  Outdoors(const Stage& stage, const Canvas& mirror, const Canvas& canvas)
-      : Surroundings(stage, mirror, canvas), horizontal_light_(stage.light.on({0, 1, 0})) {}
+  using Surroundings::Surroundings;
 
   void pixel(const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
              std::uint8_t& label) const {
@@ -450,14 +449,13 @@ class Outdoors : public Surroundings {
     return mix(color, cloud, 0.85F * cover);
   }
 
-  Color horizontal_light_;
+  const Color horizontal_light_ = s_.light.on({0, 1, 0});
 };
 
 /// Straight and endless: floor, ceiling with lamps, and two walls with doors or sunny windows.
 class Indoors : public Surroundings {
  public:
-  Indoors(const Stage& stage, const Canvas& mirror, const Canvas& canvas)
-      : Surroundings(stage, mirror, canvas), sunny_(stage.light.window_light.g > 0) {}
+  using Surroundings::Surroundings;
 
   void pixel(const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
              std::uint8_t& label) const {
@@ -476,7 +474,7 @@ class Indoors : public Surroundings {
     }
     Color wall_light, floor_light;
     if (on_floor < 1)
-      wall_light = to_wall < to_ceiling ? wall(ray, to_wall) : ceiling(ray, to_ceiling);
+      wall_light = s_.hazed(beside(ray, to_wall, to_ceiling, c.position.y), std::min(to_wall, to_ceiling));
     if (on_floor > 0)
       floor_light = floor(ray, to_floor, to_wall, foot, at);
     light = on_floor >= 1 ? floor_light : on_floor <= 0 ? wall_light : mix(wall_light, floor_light, on_floor);
@@ -529,8 +527,7 @@ class Indoors : public Surroundings {
       const float rough = 1 + 0.25F * s_.noise.at(spot.x * 16, spot.z * 4) * foot.amplitude[1];
       const float to_ceiling =
           (c.position.y + corridor_height) / -ray.y; // from the mirrored camera below the floor
-      const Color seen = to_wall < to_ceiling ? wall_from(mirrored, to_wall, -c.position.y)
-                                              : ceiling_from(mirrored, to_ceiling);
+      const Color seen = beside(mirrored, to_wall, to_ceiling, -c.position.y);
       if (water.puddle > 0)
         color = color + mix(seen, mirror_.light[at] + seen * mirror_.open[at], water.puddle) * strength;
       else
@@ -539,11 +536,12 @@ class Indoors : public Surroundings {
     return s_.hazed(color, t);
   }
 
-  Color wall(const Vec3& ray, float t) const {
-    return s_.hazed(wall_from(ray, t, s_.moment.camera.position.y), t);
+  /// The nearer one of the wall and the ceiling, without haze, from a camera at the height `eye`.
+  Color beside(const Vec3& ray, float to_wall, float to_ceiling, float eye) const {
+    return to_wall < to_ceiling ? wall(ray, to_wall, eye) : ceiling(ray, to_ceiling);
   }
 
-  Color wall_from(const Vec3& ray, float t, float eye) const {
+  Color wall(const Vec3& ray, float t, float eye) const {
     const Place& p = s_.place;
     const Camera& c = s_.moment.camera;
     const float z = c.position.z + t * ray.z, height = eye + t * ray.y;
@@ -606,9 +604,7 @@ class Indoors : public Surroundings {
     return sunny_ ? lamps + glow : lamps;
   }
 
-  Color ceiling(const Vec3& ray, float t) const { return s_.hazed(ceiling_from(ray, t), t); }
-
-  Color ceiling_from(const Vec3& ray, float t) const {
+  Color ceiling(const Vec3& ray, float t) const {
     const Camera& c = s_.moment.camera;
     const float x = c.position.x + t * ray.x, z = c.position.z + t * ray.z;
     const float size = t / c.focal;
@@ -619,7 +615,7 @@ class Indoors : public Surroundings {
     return mix(panel, s_.light.sun_light * 3.2F + s_.light.ambient, lamp);
   }
 
-  bool sunny_;
+  const bool sunny_ = s_.light.window_light.g > 0;
 };
 
 } // namespace

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "scene/camera.hpp"
 
-#include <algorithm>
-
 namespace terrainseg::scene {
 namespace {
 
@@ -86,16 +84,15 @@ Moment moment_of(const Settings& settings, const Path& path, std::uint64_t numbe
   double z = start + driven * rover.speed;
   z -= world_length * static_cast<double>(static_cast<std::int64_t>(z / world_length));
 
-  double pitch = 0, roll = 0, bounce = 0;
-  const double sway =
-      settings.motion == Motion::still ? 0 : 1; // a small suspension movement in all other motions
+  // The suspension moves a little in all motions but `still`.
+  const double sway = settings.motion == Motion::still ? 0 : 1;
   const double rough = settings.motion == Motion::bumpy ? 1 : 0.07 * sway;
   const auto wave = [&](double hertz, std::uint32_t which) {
     return sine(t * hertz + phase_of(settings, which));
   };
-  pitch = rough * (0.0055 * wave(1.1, 10) + 0.0025 * wave(2.7, 11) + 0.001 * wave(5.3, 12));
-  roll = rough * (0.0085 * wave(0.8, 13) + 0.0035 * wave(1.9, 14));
-  bounce = rough * (0.03 * wave(1.3, 15) + 0.01 * wave(3.1, 16));
+  const double pitch = rough * (0.0055 * wave(1.1, 10) + 0.0025 * wave(2.7, 11) + 0.001 * wave(5.3, 12));
+  const double roll = rough * (0.0085 * wave(0.8, 13) + 0.0035 * wave(1.9, 14));
+  const double bounce = rough * (0.03 * wave(1.3, 15) + 0.01 * wave(3.1, 16));
 
   const auto zf = static_cast<float>(z);
   const float slope = (path.at(zf + 2) - path.at(zf - 2)) / 4;

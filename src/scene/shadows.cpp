@@ -12,8 +12,8 @@ Vec3 cast_of(const Vec3& point, const Vec3& along) {
   return Vec3{point.x, 0, point.z} + along * point.y;
 }
 
-/// Computes the convex hull of ground points; reorders the points. Returns the number of corners.
-int hull_of(std::span<Vec3> points, std::array<Vec3, 16>& corners) {
+/// Returns the convex hull of ground points, in `corners`. Reorders the points.
+std::span<const Vec3> hull_of(std::span<Vec3> points, std::array<Vec3, 16>& corners) {
   const int last = static_cast<int>(points.size()) - 1;
   std::sort(points.begin(), points.end(),
             [](const Vec3& a, const Vec3& b) { return a.x < b.x || (a.x == b.x && a.z < b.z); });
@@ -31,11 +31,11 @@ int hull_of(std::span<Vec3> points, std::array<Vec3, 16>& corners) {
     }
     --count; // the next pass begins with the last point
   }
-  return count;
+  return {corners.data(), static_cast<std::size_t>(count)};
 }
 
 /// The outline of a box's shadow on the ground.
-int cast_hull(const Box& box, const Vec3& along, std::array<Vec3, 16>& corners) {
+std::span<const Vec3> cast_hull(const Box& box, const Vec3& along, std::array<Vec3, 16>& corners) {
   std::array<Vec3, 8> points;
   for (int i = 0; i < 8; ++i)
     points[i] = cast_of(box.corner(i & 1 ? box.half_x : -box.half_x, i & 4 ? box.high : box.low,
@@ -54,7 +54,6 @@ class SoftShadows {
   }
 
   void shadow(const Thing& thing) {
-    std::array<Vec3, 16> corners;
     if (s_.settings.kind != Kind::corridor && s_.light.sun.y > 0.01F) {
       const float reach = std::min(1 / s_.light.sun.y, 14.0F);
       const Vec3 along = {-s_.light.sun.x * reach, 0, -s_.light.sun.z * reach};
@@ -63,91 +62,84 @@ class SoftShadows {
         const Vec3 middle = thing.base + along * (thing.height * 0.62F);
         const float stretch =
             std::sqrt(along.x * along.x + along.z * along.z) * 0.36F * thing.height + thing.half_x;
-        const int count = ellipse(middle, along, stretch, thing.half_x, corners);
-        darken(corners, count, kept, 0.35F, true);
-        const Vec3 trunk = {0.012F * thing.height, 0, 0};
-        corners[0] = thing.base - trunk;
-        corners[1] = thing.base + trunk;
-        corners[2] = thing.base + along * (thing.height * 0.4F) + trunk;
-        corners[3] = thing.base + along * (thing.height * 0.4F) - trunk;
-        darken(corners, 4, kept, 0.03F, false);
+        darken(ellipse(middle, along, stretch, thing.half_x), kept, 0.35F, true);
+        const Vec3 trunk = {0.012F * thing.height, 0, 0}, end = thing.base + along * (thing.height * 0.4F);
+        const std::array<Vec3, 4> corners = {thing.base - trunk, thing.base + trunk, end + trunk,
+                                             end - trunk};
+        darken(corners, kept, 0.03F, false);
       } else if (thing.kind == Thing::Kind::bush || thing.kind == Thing::Kind::rock) {
         const float length = std::sqrt(along.x * along.x + along.z * along.z) * 0.5F * thing.height;
         const Vec3 middle = thing.base + along * (0.5F * thing.height);
-        const int count = ellipse(middle, along, length + 0.6F * thing.half_x, thing.half_x, corners);
-        darken(corners, count, kept, 0.04F * thing.half_x + 0.01F, false);
+        darken(ellipse(middle, along, length + 0.6F * thing.half_x, thing.half_x), kept,
+               0.04F * thing.half_x + 0.01F, false);
       } else {
-        const int count = cast_hull(box_of(thing, 0, thing.height), along, corners);
-        darken(corners, count, kept, 0.05F, false);
+        std::array<Vec3, 16> corners;
+        darken(cast_hull(box_of(thing, 0, thing.height), along, corners), kept, 0.05F, false);
       }
     }
   }
 
   /// The ground under an object gets little light.
   void contact(const Thing& thing) {
-    std::array<Vec3, 16> corners;
     const float rim = thing.kind == Thing::Kind::car ? 0.12F : 0.06F;
     if (thing.kind == Thing::Kind::tree || thing.kind == Thing::Kind::bush ||
         thing.kind == Thing::Kind::rock) {
       const float radius = thing.kind == Thing::Kind::tree ? 0.03F * thing.height : thing.half_x;
-      const int count = ellipse(thing.base, {0, 0, 1}, 0.7F * radius + rim, radius + rim, corners);
-      darken(corners, count, {0.5F, 0.5F, 0.5F}, 2 * rim, false);
-      return;
+      return darken(ellipse(thing.base, {0, 0, 1}, 0.7F * radius + rim, radius + rim), {0.5F, 0.5F, 0.5F},
+                    2 * rim, false);
     }
     const Box box = box_of(thing, 0, 0);
+    std::array<Vec3, 4> corners;
     for (int i = 0; i < 4; ++i) {
       const float x = (i == 1 || i == 2 ? 1.0F : -1.0F) * (thing.half_x + rim);
       const float z = (i >= 2 ? 1.0F : -1.0F) * (thing.half_z + rim);
       corners[i] = box.corner(x, 0, z);
     }
-    darken(corners, 4, {0.42F, 0.42F, 0.42F}, 2 * rim, false);
+    darken(corners, {0.42F, 0.42F, 0.42F}, 2 * rim, false);
   }
 
  private:
-  static int ellipse(const Vec3& middle, const Vec3& along, float length, float width,
-                     std::array<Vec3, 16>& corners) {
+  static std::array<Vec3, 14> ellipse(const Vec3& middle, const Vec3& along, float length, float width) {
     const float norm = std::sqrt(along.x * along.x + along.z * along.z) + 1e-6F;
     const Vec3 a = {along.x / norm, 0, along.z / norm}, b = {a.z, 0, -a.x};
-    constexpr int count = 14;
-    for (int i = 0; i < count; ++i) {
-      const double turns = static_cast<double>(i) / count;
+    std::array<Vec3, 14> corners;
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const double turns = static_cast<double>(i) / static_cast<double>(corners.size());
       corners[i] = middle + a * (length * static_cast<float>(cosine(turns))) +
                    b * (width * static_cast<float>(sine(turns)));
     }
-    return count;
+    return corners;
   }
 
-  void darken(const std::array<Vec3, 16>& corners, int count, const Color& kept, float softness,
-              bool dappled) {
+  void darken(std::span<const Vec3> corners, const Color& kept, float softness, bool dappled) {
     Vec3 middle;
-    for (int i = 0; i < count; ++i)
-      middle = middle + corners[i] * (1.0F / static_cast<float>(count));
+    for (const Vec3& corner : corners)
+      middle = middle + corner * (1.0F / static_cast<float>(corners.size()));
     const float depth = std::max(camera_.depth(middle), 1.0F);
     const float soft = std::max(softness * camera_.focal / depth, 1.0F);
-    const Outline outline(camera_, {corners.data(), static_cast<std::size_t>(count)});
-    outline.each_pixel(
-        canvas_.width, canvas_.height, soft * 0.5F, soft * (dappled ? 4.0F : 0.5F),
-        [&](int x, int y, float distance) {
-          const std::size_t pixel = canvas_.at(x, y);
-          if (canvas_.open[pixel] < Canvas::hidden || canvas_.shade[pixel].g < kept.g * 0.8F)
-            return; // hidden, or already dark from several shadows
-          float k = past_edge(distance, soft);
-          if (dappled) {
-            const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
-            if (ray.y >= -1e-4F)
-              return;
-            const float t = camera_.position.y / -ray.y;
-            const float u = camera_.position.x + t * ray.x, v = camera_.position.z + t * ray.z;
-            const float gaps =
-                0.66F * s_.noise.at(u * 2.3F, v * 2.3F) + 0.34F * s_.noise.at(u * 5.1F, v * 5.1F);
-            k *= 1 - 0.85F * smooth(0.05F, 0.3F, gaps);
-            // The edge of a crown is ragged.
-            if (distance < 3 * soft)
-              k *= smooth(-0.1F, 0.35F,
-                          distance / soft * 0.25F + 0.4F * s_.noise.at(u * 1.7F + 9, v * 1.7F) + 0.1F);
-          }
-          canvas_.shade[pixel] = canvas_.shade[pixel] * mix(Color{1, 1, 1}, kept, k);
-        });
+    Outline(camera_, corners)
+        .each_pixel(canvas_, soft * 0.5F, soft * (dappled ? 4.0F : 0.5F),
+                    [&](std::size_t pixel, int x, int y, float distance) {
+                      if (canvas_.shade[pixel].g < kept.g * 0.8F)
+                        return; // already dark from several shadows
+                      float k = past_edge(distance, soft);
+                      if (dappled) {
+                        const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
+                        if (ray.y >= -1e-4F)
+                          return;
+                        const float t = camera_.position.y / -ray.y;
+                        const float u = camera_.position.x + t * ray.x, v = camera_.position.z + t * ray.z;
+                        const float gaps =
+                            0.66F * s_.noise.at(u * 2.3F, v * 2.3F) + 0.34F * s_.noise.at(u * 5.1F, v * 5.1F);
+                        k *= 1 - 0.85F * smooth(0.05F, 0.3F, gaps);
+                        // The edge of a crown is ragged.
+                        if (distance < 3 * soft)
+                          k *= smooth(-0.1F, 0.35F,
+                                      distance / soft * 0.25F + 0.4F * s_.noise.at(u * 1.7F + 9, v * 1.7F) +
+                                          0.1F);
+                      }
+                      canvas_.shade[pixel] = canvas_.shade[pixel] * mix(Color{1, 1, 1}, kept, k);
+                    });
   }
 
   const Stage& s_;
@@ -192,8 +184,7 @@ class Caster {
  private:
   void solid(const Box& box) {
     std::array<Vec3, 16> corners;
-    const int count = cast_hull(box, along_, corners);
-    fill({corners.data(), static_cast<std::size_t>(count)});
+    fill(cast_hull(box, along_, corners));
   }
 
   void roof(const Thing& thing) {
@@ -206,17 +197,14 @@ class Caster {
                                        i < 3 ? -hz : hz),
                           along_);
     std::array<Vec3, 16> corners;
-    const int count = hull_of(points, corners);
-    fill({corners.data(), static_cast<std::size_t>(count)});
+    fill(hull_of(points, corners));
   }
 
   void fill(std::span<const Vec3> corners) {
-    const Outline outline(camera_, corners);
-    outline.each_pixel(canvas_.width, canvas_.height, 0.5F, 0.5F, [&](int x, int y, float distance) {
-      const std::size_t pixel = canvas_.at(x, y);
-      if (canvas_.open[pixel] >= Canvas::hidden)
-        shade(pixel, clamp01(distance + 0.5F));
-    });
+    Outline(camera_, corners)
+        .each_pixel(canvas_, 0.5F, 0.5F, [&](std::size_t pixel, int, int, float distance) {
+          shade(pixel, clamp01(distance + 0.5F));
+        });
   }
 
   // Objects without flat faces cast the shadow of a picture that faces the sun.
@@ -225,10 +213,7 @@ class Caster {
     const std::array<Vec3, 4> corners = {thing.base - side, thing.base + side, thing.base + side + tip,
                                          thing.base - side + tip};
     const Outline outline(camera_, corners);
-    outline.each_pixel(canvas_.width, canvas_.height, 0.5F, 0.5F, [&](int x, int y, float) {
-      const std::size_t pixel = canvas_.at(x, y);
-      if (canvas_.open[pixel] < Canvas::hidden)
-        return;
+    outline.each_pixel(canvas_, 0.5F, 0.5F, [&](std::size_t pixel, int x, int y, float) {
       const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
       if (ray.y >= -1e-4F)
         return;

@@ -54,15 +54,11 @@ class Painter {
 
   /// Draws a flat convex face. `shade(u, v, size)`: u and v in metres along the plane's axes, size = metres
   /// per pixel.
-  template <class Shade>
-  void face(std::span<const Vec3> corners, const Plane3& plane, std::uint8_t label, Shade&& shade) {
+  template <class Shade> void face(std::span<const Vec3> corners, const Plane3& plane, Shade&& shade) {
     const float offset = dot(plane.normal, plane.origin - camera_.position);
     const Outline outline(camera_, corners);
     // Extends the face by half a pixel, so that neighbouring faces leave no gap.
-    outline.each_pixel(canvas_.width, canvas_.height, 1, 0, [&](int x, int y, float distance) {
-      const std::size_t pixel = canvas_.at(x, y);
-      if (canvas_.open[pixel] < Canvas::hidden)
-        return;
+    outline.each_pixel(canvas_, 1, 0, [&](std::size_t pixel, int x, int y, float distance) {
       const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
       const float toward = dot(plane.normal, ray);
       if (std::abs(toward) < 1e-6F)
@@ -73,15 +69,14 @@ class Painter {
       const Vec3 hit = camera_.position + ray * t - plane.origin;
       const Sample sample = shade(dot(hit, plane.u), dot(hit, plane.v), t / camera_.focal);
       const float alpha = sample.alpha * clamp01(distance + 1);
-      if (alpha <= 0)
-        return;
-      canvas_.under(pixel, s_.hazed(sample.light, t), alpha, label);
+      if (alpha > 0)
+        canvas_.under(pixel, s_.hazed(sample.light, t), alpha, not_traversable);
     });
   }
 
   /// Draws the visible faces of a box. `shade(face, normal, u, v, size)`: u from the middle of the face, v up
   /// from the ground (top face: u across, v along), metres.
-  template <class Shade> void box(const Box& b, std::uint8_t label, Shade&& shade) {
+  template <class Shade> void box(const Box& b, Shade&& shade) {
     const Vec3 to_eye = camera_.position - b.base;
     for (const float sign : {-1.0F, 1.0F}) {
       if (sign * dot(to_eye, b.side()) > b.half_x) {
@@ -89,7 +84,7 @@ class Painter {
             b.corner(sign * b.half_x, b.low, -b.half_z), b.corner(sign * b.half_x, b.low, b.half_z),
             b.corner(sign * b.half_x, b.high, b.half_z), b.corner(sign * b.half_x, b.high, -b.half_z)};
         const Vec3 normal = b.side() * sign;
-        face(corners, {b.corner(sign * b.half_x, 0, 0), b.ahead(), {0, 1, 0}, normal}, label,
+        face(corners, {b.corner(sign * b.half_x, 0, 0), b.ahead(), {0, 1, 0}, normal},
              [&](float u, float v, float size) { return shade(Face::side, normal, u, v, size); });
       }
       if (sign * dot(to_eye, b.ahead()) > b.half_z) {
@@ -97,7 +92,7 @@ class Painter {
             b.corner(-b.half_x, b.low, sign * b.half_z), b.corner(b.half_x, b.low, sign * b.half_z),
             b.corner(b.half_x, b.high, sign * b.half_z), b.corner(-b.half_x, b.high, sign * b.half_z)};
         const Vec3 normal = b.ahead() * sign;
-        face(corners, {b.corner(0, 0, sign * b.half_z), b.side(), {0, 1, 0}, normal}, label,
+        face(corners, {b.corner(0, 0, sign * b.half_z), b.side(), {0, 1, 0}, normal},
              [&](float u, float v, float size) { return shade(Face::end, normal, u * sign, v, size); });
       }
     }
@@ -105,7 +100,7 @@ class Painter {
       const std::array<Vec3, 4> corners = {
           b.corner(-b.half_x, b.high, -b.half_z), b.corner(b.half_x, b.high, -b.half_z),
           b.corner(b.half_x, b.high, b.half_z), b.corner(-b.half_x, b.high, b.half_z)};
-      face(corners, {b.corner(0, b.high, 0), b.side(), b.ahead(), {0, 1, 0}}, label,
+      face(corners, {b.corner(0, b.high, 0), b.side(), b.ahead(), {0, 1, 0}},
            [&](float u, float v, float size) {
              return shade(Face::top, Vec3{0, 1, 0}, u, v, size);
            });
@@ -118,7 +113,7 @@ class Painter {
     const Color glint = s_.light.haze * 0.3F + s_.light.zenith * 0.1F;
     const bool dusk = s_.settings.light == Light::dusk;
     Box body = box_of(thing, 0.03F, waist);
-    box(body, not_traversable, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+    box(body, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
       Color color = paint;
       if (f == Face::side) {
         // Wheels, and the gap between them.
@@ -161,7 +156,7 @@ class Painter {
     cabin.half_z *= 0.55F;
     cabin.base = body.corner(0, 0, -0.12F * length);
     cabin.base.y = 0;
-    box(cabin, not_traversable, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+    box(cabin, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
       const float rise = (v - waist) / (thing.height - waist);
       const Color light = paint * lit(normal);
       if (f == Face::top)
@@ -194,10 +189,9 @@ class Painter {
                                          at(0, high, sign * thing.half_z)};
       const Vec3 end = walls.ahead() * sign;
       if (dot(camera_.position - gable[0], end) > 0)
-        face(gable, {gable[0], walls.side(), {0, 1, 0}, end}, not_traversable,
-             [&](float, float, float) -> Sample {
-               return {thing.color * lit(end), 1};
-             });
+        face(gable, {gable[0], walls.side(), {0, 1, 0}, end}, [&](float, float, float) -> Sample {
+          return {thing.color * lit(end), 1};
+        });
     }
     for (const float sign : {-1.0F, 1.0F}) {
       const std::array<Vec3, 4> roof = {at(sign * hx, low, -hz), at(sign * hx, low, hz), at(0, high, hz),
@@ -205,16 +199,15 @@ class Painter {
       const Vec3 normal = walls.side() * (sign * (high - low) / slope) + Vec3{0, hx / slope, 0};
       const Vec3 up = walls.side() * (-sign * hx / slope) + Vec3{0, (high - low) / slope, 0};
       if (dot(camera_.position - roof[0], normal) > 0)
-        face(roof, {roof[0], walls.ahead(), up, normal}, not_traversable,
-             [&](float u, float v, float size) -> Sample {
-               const float row = fraction(v * 3) < 0.2F ? 0.75F : 1.0F;
-               return {tile * (mix(1.0F, row, 1 / (1 + 20 * size)) * (1 + 0.2F * s_.noise.at(u * 2, v * 2))) *
-                           lit(normal),
-                       1};
-             });
+        face(roof, {roof[0], walls.ahead(), up, normal}, [&](float u, float v, float size) -> Sample {
+          const float row = fraction(v * 3) < 0.2F ? 0.75F : 1.0F;
+          return {tile * (mix(1.0F, row, 1 / (1 + 20 * size)) * (1 + 0.2F * s_.noise.at(u * 2, v * 2))) *
+                      lit(normal),
+                  1};
+        });
     }
     const float phase = unit(thing.key) * 20;
-    box(walls, not_traversable, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+    box(walls, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
       const float fine = 1 / (1 + 12 * size);
       const float coarse = 1 / (1 + 3 * size);
       Color color = thing.color * (1 + 0.16F * s_.noise.at(u * 0.7F + phase, v * 0.7F) +
@@ -262,7 +255,7 @@ class Painter {
                                          base - across * half_width + rise};
     across_ = across;
     toward_ = toward;
-    face(corners, {base, across, {0, 1, 0}, toward}, not_traversable, shade);
+    face(corners, {base, across, {0, 1, 0}, toward}, shade);
   }
 
   // Crowns are bright on the sun's side and dark inside.
@@ -367,7 +360,7 @@ class Painter {
   void crate(const Thing& thing) {
     const float phase = unit(thing.key) * 30;
     const bool pole = thing.kind == Thing::Kind::pole;
-    box(box_of(thing, 0, thing.height), not_traversable,
+    box(box_of(thing, 0, thing.height),
         [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
           const float fine = 1 / (1 + 20 * size);
           float shade = 1 + 0.08F * s_.noise.at(u * 3 + phase, v * 3) +
@@ -383,7 +376,7 @@ class Painter {
 
   void cabinet(const Thing& thing) {
     const float phase = unit(thing.key) * 30;
-    box(box_of(thing, 0, thing.height), not_traversable,
+    box(box_of(thing, 0, thing.height),
         [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
           const float fine = 1 / (1 + 20 * size);
           float shade = 1 + 0.1F * fine * s_.noise.at(u * 4 + phase, v * 40) +
