@@ -2,7 +2,6 @@
 #include "painter.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 
 #include "painter/canvas.hpp"
 

@@ -2,7 +2,6 @@
 // Stage A: the octave pyramid (paper, section 3.1, equations (1) and (2)).
 #pragma once
 
-#include <cstdint>
 #include <memory>
 
 #include "coarse/grid.hpp"

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "kernels/point_fit.hpp"
 
-#include <cstddef>
-
 #include "kernels/targets.hpp"
 
 #undef HWY_TARGET_INCLUDE

@@ -8,8 +8,6 @@
 
 #include "base/tuning.hpp"
 #include "kernels/ground_warp.hpp"
-#include "kernels/point_fit.hpp"
-#include "motion/plane_motion.hpp"
 
 namespace terrainseg {
 namespace {

@@ -4,8 +4,6 @@
 #include <algorithm>
 
 #include "base/lattice.hpp"
-#include "coarse/grid.hpp"
-#include "learning/terrain_model.hpp"
 #include "terrainseg/estimate.hpp"
 
 namespace terrainseg {

@@ -9,7 +9,6 @@
 #include "base/fixed.hpp"
 #include "base/workers.hpp"
 #include "kernels/reduce.hpp"
-#include "kernels/score_table.hpp"
 #include "learning/terrain_model.hpp"
 #include "terrainseg/estimate.hpp"
 

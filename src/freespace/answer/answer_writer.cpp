@@ -7,7 +7,6 @@
 #include "base/tuning.hpp"
 #include "base/workers.hpp"
 #include "coarse/grid.hpp"
-#include "freespace/answer/evidence.hpp"
 #include "freespace/curve/reestimation.hpp"
 #include "freespace/holes/hole_finders.hpp"
 #include "freespace/learn/window_teacher.hpp"

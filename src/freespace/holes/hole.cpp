@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "freespace/holes/hole.hpp"
 
-#include <algorithm>
-
 #include "base/lattice.hpp"
 
 namespace terrainseg {
