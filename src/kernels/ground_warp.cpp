@@ -87,12 +87,12 @@ void mean_of_cells(const std::uint8_t* __restrict in, std::ptrdiff_t stride, int
   }
 }
 
-HWY_INLINE std::uint8_t bilinear(const WarpSource& source, std::int32_t u, std::int32_t v) {
+HWY_INLINE std::uint8_t bilinear(const Picture& source, std::int32_t u, std::int32_t v) {
   const int column = u >> 16, row = v >> 16;
   if (static_cast<unsigned>(column) >= static_cast<unsigned>(source.width - 1) ||
       static_cast<unsigned>(row) >= static_cast<unsigned>(source.height - 1))
     return 0;
-  const std::uint8_t* at = source.pixels + row * source.width + column;
+  const std::uint8_t* at = source.row(row) + column;
   const int fu = (u >> 9) & 127, fv = (v >> 9) & 127;
   const int upper = at[0] * (128 - fu) + at[1] * fu,
             lower = at[source.width] * (128 - fu) + at[source.width + 1] * fu;
@@ -100,13 +100,13 @@ HWY_INLINE std::uint8_t bilinear(const WarpSource& source, std::int32_t u, std::
 }
 
 /// Whether both ends of a segment are beyond the same side of the picture.
-HWY_INLINE bool lies_outside(const WarpSource& source, const std::int32_t* nodes) {
+HWY_INLINE bool lies_outside(const Picture& source, const std::int32_t* nodes) {
   const std::int32_t right = (source.width - 1) << 16, bottom = (source.height - 1) << 16;
   return (nodes[0] < 0 && nodes[2] < 0) || (nodes[1] < 0 && nodes[3] < 0) ||
          (nodes[0] >= right && nodes[2] >= right) || (nodes[1] >= bottom && nodes[3] >= bottom);
 }
 
-void warp_row(const WarpSource& source, const std::int32_t* nodes, int segments, std::uint8_t* out) {
+void warp_row(const Picture& source, const std::int32_t* nodes, int segments, std::uint8_t* out) {
   for (int s = 0; s < segments; ++s, nodes += 2, out += 16) {
     if (lies_outside(source, nodes)) {
       std::fill_n(out, 16, std::uint8_t{0});
@@ -149,7 +149,7 @@ void warp_row(const WarpSource& source, const std::int32_t* nodes, int segments,
   }
 }
 
-void warp_all(const WarpSource& source, const std::int32_t* nodes, int segments, int rows, std::uint8_t* out,
+void warp_all(const Picture& source, const std::int32_t* nodes, int segments, int rows, std::uint8_t* out,
               std::ptrdiff_t out_stride) {
   for (int y = 0; y < rows; ++y)
     warp_row(source, nodes + static_cast<std::ptrdiff_t>(y) * 2 * (segments + 1), segments,

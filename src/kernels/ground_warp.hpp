@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "kernels/point_fit.hpp"
+
 namespace terrainseg::kernels {
 
 /// out = clamp(128 + (in - mean over (2 radius + 1)^2) * gain, 1, 255), borders repeated; radius 5 or 6.
@@ -22,15 +24,10 @@ extern void (*const steepest)(const std::uint8_t* above, const std::uint8_t* her
 extern void (*const mean_of_quarters)(const std::uint8_t* in, std::ptrdiff_t stride, int count,
                                       std::uint8_t* out);
 
-/// A picture without padding between its rows, with 4 readable bytes after the last one.
-struct WarpSource {
-  const std::uint8_t* pixels;
-  int width, height;
-};
-
 /// Rows `first`..`end` - 1 of nodes. Node k of a row is the position (u, v), Q16, of pixel 16 k; positions
-/// are linear between two nodes. `nodes` has segments + 1 pairs per row.
-extern void (*const warp_rows)(const WarpSource& source, const std::int32_t* nodes, int segments, int rows,
+/// are linear between two nodes. `nodes` has segments + 1 pairs per row. `source` has 4 readable bytes after
+/// its last row.
+extern void (*const warp_rows)(const Picture& source, const std::int32_t* nodes, int segments, int rows,
                                std::uint8_t* out, std::ptrdiff_t out_stride);
 
 /// Largest number of hypotheses per cell.

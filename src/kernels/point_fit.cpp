@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "kernels/point_fit.hpp"
 
+#include <array>
+
 #include "kernels/targets.hpp"
 
 #undef HWY_TARGET_INCLUDE
@@ -16,12 +18,12 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // --- positions of points, and the picture there ---
 
-std::int32_t difference_of(const PointPicture& picture, const PointMap& map, std::int64_t a, std::int64_t b,
+std::int32_t difference_of(const Picture& picture, const PointMap& map, std::int64_t a, std::int64_t b,
                            std::int32_t value) {
-  const auto [u, v] = position_of(map, a, b);
+  const auto [u, v] = map.at(a, b);
   if (u < 0 || v < 0 || u >> 8 >= picture.width - 1 || v >> 8 >= picture.height - 1)
     return no_difference;
-  const std::uint8_t *at = picture.pixels + (v >> 8) * picture.width + (u >> 8), *under = at + picture.width;
+  const std::uint8_t *at = picture.row(v >> 8) + (u >> 8), *under = at + picture.width;
   const int fu = u & 255, fv = v & 255;
   const int seen =
       ((at[0] * (256 - fu) + at[1] * fu) * (256 - fv) + (under[0] * (256 - fu) + under[1] * fu) * fv + 128) >>
@@ -29,7 +31,7 @@ std::int32_t difference_of(const PointPicture& picture, const PointMap& map, std
   return seen - value;
 }
 
-int differences_plainly(const PointPicture& picture, const PointMap& map, const PointLists& points, int first,
+int differences_plainly(const Picture& picture, const PointMap& map, const PointLists& points, int first,
                         int end, std::int32_t* differences) {
   int inside = 0;
   for (int i = first; i < end; ++i) {
@@ -46,16 +48,12 @@ using Four = hn::FixedTag<std::int64_t, 4>;
 using Unsigned4 = hn::FixedTag<std::uint64_t, 4>;
 
 /// 2^48 / w to 8 bits for w from k 2^16 on.
-struct FirstReciprocals {
-  std::int32_t of[512];
-};
-constexpr FirstReciprocals make_first_reciprocals() {
-  FirstReciprocals first{};
+constexpr auto first_reciprocals = [] {
+  std::array<std::int32_t, 512> table{};
   for (std::int64_t k = 0; k < 512; ++k)
-    first.of[k] = static_cast<std::int32_t>((std::int64_t{1} << 48) / ((k << 16) + (1 << 15)));
-  return first;
-}
-constexpr FirstReciprocals first_reciprocals = make_first_reciprocals();
+    table[k] = static_cast<std::int32_t>((std::int64_t{1} << 48) / ((k << 16) + (1 << 15)));
+  return table;
+}();
 
 /// Moves the second number of each pair to the place of the first.
 HWY_INLINE hn::Vec<Eight> odd_of(hn::Vec<Eight> numbers) {
@@ -79,7 +77,7 @@ HWY_INLINE hn::Vec<Eight> reciprocal_of(hn::Vec<Eight> w) {
   const Four d64;
   const auto one = hn::Set(d64, std::int64_t{1} << 48);
   const auto w_odd = odd_of(w);
-  auto r = hn::GatherIndex(d, first_reciprocals.of, hn::ShiftRight<16>(w));
+  auto r = hn::GatherIndex(d, first_reciprocals.data(), hn::ShiftRight<16>(w));
   for (int k = 0; k < 2; ++k) {
     const auto r_odd = odd_of(r);
     const auto step = [&](auto wide_w, auto wide_r) HWY_ATTR {
@@ -95,9 +93,8 @@ HWY_INLINE hn::Vec<Eight> reciprocal_of(hn::Vec<Eight> w) {
 }
 
 /// Maps eight points. Returns false and does nothing when one of them does not fit 32 bits.
-HWY_INLINE bool differences_of_eight(const PointPicture& picture, const PointMap& map,
-                                     const PointLists& points, int i, std::int32_t* differences,
-                                     int& inside) {
+HWY_INLINE bool differences_of_eight(const Picture& picture, const PointMap& map, const PointLists& points,
+                                     int i, std::int32_t* differences, int& inside) {
   const Eight d;
   const Four d64;
   const Unsigned4 u64;
@@ -170,7 +167,7 @@ bool fits(std::int64_t number) {
 }
 #endif
 
-int differences_of(const PointPicture& picture, const PointMap& map, const PointLists& points,
+int differences_of(const Picture& picture, const PointMap& map, const PointLists& points,
                    std::int32_t* differences) {
   int inside = 0, i = 0;
 #if TERRAINSEG_GATHERS

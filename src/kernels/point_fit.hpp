@@ -19,39 +19,41 @@ inline constexpr int points_together = 16;
 inline constexpr std::int32_t no_difference = 1 << 24;
 
 /// A picture without padding between its rows.
-struct PointPicture {
-  const std::uint8_t* pixels;
-  int width, height;
-};
-
-/// Maps points into the picture. For a point (a, b) with x = (g0 a << 7) + g1 b + x_offset, y = (g3 a << 7) +
-/// g4 b + y_offset, w = (across_w a + below_w b + w_offset) >> 16, r = 2^48 / w: u = middle + ((x >> 12) r >>
-/// 36) and v = line + ((y >> 12) r >> 36), both Q8. |x >> 12| and |y >> 12| are limited to 2^32, |u| and |v|
-/// to `outside`; with w below 2^18 both are -outside. |g| <= 2^30.
-struct PointMap {
-  std::int64_t g0, g1, g3, g4, x_offset, y_offset, across_w, below_w, w_offset;
-  std::int32_t middle, line, outside;
+struct Picture {
+  const std::uint8_t* pixels = nullptr;
+  int width = 0, height = 0;
+  const std::uint8_t* row(int y) const { return pixels + static_cast<std::ptrdiff_t>(y) * width; }
 };
 
 struct PointPosition {
   std::int32_t u, v; ///< Q8; far outside for points behind the camera
 };
 
-/// The position of a point of the later picture in the earlier one.
-inline PointPosition position_of(const PointMap& map, std::int64_t a, std::int64_t b) {
-  const std::int64_t w = (map.across_w * a + map.below_w * b + map.w_offset) >> 16; // Q24
+/// Maps points of the later picture into the earlier one. For a point (a, b) with x = (g0 a << 7) + g1 b +
+/// x_offset, y = (g3 a << 7) + g4 b + y_offset, w = (across_w a + below_w b + w_offset) >> 16, r = 2^48 / w:
+/// u = middle + ((x >> 12) r >> 36) and v = line + ((y >> 12) r >> 36), both Q8. |x >> 12| and |y >> 12| are
+/// limited to 2^32, |u| and |v| to `outside`; with w below 2^18 both are -outside. |g| <= 2^30.
+struct PointMap {
+  std::int64_t g0, g1, g3, g4, x_offset, y_offset, across_w, below_w, w_offset;
+  std::int32_t middle, line, outside;
+
+  PointPosition at(std::int64_t a, std::int64_t b) const;
+};
+
+inline PointPosition PointMap::at(std::int64_t a, std::int64_t b) const {
+  const std::int64_t w = (across_w * a + below_w * b + w_offset) >> 16; // Q24
   if (w < 1 << 18)
-    return {-map.outside, -map.outside};
+    return {-outside, -outside};
   const std::int64_t reciprocal = (std::int64_t{1} << 48) / w; // Q24
-  const auto placed = [&](std::int64_t position, std::int64_t middle) {
+  const auto placed = [&](std::int64_t position, std::int64_t from) {
     constexpr std::int64_t limit = std::int64_t{1} << 32;
     // Q20 from Q32, limited: beyond 2^20 pixels the point is outside.
     const std::int64_t near = std::clamp(position >> 12, -limit, limit);
     return static_cast<std::int32_t>(
-        std::clamp<std::int64_t>(middle + (near * reciprocal >> 36), -map.outside, map.outside));
+        std::clamp<std::int64_t>(from + (near * reciprocal >> 36), -outside, outside));
   };
-  return {placed(((map.g0 * a) << 7) + map.g1 * b + map.x_offset, map.middle),
-          placed(((map.g3 * a) << 7) + map.g4 * b + map.y_offset, map.line)};
+  return {placed(((g0 * a) << 7) + g1 * b + x_offset, middle),
+          placed(((g3 * a) << 7) + g4 * b + y_offset, line)};
 }
 
 /// The points to compare: lists of `count` numbers.
@@ -63,8 +65,8 @@ struct PointLists {
 /// differences[i] = the picture at the position of point i, bilinear, Q8, minus values[i]; no_difference
 /// where the four pixels around it are not all in the picture. Returns the number of points for which they
 /// are.
-extern int (*const point_differences)(const PointPicture& picture, const PointMap& map,
-                                      const PointLists& points, std::int32_t* differences);
+extern int (*const point_differences)(const Picture& picture, const PointMap& map, const PointLists& points,
+                                      std::int32_t* differences);
 
 /// weights[i] = table[min(|differences[i]| * per_index / 2^16, 64)], table[64] = 0 for no_difference and up
 /// to the next multiple of points_together. |differences| <= 2^16, 0 <= per_index <= 2^14.

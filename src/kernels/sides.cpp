@@ -76,17 +76,12 @@ void running_differences(const std::uint32_t* __restrict a, const std::uint32_t*
 }
 
 /// Table of 2^24 / n, which is faster than a division.
-struct Inverses {
-  static constexpr std::uint32_t count = 1 << 14;
-  std::uint32_t of[count];
-};
-constexpr Inverses make_inverses() {
-  Inverses inverses{};
-  for (std::uint32_t n = 1; n < Inverses::count; ++n)
-    inverses.of[n] = (1u << 24) / n;
-  return inverses;
-}
-constexpr Inverses inverses = make_inverses();
+constexpr auto inverses = [] {
+  std::array<std::uint32_t, 1 << 14> table{};
+  for (std::uint32_t n = 1; n < table.size(); ++n)
+    table[n] = (1u << 24) / n;
+  return table;
+}();
 
 void counts_of_boxes(const std::uint32_t* __restrict counts, std::uint32_t least, int count,
                      const BoxRow& out) {
@@ -101,7 +96,7 @@ void counts_of_boxes(const std::uint32_t* __restrict counts, std::uint32_t least
     const auto left = hn::Sub(hn::LoadU(d, counts_b + b), at_a),
                right = hn::Sub(at_d, hn::LoadU(d, counts_c + b)), all = hn::Sub(at_d, at_a);
     // The whole box has at least as many cells as its sides.
-    if (!hn::AllTrue(d, hn::Lt(all, hn::Set(d, Inverses::count))))
+    if (!hn::AllTrue(d, hn::Lt(all, hn::Set(d, static_cast<std::uint32_t>(inverses.size())))))
       break;
     const auto too_few = hn::Set(di, static_cast<std::int32_t>(least) - 1);
     const auto has_enough = [&](auto n) HWY_ATTR {
@@ -109,7 +104,7 @@ void counts_of_boxes(const std::uint32_t* __restrict counts, std::uint32_t least
     };
     const auto known = hn::And(has_enough(left), has_enough(right));
     const auto inverse = [&](auto n) HWY_ATTR {
-      return hn::And(known, hn::GatherIndex(d, inverses.of, hn::BitCast(di, n)));
+      return hn::And(known, hn::GatherIndex(d, inverses.data(), hn::BitCast(di, n)));
     };
     hn::StoreU(all, d, out.cells + b);
     hn::StoreU(inverse(all), d, out.inverse + b);
@@ -118,7 +113,7 @@ void counts_of_boxes(const std::uint32_t* __restrict counts, std::uint32_t least
   }
 #endif
   const auto inverse = [](std::uint32_t n)
-                           HWY_ATTR { return n < Inverses::count ? inverses.of[n] : (1u << 24) / n; };
+                           HWY_ATTR { return n < inverses.size() ? inverses[n] : (1u << 24) / n; };
   for (; b < count; ++b) {
     const std::uint32_t left = counts_b[b] - counts[b], right = counts_d[b] - counts_c[b],
                         all = counts_d[b] - counts[b];

@@ -194,8 +194,7 @@ void Alignment::reserve(std::size_t points) {
 int Alignment::measure(const kernels::PointLists& points, const PassedView& earlier, const GroundCamera& view,
                        const PlaneMotion& motion) {
   reserve(static_cast<std::size_t>(points.count));
-  return kernels::point_differences({earlier.pixels, earlier.width, earlier.height},
-                                    PixelMap(motion, view).of_points(), points, differences_.data());
+  return kernels::point_differences(earlier, pixel_map(motion, view), points, differences_.data());
 }
 
 std::int32_t Alignment::spread(std::size_t count) {

@@ -14,16 +14,12 @@
 
 namespace terrainseg {
 
-/// A high-pass filtered picture: width x height bytes without padding, 1..255.
-struct PassedView {
-  const std::uint8_t* pixels = nullptr;
-  int width = 0, height = 0;
-  const std::uint8_t* row(int y) const { return pixels + static_cast<std::ptrdiff_t>(y) * width; }
-};
+/// A high-pass filtered picture, 1..255.
+using PassedView = kernels::Picture;
 
 /// A tracked point of the ground.
 struct GroundPoint {
-  std::int32_t across = 0, below = 0; ///< position in the units of PixelMap::at()
+  std::int32_t across = 0, below = 0; ///< position in the units of PointMap::at()
   std::int32_t value = 0;             ///< grey level, Q8
   /// Derivatives by a b c e d h and by the last element of G, in 1 / f, Q11 of a grey level.
   std::array<std::int32_t, most_unknowns> derivative{};

@@ -117,13 +117,13 @@ void Parallax::warp(const PassedView& key, const PlaneMotion& motion, const Grou
   nodes_.resize((rows + anchor_rows) * numbers);
   warped_.resize((rows + 4) * stride_);
   std::fill_n(warped_.begin() + rows * stride_, 4 * stride_, std::uint8_t{128});
-  const PixelMap map(motion, view);
+  const kernels::PointMap map = pixel_map(motion, view);
   for (int y = 0; y <= rows; y += anchor_rows) {
     std::int32_t* node = nodes_.data() + y * numbers;
     for (int s = 0; s <= segments; ++s) {
-      const PixelMap::Position p = map.at(across(view, 16 * s - side_margin), below(view, top + y));
-      *node++ = p.u * 256;
-      *node++ = p.v * 256;
+      const auto [u, v] = map.at(across(view, 16 * s - side_margin), below(view, top + y));
+      *node++ = u * 256;
+      *node++ = v * 256;
     }
   }
   for (int y = 0; y < rows; y += anchor_rows) {
@@ -134,8 +134,7 @@ void Parallax::warp(const PassedView& key, const PlaneMotion& motion, const Grou
         between[i] = from[i] + (to[i] - from[i]) / anchor_rows * k;
     }
   }
-  kernels::warp_rows({key.pixels, key.width, key.height}, nodes_.data(), segments, rows, warped_.data(),
-                     stride_);
+  kernels::warp_rows(key, nodes_.data(), segments, rows, warped_.data(), stride_);
 }
 
 /// Computes the offsets of all hypotheses from a block of cells. Returns the length of the ground's

@@ -169,18 +169,20 @@ PlaneMotion with_line_moved(const PlaneMotion& motion, int rows, int focal) {
   return moved;
 }
 
-PixelMap::PixelMap(const PlaneMotion& motion, const GroundCamera& view)
-    : map_{motion.g[0],
-           motion.g[1],
-           motion.g[3],
-           motion.g[4],
-           motion.g[2] * view.focal * 256,
-           motion.g[5] * view.focal * 256,
-           motion.g[6] * 32768 / view.focal,
-           motion.g[7] * 256 / view.focal,
-           motion.g[8] * 65536,
-           (view.width - 1) * 128,
-           view.vanishing_row,
-           outside} {}
+kernels::PointMap pixel_map(const PlaneMotion& motion, const GroundCamera& view) {
+  const auto& g = motion.g;
+  return {.g0 = g[0],
+          .g1 = g[1],
+          .g3 = g[3],
+          .g4 = g[4],
+          .x_offset = g[2] * view.focal * 256,
+          .y_offset = g[5] * view.focal * 256,
+          .across_w = g[6] * 32768 / view.focal,
+          .below_w = g[7] * 256 / view.focal,
+          .w_offset = g[8] * 65536,
+          .middle = (view.width - 1) * 128,
+          .line = view.vanishing_row,
+          .outside = 1 << 20};
+}
 
 } // namespace terrainseg

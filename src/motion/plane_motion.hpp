@@ -82,19 +82,8 @@ PlaneMotion part_of(const PlaneMotion& motion, int part);
 /// The same motion for a vanishing line that lies `rows` (Q8) lower, in the form above.
 PlaneMotion with_line_moved(const PlaneMotion& motion, int rows, int focal);
 
-/// A motion as a map between pixels of one level.
-class PixelMap {
- public:
-  PixelMap(const PlaneMotion& motion, const GroundCamera& view);
-  using Position = kernels::PointPosition;
-  /// The position of a pixel in the earlier frame. For sub-pixel positions pass across() and below() of it.
-  Position at(int across, int below) const { return kernels::position_of(map_, across, below); }
-  const kernels::PointMap& of_points() const { return map_; } ///< for lists of points
-
-  static constexpr std::int32_t outside = 1 << 20;
-
- private:
-  kernels::PointMap map_;
-};
+/// A motion as a map between pixels of one level: at(across, below) is the position of a pixel in the earlier
+/// frame.
+kernels::PointMap pixel_map(const PlaneMotion& motion, const GroundCamera& view);
 
 } // namespace terrainseg

@@ -53,7 +53,7 @@ void StandingMap::reset(int columns, int rows) {
 
 void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int keep) {
   static_assert(sizeof(Sum) == 4 * sizeof(std::int16_t));
-  const PixelMap map(step, view);
+  const kernels::PointMap map = pixel_map(step, view);
   const int first = std::clamp((view.vanishing_row >> 8) / 4, 0, rows_), nodes = columns_ / 4 + 2;
   nodes_.resize(2 * nodes);
   const int filled = std::min(first_filled_before_, first);
@@ -67,9 +67,9 @@ void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int ke
   for (int i = first; i < rows_; ++i) {
     const int down = below(view, 4 * i) + 384;
     for (int k = 0; k < nodes; ++k) {
-      const PixelMap::Position p = map.at(across(view, 16 * k) + 3, down);
-      nodes_[2 * k] = p.u - 384;
-      nodes_[2 * k + 1] = p.v - 384;
+      const auto [u, v] = map.at(across(view, 16 * k) + 3, down);
+      nodes_[2 * k] = u - 384;
+      nodes_[2 * k + 1] = v - 384;
     }
     kernels::moved_sums({&sums_.data()->quality, columns_, rows_}, nodes_.data(), columns_, keep,
                         &moved_[i * columns_].quality);

@@ -114,15 +114,15 @@ TEST(MotionPlane, ComposesAndInvertsAsMatricesDo) {
 
 TEST(MotionPlane, MapsPixelsAsTheFormulaSays) {
   const PlaneMotion motion = some_motion(.02, -.03, .01, .005, -.02, .3);
-  const PixelMap map(motion, test_view);
+  const kernels::PointMap map = pixel_map(motion, test_view);
   for (int v = 110; v < 290; v += 13)
     for (int u = -20; u < 500; u += 31) {
       const Eigen::Vector3d p((u - 239.5) / 392, (v - 100.0) / 392, 1), q = doubles(motion) * p;
-      const PixelMap::Position found = map.at(across(test_view, u), below(test_view, v));
+      const kernels::PointPosition found = map.at(across(test_view, u), below(test_view, v));
       EXPECT_NEAR(found.u / 256.0, q(0) / q(2) * 392 + 239.5, 0.02);
       EXPECT_NEAR(found.v / 256.0, q(1) / q(2) * 392 + 100, 0.02);
     }
-  const PixelMap away(some_motion(0, 0, 0, 0, 0, -40), test_view);
+  const kernels::PointMap away = pixel_map(some_motion(0, 0, 0, 0, 0, -40), test_view);
   EXPECT_LT(away.at(0, below(test_view, 260)).u, 0) << "behind the camera is outside";
 }
 
@@ -282,7 +282,8 @@ TEST(MotionAlignment, FindsHowThePlaneMoved) {
   ASSERT_TRUE(alignment.refine(points, earlier, view, 12, motion));
   // The camera drove 0.1 of its height: t = (0, 0, 0.1), nothing turned.
   EXPECT_NEAR(doubles(motion)(2, 1), 0.1, 0.002);
-  const PixelMap found(motion, view), true_map(some_motion(0, 0, 0, 0, 0, 0.1), view);
+  const kernels::PointMap found = pixel_map(motion, view),
+                          true_map = pixel_map(some_motion(0, 0, 0, 0, 0, 0.1), view);
   for (int v = 130; v < 265; v += 15)
     for (int u = 30; u < 460; u += 40) {
       const auto a = found.at(across(view, u), below(view, v)),
