@@ -15,22 +15,15 @@ constexpr int most_rounds = 8;
 
 using Centre = std::array<std::uint16_t, 3>; // Q8, 8-bit units
 
-/// Uniform numbers from a counter (splitmix32).
-class Random {
- public:
-  explicit Random(std::uint32_t seed) : state_(seed) {}
-  std::size_t below(std::size_t limit) {
-    state_ += 0x9e3779b9u;
-    std::uint32_t z = state_;
-    z = (z ^ (z >> 16)) * 0x21f0aaadu;
-    z = (z ^ (z >> 15)) * 0x735a2d97u;
-    z ^= z >> 15;
-    return static_cast<std::size_t>(std::uint64_t{z} * limit >> 32);
-  }
-
- private:
-  std::uint32_t state_;
-};
+/// The next of uniform numbers below `limit` from a counter (splitmix32).
+std::size_t random_below(std::size_t limit, std::uint32_t& state) {
+  state += 0x9e3779b9u;
+  std::uint32_t z = state;
+  z = (z ^ (z >> 16)) * 0x21f0aaadu;
+  z = (z ^ (z >> 15)) * 0x735a2d97u;
+  z ^= z >> 15;
+  return static_cast<std::size_t>(std::uint64_t{z} * limit >> 32);
+}
 
 struct Centres {
   std::array<Centre, max_models> at{};
@@ -60,23 +53,18 @@ std::uint8_t nearest(const Color& sample, const Centres& centres) {
   return static_cast<std::uint8_t>(best);
 }
 
-Gaussian moments_of(std::span<const Color> samples) {
-  MomentSums sums;
-  for (const Color& sample : samples)
-    sums.add(sample);
-  return sums.moments();
-}
-
 // The paper initialises "randomly". With centres from the whole colour cube nearly all samples are assigned
 // to the first one: 1.01 clusters remain on average, so K = 3 has the effect of K = 1 (measured). Therefore
 // the centres are samples.
 Centres initial_centres(std::span<const Color> samples, int clusters, std::uint32_t seed) {
   Centres centres;
   centres.count = clusters;
-  centres.at[0] = moments_of(samples).mean;
-  Random random(seed);
+  MomentSums all;
+  for (const Color& sample : samples)
+    all.add(sample);
+  centres.at[0] = all.moments().mean;
   for (int k = 1; k < clusters; ++k) {
-    const Color& sample = samples[random.below(samples.size())];
+    const Color& sample = samples[random_below(samples.size(), seed)];
     for (int c = 0; c < 3; ++c)
       centres.at[k][c] = static_cast<std::uint16_t>(sample[c] << 8);
   }

@@ -153,16 +153,15 @@ void PaperPipeline::process(const FrameTask& task, Terrain& terrain, EstimateWri
   if (table_is_old_)
     table_.build(terrain.models, settings.threshold_q8, settings.bit_shift);
   table_is_old_ = false;
-  label(task, grid, window_cells, horizon, out, clock);
+  label(task, grid, window_cells, horizon, area.veto, out, clock);
 }
 
 // E: back-projection of the learned models.
 void PaperPipeline::label(const FrameTask& task, const Grid& grid, const Rectangle& window_cells,
-                          const Horizon& horizon, EstimateWriter& out, StageClock& clock) {
+                          const Horizon& horizon, const VetoArea& veto, EstimateWriter& out,
+                          StageClock& clock) {
   const Settings& settings = task.settings;
   Estimate& estimate = out.estimate();
-
-  const VetoArea veto(task.veto, task.frame.width, task.frame.height);
 
   // Scores of the cells, for the confidence.
   table_.score(grid, scores_);

@@ -38,7 +38,7 @@ class PaperPipeline final : public Pipeline {
 
  private:
   void label(const FrameTask& task, const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
-             EstimateWriter& out, StageClock& clock);
+             const VetoArea& veto, EstimateWriter& out, StageClock& clock);
   void find_reach(const Grid& grid, const Rectangle& window_cells, const Horizon& horizon,
                   const VetoArea& veto, const Settings& settings, EstimateWriter& out);
 
