@@ -289,38 +289,33 @@ HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t
   out += first * written;
   const auto source = [](std::size_t i) { return i * 2 / written * step; };
 
-  const auto lower = [&](std::size_t i, hn::Vec<decltype(d16)>& p, hn::Vec<decltype(d16)>& h) HWY_ATTR {
+  using Sums = hn::Vec<decltype(d16)>;
+  // Always inlined: a call would pass the vectors in memory.
+  const auto half_block = [&](std::size_t i, bool upper, const auto& spread, Sums& p, Sums& h) HWY_ATTR
+      __attribute__((always_inline)) {
     p = hn::LoadU(d16, partial + i);
     h = hn::LoadU(d16, held + i);
     const std::size_t at = source(i);
-    return advance(d16, sums<step>(d8, odd + at, false, pairing, lower_spread),
-                   sums<step>(d8, even + at, false, pairing, lower_spread), p, h);
+    return advance(d16, sums<step>(d8, odd + at, upper, pairing, spread),
+                   sums<step>(d8, even + at, upper, pairing, spread), p, h);
   };
-  const auto upper = [&](std::size_t i, hn::Vec<decltype(d16)>& p, hn::Vec<decltype(d16)>& h) HWY_ATTR {
-    p = hn::LoadU(d16, partial + i + half);
-    h = hn::LoadU(d16, held + i + half);
-    const std::size_t at = source(i + half);
-    return advance(d16, sums<step>(d8, odd + at, true, pairing, upper_spread),
-                   sums<step>(d8, even + at, true, pairing, upper_spread), p, h);
-  };
-  const auto rounded = [&](hn::Vec<decltype(d16)> low, hn::Vec<decltype(d16)> high) HWY_ATTR {
+  const auto rounded = [&](Sums low, Sums high) HWY_ATTR {
     return hn::ConcatOdd(d8, hn::BitCast(d8, hn::Add(high, rounding)),
                          hn::BitCast(d8, hn::Add(low, rounding)));
   };
-  const auto keep = [&](std::size_t i, hn::Vec<decltype(d16)> p, hn::Vec<decltype(d16)> h) HWY_ATTR {
+  const auto keep = [&](std::size_t i, Sums p, Sums h) HWY_ATTR {
     hn::StoreU(p, d16, partial + i);
     hn::StoreU(h, d16, held + i);
   };
 
   const std::size_t tail = count - block;
-  hn::Vec<decltype(d16)> tail_p0, tail_h0, tail_p1, tail_h1;
-  const auto tail_low = lower(tail, tail_p0, tail_h0);
-  const auto tail_out = rounded(tail_low, upper(tail, tail_p1, tail_h1));
-  // Always inlined into both loops: a call would pass the vectors in memory.
+  Sums tail_p0, tail_h0, tail_p1, tail_h1;
+  const auto tail_low = half_block(tail, false, lower_spread, tail_p0, tail_h0);
+  const auto tail_out = rounded(tail_low, half_block(tail + half, true, upper_spread, tail_p1, tail_h1));
   const auto make = [&](std::size_t i) HWY_ATTR __attribute__((always_inline)) {
-    hn::Vec<decltype(d16)> p0, h0, p1, h1;
-    const auto low = lower(i, p0, h0);
-    hn::StoreU(rounded(low, upper(i, p1, h1)), d8, out + i);
+    Sums p0, h0, p1, h1;
+    const auto low = half_block(i, false, lower_spread, p0, h0);
+    hn::StoreU(rounded(low, half_block(i + half, true, upper_spread, p1, h1)), d8, out + i);
     keep(i, p0, h0);
     keep(i + half, p1, h1);
   };
