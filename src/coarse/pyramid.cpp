@@ -237,8 +237,7 @@ struct Pyramid::State {
   Lines<const std::uint8_t> source_of(const Band& band, const Route& route) const;
   void advance(Course& course, int level, int available);
   void deliver(const Route& route, int level, int y, const std::uint8_t* pixels);
-  void fill_level_0(int component, int index);
-  void copy_chroma(int component, int index);
+  void fill_level(int level, int component, int index);
   void stage(const Band& band, int y) const;
   void narrow(int plane, int y, std::uint8_t* out) const;
   const std::uint8_t* bytes_of_row(const Band& band, int plane, int y) const;
@@ -393,7 +392,8 @@ void Pyramid::State::deliver(const Route& route, int level, int y, const std::ui
   const int step = kernels::written_step(route.interleave);
   for (int i = 0; i < route.components; ++i)
     if (kept(level, route.component[i]))
-      kernels::pick(pixels, route.offset[i], step, width(level), planes[level][route.component[i]].row(y));
+      kernels::spread(pixels, route.offset[i], step, 0, width(level),
+                      planes[level][route.component[i]].row(y));
 }
 
 // Computes the rows of this level and of all coarser ones that rows 0..available-1 of the finer level allow.
@@ -522,39 +522,29 @@ void Pyramid::State::run_band(int index) {
   run(bands[index]);
   for (int c = 0; c < layout.component_count; ++c) {
     if (kept(0, c) && !is_frame_plane(c))
-      fill_level_0(c, index);
+      fill_level(0, c, index);
     if (kept(1, c) && part(c).y_shift == 1)
-      copy_chroma(c, index);
+      fill_level(1, c, index);
   }
 }
 
-void Pyramid::State::fill_level_0(int component, int index) {
+// The samples of the frame, repeated where level 0 has more of them. Level 1 has as many as 4:2:0 chroma.
+void Pyramid::State::fill_level(int level, int component, int index) {
   const Band& band = bands[index];
   const ComponentLayout& l = part(component);
-  const Rows rows = own_rows(0, index);
+  const int x_shift = l.x_shift - level, y_shift = l.y_shift - level;
+  const Rows rows = own_rows(level, index);
   for (int y = rows.first; y < rows.end; ++y) {
-    std::uint8_t* out = planes[0][component].row(y);
-    if (l.y_shift && y % 2 && y > rows.first)
-      std::memcpy(out, planes[0][component].row(y - 1), static_cast<std::size_t>(shape.width));
-    else if (staging == Staging::narrow && l.step == 1 && l.x_shift == 0)
+    std::uint8_t* out = planes[level][component].row(y);
+    if (y_shift && y % 2 && y > rows.first)
+      std::memcpy(out, planes[level][component].row(y - 1), static_cast<std::size_t>(width(level)));
+    else if (l.step == 1 && x_shift == 0 && staging == Staging::narrow)
       narrow(l.plane, y, out);
+    else if (l.step == 1 && x_shift == 0)
+      std::memcpy(out, frame.planes[l.plane].row(y), static_cast<std::size_t>(width(level)));
     else
-      kernels::spread(bytes_of_row(band, l.plane, y >> l.y_shift), l.offset, l.step, l.x_shift, shape.width,
+      kernels::spread(bytes_of_row(band, l.plane, y >> y_shift), l.offset, l.step, x_shift, width(level),
                       out);
-  }
-}
-
-void Pyramid::State::copy_chroma(int component, int index) {
-  const Band& band = bands[index];
-  const ComponentLayout& l = part(component);
-  const Rows rows = own_rows(1, index);
-  for (int y = rows.first; y < rows.end; ++y) {
-    const std::uint8_t* in = bytes_of_row(band, l.plane, y);
-    std::uint8_t* out = planes[1][component].row(y);
-    if (l.step == 1)
-      std::memcpy(out, in, static_cast<std::size_t>(width(1)));
-    else
-      kernels::pick(in, l.offset, l.step, width(1), out);
   }
 }
 

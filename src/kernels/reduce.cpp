@@ -525,10 +525,6 @@ template <int step, int shift> void spread_bytes(const std::uint8_t* in, int wid
   }
 }
 
-void pick_bytes(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out) {
-  with_constant<2, 4>(step, [&](auto n) HWY_ATTR { spread_bytes<n, 0>(row + offset, count, out); });
-}
-
 void spread_row(const std::uint8_t* row, int offset, int step, int shift, int width, std::uint8_t* out) {
   with_constant<1, 2, 3, 4>(step, [&](auto n) HWY_ATTR {
     with_constant<0, 1>(shift, [&](auto s) HWY_ATTR { spread_bytes<n, s>(row + offset, width, out); });
@@ -547,7 +543,6 @@ TERRAINSEG_DISPATCH(reduce_horizontally, reduce_one);
 TERRAINSEG_DISPATCH(reduce_pair_vertically, reduce_vertically);
 TERRAINSEG_DISPATCH(split_422, split);
 TERRAINSEG_DISPATCH(narrow, narrow_row);
-TERRAINSEG_DISPATCH(pick, pick_bytes);
 TERRAINSEG_DISPATCH(spread, spread_row);
 
 } // namespace terrainseg::kernels

@@ -63,9 +63,6 @@ extern void (*const split_422)(const std::uint8_t* row, int width, bool luma_fir
 extern void (*const narrow)(const std::uint8_t* row, int shift, int count, std::ptrdiff_t ahead,
                             std::uint8_t* out);
 
-/// Every `step`-th byte of a row, from `offset` on: `count` samples. step is 2 or 4.
-extern void (*const pick)(const std::uint8_t* row, int offset, int step, int count, std::uint8_t* out);
-
 /// A component at full width: sample offset + step * (x >> shift) of the row for every x below `width`. step
 /// is 1..4, shift 0 or 1.
 extern void (*const spread)(const std::uint8_t* row, int offset, int step, int shift, int width,

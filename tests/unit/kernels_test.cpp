@@ -222,22 +222,6 @@ TEST(Kernels, Narrow) {
   });
 }
 
-TEST(Kernels, Pick) {
-  on_every_target([] {
-    std::mt19937 random(4);
-    for (int count = 1; count <= 200; ++count)
-      for (const int step : {2, 4})
-        for (int offset = 0; offset < step; ++offset) {
-          const Guarded<std::uint8_t> row(static_cast<std::size_t>(count * step), true);
-          const Guarded<std::uint8_t> out(static_cast<std::size_t>(count), true);
-          fill(row, Fill::noise, random);
-          pick(row.data(), offset, step, count, out.data());
-          for (int i = 0; i < count; ++i)
-            ASSERT_EQ(out[i], row[i * step + offset]);
-        }
-  });
-}
-
 TEST(Kernels, Spread) {
   on_every_target([] {
     std::mt19937 random(8);
