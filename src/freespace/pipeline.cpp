@@ -8,17 +8,6 @@ namespace {
 
 const GridCurve no_curve;
 
-/// Relation of a frame to the last one.
-struct Continuity {
-  bool same_place; ///< the last boundary predicts where the ground of this frame is
-  bool continued;  ///< scores are averaged with the last frame's, and its horizon may be held
-};
-Continuity continuity_of(const View& view, const LastPicture& last) {
-  const Temporal mode = view.task.settings.temporal;
-  const bool same = shows_same_place(last, view.grid, view.task.frame.pts, mode);
-  return {same, same && mode != Temporal::off};
-}
-
 /// The vanishing line that is known before the frame is processed, from the setting or a pose. A setting
 /// below the frame is ignored, because it would leave no ground.
 FrameLine known_line(const FrameTask& task) {
@@ -82,12 +71,18 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
                                 StageClock& clock) {
   const View view = reader_.read(task, terrain.exposure_mean, clock);
   answer_.start(view, out);
-  const auto [same_place, continued] = continuity_of(view, memory_.last);
+  const Temporal mode = task.settings.temporal;
+  // The last boundary predicts where the ground of this frame is.
+  const bool same_place = shows_same_place(memory_.last, view.grid, task.frame.pts, mode);
+  // Scores are averaged with the last frame's, and its horizon may be held.
+  const bool continued = same_place && mode != Temporal::off;
   const WindowLesson lesson =
       teacher_.learn(view, same_place ? memory_.boundary : no_curve, memory_.window, tables_, terrain, clock);
   out.estimate().flags = lesson.flags;
-  if (!lesson.known)
-    return AnswerWriter::write_unknown(out, clock);
+  if (!lesson.known) {
+    out.label_unknown();
+    return clock.lap(Stage::mask);
+  }
   remember(view.grid, task.frame.pts, memory_.last);
   const Scores scores = scorer_.score(view, lesson.trusted, continued, memory_.average, tables_, terrain);
   clock.lap(Stage::scoring);

@@ -29,7 +29,7 @@ HorizonRow horizon_of(const FrameCurve& boundary, int grid_level, int mask_level
   // The curve is linear between the refinement's columns, so these are sufficient.
   const int step = std::max(1 << refinement_level(grid_level) >> mask_level, 1);
   scratch.clear();
-  for (std::size_t x = 0; x < boundary.size(); x += static_cast<std::size_t>(step))
+  for (std::size_t x = 0; x < boundary.size(); x += step)
     scratch.push_back(boundary[x]);
   const int row = percentile(scratch, horizon_percent),
             spread = percentile(scratch, 10) - percentile(scratch, 2);
@@ -68,11 +68,11 @@ std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
   if (curves.ground_behind)
     behind = bring_behind(curves, mask_level, traversable);
   const int bands = workers.count();
-  work_.resize(2 * width * static_cast<std::size_t>(bands));
+  work_.resize(2 * width * bands);
   workers.run(bands, [&](int band) {
     const int first = height * band / bands, end = height * (band + 1) / bands;
     kernels::write_mask_rows(boundary_.data(), safe_.data(), static_cast<int>(width), first, end, mask.data,
-                             mask.stride, &work_[2 * width * static_cast<std::size_t>(band)]);
+                             mask.stride, &work_[2 * width * band]);
     kernels::add_mask_stretches(behind_first_.data() + behind.left, behind_end_.data() + behind.left,
                                 behind.right - behind.left, std::max(first, behind.top),
                                 std::min(end, behind.bottom), mask.data + behind.left, mask.stride);
@@ -123,11 +123,6 @@ void reachable_rows(const FrameCurve& safe, int mask_level, const Rectangle& win
 void AnswerWriter::start(const View& view, EstimateWriter& out) {
   confidence_map_ = out.start_confidence_map(view.grid.width, view.grid.height);
   out.estimate().window = view.window;
-}
-
-void AnswerWriter::write_unknown(EstimateWriter& out, StageClock& clock) {
-  out.label_unknown();
-  clock.lap(Stage::mask);
 }
 
 void AnswerWriter::write(const Findings& f, HorizonHold& hold, EstimateWriter& out, StageClock& clock) {

@@ -90,8 +90,6 @@ class AnswerWriter {
  public:
   /// Writes the fields that do not depend on the terrain.
   void start(const View& view, EstimateWriter& out);
-  /// Writes the estimate for an unknown terrain.
-  static void write_unknown(EstimateWriter& out, StageClock& clock);
   void write(const Findings& f, HorizonHold& hold, EstimateWriter& out, StageClock& clock);
 
  private:

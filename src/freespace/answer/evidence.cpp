@@ -25,10 +25,6 @@ TERRAINSEG_TUNED(int, confidence, half_at_jumps,
 TERRAINSEG_TUNED(int, confidence, spread_weight, 16); ///< a spread of 1/16 of the height halves the
                                                       ///< confidence
 
-std::uint8_t of_separation(std::int64_t separation) {
-  return static_cast<std::uint8_t>(std::clamp<std::int64_t>(separation * 255 / full_separation, 0, 255));
-}
-
 } // namespace
 
 std::uint8_t mask_confidence(const Grid& grid, const CellScores& score, const GridCurve& boundary,
@@ -36,13 +32,12 @@ std::uint8_t mask_confidence(const Grid& grid, const CellScores& score, const Gr
   std::int64_t ground = 0, other = 0, cells_ground = 0, sure = 0, near = 0, cells_near = 0, jumps = 0;
   for (int i = 0; i < grid.height; ++i)
     for (int j = 0; j < grid.width; ++j) {
-      const auto x = static_cast<std::size_t>(j);
-      const bool is_ground = i >= boundary[x] || (behind.any && i >= behind.first[x] && i < behind.end[x]);
+      const bool is_ground = i >= boundary[j] || (behind.any && i >= behind.first[j] && i < behind.end[j]);
       const int s = score[grid.at(i, j)];
       (is_ground ? ground : other) += s;
       cells_ground += is_ground;
       sure += is_ground && s >= sure_score;
-      if (i >= boundary[x] - near_rows && i < boundary[x] + near_rows) {
+      if (i >= boundary[j] - near_rows && i < boundary[j] + near_rows) {
         near += std::clamp(is_ground ? s : -s, -near_limit, near_limit);
         ++cells_near;
       }
@@ -52,10 +47,10 @@ std::uint8_t mask_confidence(const Grid& grid, const CellScores& score, const Gr
   const auto cells_other = static_cast<std::int64_t>(grid.size()) - cells_ground;
   if (cells_ground == 0 || cells_other == 0)
     return 0;
-  const std::int64_t separation = ground / cells_ground - other / cells_other +
-                                  near_weight * near / std::max<std::int64_t>(cells_near, 1);
-  return of_separation(separation * half_at_jumps / (half_at_jumps + jumps * 100 / grid.width) * sure /
-                       cells_ground);
+  std::int64_t separation = ground / cells_ground - other / cells_other +
+                            near_weight * near / std::max<std::int64_t>(cells_near, 1);
+  separation = separation * half_at_jumps / (half_at_jumps + jumps * 100 / grid.width) * sure / cells_ground;
+  return static_cast<std::uint8_t>(std::clamp<std::int64_t>(separation * 255 / full_separation, 0, 255));
 }
 
 std::uint8_t horizon_confidence(std::uint8_t mask_confidence, int spread, int frame_height) {
@@ -167,14 +162,13 @@ void Evidence::start(const Grid& grid, const CellScores& score, const GridCurve&
   height_ = grid.height;
   sums_.resize(grid.size());
   // reserved for all detectors, so that no later frame allocates
-  strongest_.reserve((static_cast<std::size_t>(width_) + 1) << most_levels_finer);
+  strongest_.reserve((width_ + 1) << most_levels_finer);
   ends_.reserve(width_);
-  const auto w = static_cast<std::size_t>(width_);
   for (int i = 0; i < height_; ++i) {
     const std::int16_t* const scores = &score[grid.at(i, 0)];
     std::int16_t* const sums = &sums_[grid.at(i, 0)];
     start_row(scores, boundary.data(), i, width_, sums);
-    for (std::size_t j = 0; behind.any && j < w; ++j)
+    for (int j = 0; behind.any && j < width_; ++j)
       if (i < boundary[j] && i >= behind.first[j] && i < behind.end[j])
         sums[j] = static_cast<std::int16_t>(
             appearance(scores[j]) + place(2 * std::min(i - behind.first[j], behind.end[j] - 1 - i) + 1));
@@ -198,11 +192,10 @@ void Evidence::subtract_cells(const FinerCells<Value>& cells, Strength strength)
     const int row = cell_of(y, height_);
     std::fill(strongest_.begin(), strongest_.end(), std::int16_t{0});
     for (end = y; end < cells.height && cell_of(end, height_) == row; ++end)
-      raise_to(cells.values.data() + static_cast<std::size_t>(end) * static_cast<std::size_t>(cells.stride),
-               cells.width, strongest_.data());
+      raise_to(&cells.values[end * cells.stride], cells.width, strongest_.data());
     if (!any_of(strongest_.data(), cells.width))
       continue;
-    std::int16_t* const out = &sums_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width_)];
+    std::int16_t* const out = &sums_[row * width_];
     for (int j = 0, x = 0; j < width_; ++j) {
       int most = 0;
       for (; x < ends_[j]; ++x)

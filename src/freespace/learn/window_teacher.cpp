@@ -43,7 +43,7 @@ bool WindowGuard::refuses(const CellBins& cells, const LikelihoodTables& tables,
   Scores beside;
   for (int i = window.y; i < window.y + window.height; ++i)
     for (int j = 0; j < grid_width; ++j) {
-      const std::size_t cell = static_cast<std::size_t>(i) * grid_width + j;
+      const int cell = i * grid_width + j;
       const bool in_window = j >= window.x && j < window.x + window.width;
       (in_window ? thirds[(j - window.x) * parts / window.width] : beside)
           .add(std::clamp(tables.color[cells.color[cell]] + tables.texture[cells.texture[cell]], -score_limit,
@@ -83,9 +83,7 @@ TERRAINSEG_TUNED(int, still_window, most, 16);
 struct Changes {
   int all = 0, changed = 0;
   void add(const Grid& grid, const std::uint8_t* before, int row, int column) {
-    const std::uint8_t *const here = grid.planes[0].row(row) + column, *const below =
-                                                                           grid.planes[0].row(row + 1) +
-                                                                           column;
+    const std::uint8_t *here = grid.planes[0].row(row) + column, *below = here + grid.planes[0].stride;
     const int contrast = std::abs(here[0] - here[1]) + std::abs(here[0] - below[0]);
     const bool counts = contrast >= least_contrast && grid.ignored[grid.at(row, column)] == 0;
     all += counts;
@@ -250,10 +248,8 @@ bool is_foreign(const View& view, WindowGuard& guard, TerrainTables& tables, con
       !view.task.supervision.empty() || heaviest(terrain.models) < 0)
     return false;
   const Rectangle window = view.window_of_grid();
-  const auto width = static_cast<std::size_t>(view.grid.width);
-  const auto colors = std::span(view.cells.color)
-                          .subspan(static_cast<std::size_t>(window.y) * width,
-                                   static_cast<std::size_t>(window.height) * width);
+  const int width = view.grid.width;
+  const auto colors = std::span(view.cells.color).subspan(window.y * width, window.height * width);
   return guard.refuses(view.cells, tables.of(terrain, settings, colors), view.grid.width, window);
 }
 
