@@ -51,11 +51,10 @@ std::size_t most_keys_of(std::size_t pixels) {
   return std::clamp<std::size_t>(most_bytes / pixels, 3, most_keys);
 }
 
-bool slow(const PlaneMotion& motion, const PlaneMotion& other, std::int64_t least) {
-  for (int i = 0; i < 9; ++i)
-    if (std::abs(motion.g[i] - other.g[i]) > least)
-      return false;
-  return true;
+bool stands_still(const PlaneMotion& motion) {
+  const PlaneMotion still;
+  return std::equal(motion.g.begin(), motion.g.end(), still.g.begin(),
+                    [](std::int64_t a, std::int64_t b) { return std::abs(a - b) <= one_q24 / 8192; });
 }
 
 } // namespace
@@ -216,7 +215,7 @@ bool MotionObstacles::follow(std::int64_t pts) {
     return alignment_.residual(small_points_, small_passed(small_before_), small, motion).mean;
   };
   PlaneMotion step = error_of(straight) < error_of(guess) ? straight : guess;
-  alignment_.refine(small_points_, small_passed(small_before_), view_.quarter(), 4, step);
+  alignment_.refine(small_points_, small_passed(small_before_), small, 4, step);
   bool found = alignment_.refine(points_, earlier, view_, 2, step) && good(step);
   if (!found && (failures_ < 3 || failures_ % retry_after == 0 || failures_ >= patience))
     found = acquire(step) && good(step);
@@ -242,13 +241,6 @@ bool MotionObstacles::follow(std::int64_t pts) {
   if (interval > 0)
     interval_ = interval;
   return true;
-}
-
-void MotionObstacles::chain() {
-  for (KeyFrame& key : keys_) {
-    key.motion = compose(key.motion, step_);
-    ++key.age;
-  }
 }
 
 /// Selects for each zone the newest key frame with sufficient motion, otherwise the oldest one.
@@ -448,9 +440,12 @@ const MotionView& MotionObstacles::observe(const GrayView& luma, const GrayView&
     if (!result_.steady) {
       lose();
     } else {
-      const bool still = slow(step_, {}, one_q24 / 8192);
+      const bool still = stands_still(step_);
       moving_ = moving_ || !still;
-      chain();
+      for (KeyFrame& key : keys_) {
+        key.motion = compose(key.motion, step_);
+        ++key.age;
+      }
       map_.move(step_, view_, still ? still_memory : memory);
       if (coasted_ == 0) {
         std::array<Zone, 2> zones;

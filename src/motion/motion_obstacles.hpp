@@ -74,7 +74,6 @@ class MotionObstacles {
   void look(const GrayView& luma, const GrayView& ground);
   bool follow(std::int64_t pts);
   bool acquire(PlaneMotion& step);
-  void chain();
   void choose_keys(std::array<Zone, 2>& zones);
   void judge(std::array<Zone, 2>& zones);
   void find_line(const std::array<Zone, 2>& zones);
