@@ -18,6 +18,40 @@ std::uint64_t mark_row(std::uint8_t* first, std::uint8_t* end, std::uint8_t labe
   return was_traversable;
 }
 
+/// A range of pixels along one axis; `end` is exclusive.
+struct Reach {
+  int first, end;
+};
+
+/// Scales the range `first` to `end` - 1 of `from` pixels to `to` pixels of the same total length, including
+/// all pixels that it touches.
+Reach touched(int first, int end, int from, int to) {
+  const auto scaled = [&](int edge) { return std::int64_t{edge} * to; };
+  return {static_cast<int>(scaled(first) / from), static_cast<int>((scaled(end) + from - 1) / from)};
+}
+
+/// The cells of a level, of `count`, that are nearest to the frame's pixels `first` to `end` - 1.
+Reach nearest_cells(int first, int end, int level, int count) {
+  const int half = 1 << level >> 1;
+  const auto nearest = [&](int pixel) { return std::min((pixel + half) >> level, count - 1); };
+  return {nearest(first), nearest(end - 1) + 1};
+}
+
+bool is_vetoed(std::uint8_t pixel) {
+  return pixel >= 128;
+}
+
+/// The next vetoed pixel of a row, or `width`. Tests eight pixels at a time, because few are vetoed.
+int next_vetoed(const std::uint8_t* row, int x, int width) {
+  for (; x + 8 <= width; x += 8) {
+    std::uint64_t eight = 0;
+    std::memcpy(&eight, row + x, sizeof eight);
+    if (eight & 0x8080808080808080u)
+      break;
+  }
+  return static_cast<int>(std::find_if(row + x, row + width, is_vetoed) - row);
+}
+
 } // namespace
 
 void fill_ignored(std::span<const Rectangle> ignored, int level, int width, int height, std::uint8_t value,
@@ -66,44 +100,6 @@ bool is_blank(const Grid& grid) {
   }
   return true;
 }
-
-namespace {
-
-/// A range of pixels along one axis; `end` is exclusive.
-struct Reach {
-  int first, end;
-};
-
-/// Scales the range `first` to `end` - 1 of `from` pixels to `to` pixels of the same total length, including
-/// all pixels that it touches.
-Reach touched(int first, int end, int from, int to) {
-  const auto scaled = [&](int edge) { return std::int64_t{edge} * to; };
-  return {static_cast<int>(scaled(first) / from), static_cast<int>((scaled(end) + from - 1) / from)};
-}
-
-/// The cells of a level, of `count`, that are nearest to the frame's pixels `first` to `end` - 1.
-Reach nearest_cells(int first, int end, int level, int count) {
-  const int half = 1 << level >> 1;
-  const auto nearest = [&](int pixel) { return std::min((pixel + half) >> level, count - 1); };
-  return {nearest(first), nearest(end - 1) + 1};
-}
-
-bool is_vetoed(std::uint8_t pixel) {
-  return pixel >= 128;
-}
-
-/// The next vetoed pixel of a row, or `width`. Tests eight pixels at a time, because few are vetoed.
-int next_vetoed(const std::uint8_t* row, int x, int width) {
-  for (; x + 8 <= width; x += 8) {
-    std::uint64_t eight = 0;
-    std::memcpy(&eight, row + x, sizeof eight);
-    if (eight & 0x8080808080808080u)
-      break;
-  }
-  return static_cast<int>(std::find_if(row + x, row + width, is_vetoed) - row);
-}
-
-} // namespace
 
 VetoArea::VetoArea(const Veto& veto, int frame_width, int frame_height)
     : veto_(veto), width_(frame_width), height_(frame_height) {}

@@ -200,18 +200,6 @@ void prefilter(const Grid& grid, std::span<const Cell> cells, const Gaussian& mo
       kept.cells.push_back(cells[i]);
 }
 
-namespace {
-
-int ground_cells_in_row(const Grid& grid, const Gaussian& ground, int row) {
-  int count = 0;
-  for (int x = 0; x < grid.width; ++x)
-    count +=
-        looks_like_ground(grid.color({static_cast<std::int16_t>(x), static_cast<std::int16_t>(row)}), ground);
-  return count;
-}
-
-} // namespace
-
 bool looks_like_ground(const Color& color, const Gaussian& ground) {
   for (int c = 0; c < 3; ++c) {
     const std::int64_t d = (std::int64_t{color[c]} << 8) - ground.mean[c];
@@ -231,7 +219,9 @@ Horizon find_horizon(const Grid& grid, const Gaussian& ground, int window_top, i
   int poorest = -1, least = std::numeric_limits<int>::max(), least_in_window = least;
   std::int64_t total = 0;
   for (int row = 0; row < window_end; ++row) {
-    const int count = ground_cells_in_row(grid, ground, row);
+    int count = 0;
+    for (Cell cell{0, static_cast<std::int16_t>(row)}; cell.x < grid.width; ++cell.x)
+      count += looks_like_ground(grid.color(cell), ground);
     total += count;
     if (row >= window_top)
       least_in_window = std::min(least_in_window, count);

@@ -29,6 +29,36 @@ constexpr int at(int i, int j) {
   return i * (i + 1) / 2 + j;
 }
 
+using Matrix = std::array<std::int64_t, 9>;
+
+TERRAINSEG_TUNED(std::int64_t, plane_motion, largest,
+                 64 * one_q24); ///< limit of an element: keeps products of two within 63 bits
+
+Matrix product(const Matrix& a, const Matrix& b) {
+  Matrix c{};
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      std::int64_t sum = one_q24 / 2;
+      for (int k = 0; k < 3; ++k)
+        sum += a[3 * i + k] * b[3 * k + j];
+      c[3 * i + j] = sum >> 24;
+    }
+  return c;
+}
+
+/// Divides by the first element. Returns the identity when the matrix is not the motion of a camera that
+/// views the ground.
+PlaneMotion normalised(Matrix m) {
+  if (m[0] < one_q24 / 16)
+    return {};
+  for (std::int64_t& element : m)
+    element = std::clamp(element, -largest, largest);
+  PlaneMotion motion;
+  for (int i = 0; i < 9; ++i)
+    motion.g[i] = std::clamp(m[i] * one_q24 / m[0], -largest, largest);
+  return motion;
+}
+
 } // namespace
 
 std::optional<LeastSquares> solve(const NormalEquations& equations, int fraction_bits) {
@@ -95,40 +125,6 @@ std::optional<LeastSquares> solve(const NormalEquations& equations, int fraction
   found.last_pivot = shifted(pivot[n - 1], std::clamp(-2 * scale[n - 1], -60, 30));
   return found;
 }
-
-namespace {
-
-using Matrix = std::array<std::int64_t, 9>;
-
-TERRAINSEG_TUNED(std::int64_t, plane_motion, largest,
-                 64 * one_q24); ///< limit of an element: keeps products of two within 63 bits
-
-Matrix product(const Matrix& a, const Matrix& b) {
-  Matrix c{};
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) {
-      std::int64_t sum = one_q24 / 2;
-      for (int k = 0; k < 3; ++k)
-        sum += a[3 * i + k] * b[3 * k + j];
-      c[3 * i + j] = sum >> 24;
-    }
-  return c;
-}
-
-/// Divides by the first element. Returns the identity when the matrix is not the motion of a camera that
-/// views the ground.
-PlaneMotion normalised(Matrix m) {
-  if (m[0] < one_q24 / 16)
-    return {};
-  for (std::int64_t& element : m)
-    element = std::clamp(element, -largest, largest);
-  PlaneMotion motion;
-  for (int i = 0; i < 9; ++i)
-    motion.g[i] = std::clamp(m[i] * one_q24 / m[0], -largest, largest);
-  return motion;
-}
-
-} // namespace
 
 GroundCamera GroundCamera::quarter() const {
   return {width / 4, height / 4, focal / 4, (vanishing_row - 384) / 4};

@@ -21,6 +21,17 @@ void outline_behind(const std::uint16_t* __restrict first, const std::uint16_t* 
     in[x] |= static_cast<std::uint8_t>((first[x] <= row) & (end[x] > row));
 }
 
+// Labels traversable pixels. Returns their number. Auto-vectorised.
+unsigned label_row(std::uint8_t* pixels, int count, std::uint8_t label) {
+  unsigned turned = 0;
+  for (int x = 0; x < count; ++x) {
+    const bool traversable = pixels[x] == mask_traversable;
+    turned += traversable;
+    pixels[x] = traversable ? label : pixels[x];
+  }
+  return turned;
+}
+
 } // namespace
 
 bool GroundOutline::draw(const FreeSpaceCurves& curves, const OutlineView& view) {
@@ -62,21 +73,6 @@ bool GroundOutline::draw(const FreeSpaceCurves& curves, const OutlineView& view)
   }
   return true;
 }
-
-namespace {
-
-// Labels traversable pixels. Returns their number. Auto-vectorised.
-unsigned label_row(std::uint8_t* pixels, int count, std::uint8_t label) {
-  unsigned turned = 0;
-  for (int x = 0; x < count; ++x) {
-    const bool traversable = pixels[x] == mask_traversable;
-    turned += traversable;
-    pixels[x] = traversable ? label : pixels[x];
-  }
-  return turned;
-}
-
-} // namespace
 
 Hole hole_of_cells(int level, int row, int from, int to) {
   const int half = 1 << level >> 1;
