@@ -162,21 +162,6 @@ class Outline {
   float top_ = 0, bottom_ = 0, left_ = 0, right_ = 0;
 };
 
-struct Stage {
-  const Settings& settings;
-  const Place& place;
-  const Path& path;
-  const Noise& noise;
-  const Lighting& light;
-  const Moment& moment;
-
-  /// Light that comes from a distance in metres.
-  Color hazed(const Color& color, float distance) const {
-    const float d = distance / light.haze_distance, far = settings.kind == Kind::corridor ? d * d : d;
-    return mix(color, light.haze, far / (1 + far));
-  }
-};
-
 /// Sorts `things` from near to far and draws them.
 void draw_things(const Stage& stage, std::vector<Thing>& things, Canvas& canvas);
 

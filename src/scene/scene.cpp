@@ -192,7 +192,7 @@ int Renderer::render(std::uint64_t number, const MutableFrame& frame, const Muta
   const Lighting light = lighting_of(s.settings, moment.seconds);
   const Stage stage = {s.settings, s.place, s.path, s.noise, light, moment};
   s.canvas.clear();
-  things_in_sight(s.settings, s.place, s.path, moment, s.things);
+  things_in_sight(stage, s.things);
   if (s.settings.wet) {
     const Moment below = {moment.seconds, moment.camera.mirrored()};
     s.mirror.clear();

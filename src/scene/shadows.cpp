@@ -271,9 +271,7 @@ void cast_hard_shadows(const Stage& stage, const std::vector<Thing>& things, Can
   Caster caster(stage, canvas);
   for (const Thing& thing : things)
     caster.cast(thing);
-  std::vector<Thing> rover;
-  parts_of_the_rover(stage.settings, stage.moment, rover);
-  for (const Thing& part : rover)
+  for (const Thing& part : parts_of_the_rover(stage.settings, stage.moment))
     caster.cast(part);
 }
 

@@ -91,10 +91,8 @@ Thing lump_at(Thing::Kind kind, float x, float z, float size, Dice& dice, const 
 /// Places the objects along the rover's way.
 class Way {
  public:
-  Way(const Settings& settings, const Place& place, const Path& path, const Moment& moment,
-      std::vector<Thing>& things)
-      : s_(settings), place_(place), path_(path), moment_(moment), z0_(moment.camera.position.z),
-        filled_(static_cast<float>(settings.obstacles) / 100), things_(things) {}
+  Way(const Stage& stage, std::vector<Thing>& things)
+      : s_(stage.settings), place_(stage.place), path_(stage.path), moment_(stage.moment), things_(things) {}
 
   void road() {
     roadside();
@@ -328,7 +326,7 @@ class Way {
   const Place& place_;
   const Path& path_;
   const Moment& moment_;
-  const float z0_, filled_;
+  const float z0_ = moment_.camera.position.z, filled_ = static_cast<float>(s_.obstacles) / 100;
   std::vector<Thing>& things_;
 };
 
@@ -452,7 +450,7 @@ Place place_of(const Settings& settings) {
   return place;
 }
 
-void parts_of_the_rover(const Settings& settings, const Moment& moment, std::vector<Thing>& parts) {
+std::vector<Thing> parts_of_the_rover(const Settings& settings, const Moment& moment) {
   const Camera& camera = moment.camera;
   const Vec3 heading = {camera.forward.x, 0, camera.forward.z};
   const float length = std::sqrt(dot(heading, heading));
@@ -462,6 +460,7 @@ void parts_of_the_rover(const Settings& settings, const Moment& moment, std::vec
   part.sin_yaw = heading.x / length;
   const Vec3 ahead = {part.sin_yaw, 0, part.cos_yaw}, eye = {camera.position.x, 0, camera.position.z};
   const float height = camera.position.y;
+  std::vector<Thing> parts;
   const auto add = [&](float behind, float half_x, float half_z, float low, float high) {
     part.base = eye - ahead * behind;
     part.half_x = half_x;
@@ -470,22 +469,21 @@ void parts_of_the_rover(const Settings& settings, const Moment& moment, std::vec
     part.height = high;
     parts.push_back(part);
   };
-  parts.clear();
   if (settings.kind == Kind::road) { // a car with the camera behind the windscreen
     add(0.9F, 0.88F, 2.1F, 0.2F, 0.65F * height);
     add(0.9F, 0.75F, 1.0F, 0.6F * height, height + 0.15F);
-    return;
+    return parts;
   }
   add(0.4F, 0.38F, 0.5F, 0.1F, 0.6F * height);
   add(0.05F, 0.035F, 0.035F, 0, height);
   add(0.05F, 0.14F, 0.06F, height - 0.05F, height + 0.08F);
+  return parts;
 }
 
-void things_in_sight(const Settings& settings, const Place& place, const Path& path, const Moment& moment,
-                     std::vector<Thing>& things) {
+void things_in_sight(const Stage& stage, std::vector<Thing>& things) {
   things.clear();
-  Way way(settings, place, path, moment, things);
-  switch (settings.kind) {
+  Way way(stage, things);
+  switch (stage.settings.kind) {
   case Kind::road:
     return way.road();
   case Kind::trail:

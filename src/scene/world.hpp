@@ -87,11 +87,26 @@ inline Box box_of(const Thing& thing, float low, float high) {
   return {thing.base, thing.half_x, thing.half_z, low, high, thing.cos_yaw, thing.sin_yaw};
 }
 
+/// All that a frame shows.
+struct Stage {
+  const Settings& settings;
+  const Place& place;
+  const Path& path;
+  const Noise& noise;
+  const Lighting& light;
+  const Moment& moment;
+
+  /// Light that comes from a distance in metres.
+  Color hazed(const Color& color, float distance) const {
+    const float d = distance / light.haze_distance, far = settings.kind == Kind::corridor ? d * d : d;
+    return mix(color, light.haze, far / (1 + far));
+  }
+};
+
 /// The rover's body, mast and head: invisible to its camera, but they cast shadows.
-void parts_of_the_rover(const Settings& settings, const Moment& moment, std::vector<Thing>& parts);
+std::vector<Thing> parts_of_the_rover(const Settings& settings, const Moment& moment);
 
 /// Collects the objects that may be visible or cast a visible shadow, in no order. Clears `things` first.
-void things_in_sight(const Settings& settings, const Place& place, const Path& path, const Moment& moment,
-                     std::vector<Thing>& things);
+void things_in_sight(const Stage& stage, std::vector<Thing>& things);
 
 } // namespace terrainseg::scene

@@ -62,13 +62,15 @@ struct Shadows {
   Lighting light = lighting_of(settings, 0);
   Moment moment = moment_of(settings, path, 0, width, height);
   Canvas canvas{width, height};
-  std::vector<Thing> things, rover;
+  std::vector<Thing> things, rover = parts_of_the_rover(settings, moment);
 
-  explicit Shadows(const Settings& s) : settings(s) { parts_of_the_rover(settings, moment, rover); }
+  explicit Shadows(const Settings& s) : settings(s) {}
+
+  Stage stage() const { return {settings, place, path, noise, light, moment}; }
 
   void cast() {
     canvas.clear();
-    cast_hard_shadows({settings, place, path, noise, light, moment}, things, canvas);
+    cast_hard_shadows(stage(), things, canvas);
   }
 
   /// 1 in shadow, 0 in the sun, -1 above the horizon.
@@ -169,7 +171,7 @@ TEST(SceneLight, EdgesAreHardAndOnlyDarken) {
   for (const Kind kind : {Kind::road, Kind::trail})
     for (std::uint32_t seed = 1; seed <= 6; ++seed) {
       Shadows s(settings_of(kind, Light::sun, seed));
-      things_in_sight(s.settings, s.place, s.path, s.moment, s.things);
+      things_in_sight(s.stage(), s.things);
       s.cast();
       int lit = 0, between = 0, dark = 0;
       for (const Color& left : s.canvas.shade) {
