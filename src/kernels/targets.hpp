@@ -30,18 +30,10 @@ template <auto... constants, class Value, class Use>
   ((value == constants ? use(std::integral_constant<Value, constants>()) : void()), ...);
 }
 
-/// Calls what `choose` returns, the variant for this processor.
-template <class Choose> constexpr auto dispatched(Choose choose) {
-  const auto calling = []<class Result, class... Values>(Result (*)(Values...)) {
-    return +[](Values... values) -> Result { return Choose()()(static_cast<Values>(values)...); };
-  };
-  return calling(decltype(choose())());
-}
-
 } // namespace terrainseg::kernels
 
 /// Defines the function `name` that a caller sees, which the header declares as a constant pointer: calls the
 /// variant for this processor of HWY_NAMESPACE::variant.
 #define TERRAINSEG_DISPATCH(name, variant)                                                                   \
   HWY_EXPORT(variant);                                                                                       \
-  decltype(name) name = dispatched([] { return &HWY_DYNAMIC_DISPATCH(variant); })
+  decltype(name) name = [](auto... values) { return HWY_DYNAMIC_DISPATCH(variant)(values...); }
