@@ -26,14 +26,8 @@ struct LumaWeights {
 };
 
 LumaWeights luma_weights_of(ColorMatrix matrix) {
-  switch (matrix) {
-  case ColorMatrix::bt709:
-    return {2126, 722};
-  case ColorMatrix::bt2020:
-    return {2627, 593};
-  default:
-    return {2990, 1140};
-  }
+  constexpr LumaWeights weights[] = {{2990, 1140}, {2126, 722}, {2627, 593}};
+  return weights[static_cast<int>(matrix)];
 }
 
 Matrix to_rgb(const LumaWeights& w) {

@@ -43,7 +43,7 @@ void EstimateWriter::start(const Frame& frame, const MaskTarget& target, const S
 }
 
 MutablePlane EstimateWriter::start_confidence_map(int width, int height) {
-  confidence_map_.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), 0);
+  confidence_map_.assign(static_cast<std::size_t>(width) * height, 0);
   estimate_.confidence_map = {{confidence_map_.data(), width}, width, height};
   return {confidence_map_.data(), width};
 }

@@ -8,13 +8,9 @@
 namespace terrainseg {
 namespace {
 
-constexpr FormatLayout planar(int second, int third, int x_shift, int y_shift) {
-  const auto xs = static_cast<std::uint8_t>(x_shift), ys = static_cast<std::uint8_t>(y_shift);
-  return {{{{0, 0, 1, 0, 0},
-            {static_cast<std::uint8_t>(second), 0, 1, xs, ys},
-            {static_cast<std::uint8_t>(third), 0, 1, xs, ys}}},
-          3,
-          false};
+constexpr FormatLayout planar(std::uint8_t second, std::uint8_t third, std::uint8_t x_shift,
+                              std::uint8_t y_shift) {
+  return {{{{0, 0, 1, 0, 0}, {second, 0, 1, x_shift, y_shift}, {third, 0, 1, x_shift, y_shift}}}, 3, false};
 }
 
 constexpr FormatLayout semi_planar(std::uint8_t u, std::uint8_t v, std::uint8_t x_shift = 1,
