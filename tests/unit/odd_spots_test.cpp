@@ -34,10 +34,10 @@ struct Scene {
                       found.holes);
   }
   std::uint8_t oddness(int row, int column) const {
-    return spots.oddness().values[static_cast<std::size_t>(row * spots.stride() + column)];
+    return spots.oddness().values[static_cast<std::size_t>(row * spots.oddness().stride + column)];
   }
   bool spot(int row, int column) const {
-    return spots.spots()[static_cast<std::size_t>(row * spots.stride() + column)] != 0;
+    return spots.spots()[static_cast<std::size_t>(row * spots.oddness().stride + column)] != 0;
   }
 
   test::OwnedFrame owned;
@@ -52,7 +52,7 @@ struct Scene {
 class ByDefinition {
  public:
   explicit ByDefinition(const Scene& s)
-      : s_(s), w_(s.spots.width()), h_(s.spots.height()),
+      : s_(s), w_(s.spots.oddness().width), h_(s.spots.oddness().height),
         horizon_(static_cast<int>(s.view.horizon) * s.pyramid.height(s.view.level) / 256) {}
 
   bool ground(int i, int j) const {
@@ -254,10 +254,10 @@ TEST(OddSpots, AreWhatTheDefinitionSays) {
       s.view.rows = 20; // what lies below takes no part
     const bool any = s.find();
     const int all = s.pyramid.height(level), horizon = 70 * all / 256;
-    ASSERT_EQ(s.spots.height(), s.view.rows > 0 ? std::min(horizon + 20, all) : all);
+    ASSERT_EQ(s.spots.oddness().height, s.view.rows > 0 ? std::min(horizon + 20, all) : all);
     const ByDefinition truth(s);
-    for (int i = 0; i < s.spots.height(); ++i)
-      for (int j = 0; j < s.spots.width(); ++j) {
+    for (int i = 0; i < s.spots.oddness().height; ++i)
+      for (int j = 0; j < s.spots.oddness().width; ++j) {
         if (!truth.ground(i, j)) {
           ASSERT_EQ(s.oddness(i, j), 0) << i << ' ' << j;
           continue;
@@ -275,8 +275,8 @@ TEST(OddSpots, AreWhatTheDefinitionSays) {
         light += !d.dark && d.y > 2;
       }
     Bytes said;
-    for (int i = 0; i < s.spots.height(); ++i)
-      for (int j = 0; j < s.spots.width(); ++j)
+    for (int i = 0; i < s.spots.oddness().height; ++i)
+      for (int j = 0; j < s.spots.oddness().width; ++j)
         said.push_back(s.spot(i, j));
     EXPECT_EQ(said, any ? truth.spots() : Bytes(said.size(), 0)) << round;
     EXPECT_EQ(any, std::count(said.begin(), said.end(), 1) > 0);

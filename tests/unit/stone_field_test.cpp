@@ -37,7 +37,7 @@ struct Scene {
     return field.find(other.luma.level(view.level), other.curves, other.view, watch, found.holes);
   }
   bool stone(int row, int column) const {
-    return field.oddness().values[static_cast<std::size_t>(row * field.width() + column)] != 0;
+    return field.oddness().values[static_cast<std::size_t>(row * field.oddness().width + column)] != 0;
   }
   int stones() const {
     const auto cells = field.oddness().values;
@@ -59,7 +59,7 @@ struct Scene {
 class ByDefinition {
  public:
   explicit ByDefinition(const Scene& s)
-      : s_(s), w_(s.field.width()), h_(s.field.height()),
+      : s_(s), w_(s.field.oddness().width), h_(s.field.oddness().height),
         horizon_(static_cast<int>(s.view.horizon) * h_ / 256), first_(h_) {
     for (int i = h_ - 1; i >= 0; --i)
       for (int j = 0; j < w_; ++j)
@@ -271,9 +271,9 @@ TEST(StoneField, IsWhatTheDefinitionSays) {
       s.view.ignored = ignored;
     const bool any = s.find();
     const ByDefinition truth(s);
-    for (int i = s.field.height() / 3; i < s.field.height(); i += 3)
-      for (int j = 0; j < s.field.width(); j += 7) {
-        const int said = s.field.deviations()[static_cast<std::size_t>(i * s.field.width() + j)];
+    for (int i = s.field.oddness().height / 3; i < s.field.oddness().height; i += 3)
+      for (int j = 0; j < s.field.oddness().width; j += 7) {
+        const int said = s.field.deviations()[static_cast<std::size_t>(i * s.field.oddness().width + j)];
         double low = 127, high = 0;
         for (int aside = -1; aside <= 1; ++aside) {
           const double is = truth.ground(i, j) ? std::min(16 * truth.deviation(i, j, aside), 127.0) : 0.0;

@@ -131,10 +131,8 @@ void HoleFinders::find(const OpenGround& open, HoleMemory& memory) {
   for (std::size_t i = 0; i < list_.size(); ++i)
     if (const std::optional<int> level = list_[i]->column_level(open.view))
       curves[i] = &open.curves.at(open.view, open.ground, *level);
-  open.view.task.workers.run(static_cast<int>(list_.size()), [&](int task) {
-    const auto i = static_cast<std::size_t>(task);
-    list_[i]->find(open, curves[i], memory);
-  });
+  open.view.task.workers.run(static_cast<int>(list_.size()),
+                             [&](int i) { list_[i]->find(open, curves[i], memory); });
   for (SpotFinder* spots : {&near_spots_, &far_spots_})
     spots->drop_flat(motion_.evidence());
 }

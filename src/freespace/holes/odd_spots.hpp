@@ -44,12 +44,8 @@ class OddSpots {
   /// when no spot remains.
   bool drop_flat(const FinerCells<std::int16_t>& motion, std::vector<Hole>& holes);
 
-  /// Results of the last find(): number of searched cells (down to the last searched row), and per cell the
-  /// oddness (Q4 of a standard deviation, 0..96) and whether the cell belongs to a spot. A row has stride()
-  /// elements in memory.
-  int width() const { return width_; }
-  int stride() const { return stride_; }
-  int height() const { return height_; }
+  /// Results of the last find(), down to the last searched row: per cell the oddness (Q4 of a standard
+  /// deviation, 0..96) and whether the cell belongs to a spot, with the same number of elements in a row.
   FinerCells<std::uint8_t> oddness() const {
     return {std::span(odd_).subspan(1), width_, height_, view_.level, 0, stride_};
   }

@@ -131,7 +131,7 @@ FinerCells<std::int16_t> StandingThings::evidence() const {
 void StandingThings::list(int row, int frame_width, int frame_height, std::vector<Hole>& holes) const {
   const int level = level_ + cell_bits;
   const auto pixel = [](int value) { return static_cast<std::uint16_t>(value); };
-  const std::uint8_t* const cells = stands_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
+  const std::uint8_t* const cells = stands_.data() + row * columns_;
   for (int j = 0; j < columns_; ++j) {
     if (!cells[j])
       continue;

@@ -54,8 +54,6 @@ class StoneField {
 
   /// Result of the last find(): per cell its deviation (Q4, 0..127), valid from the first row with ground.
   std::span<const std::uint8_t> deviations() const { return deviation_; }
-  int width() const { return width_; }
-  int height() const { return height_; }
 
  private:
   struct Piece;
