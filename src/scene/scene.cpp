@@ -182,8 +182,6 @@ struct Renderer::State {
 Renderer::Renderer(const Settings& settings, int width, int height)
     : state_(std::make_unique<State>(settings, width, height)) {}
 Renderer::~Renderer() = default;
-Renderer::Renderer(Renderer&&) noexcept = default;
-Renderer& Renderer::operator=(Renderer&&) noexcept = default;
 
 int Renderer::render(std::uint64_t number, const MutableFrame& frame, const MutablePlane& labels) {
   State& s = *state_;

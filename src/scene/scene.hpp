@@ -102,8 +102,6 @@ class Renderer {
   /// Width and height in pixels, 1..32767. Uses about 30 bytes per pixel, 60 if wet.
   Renderer(const Settings& settings, int width, int height);
   ~Renderer();
-  Renderer(Renderer&&) noexcept;
-  Renderer& operator=(Renderer&&) noexcept;
 
   /// Renders one frame. `frame` has the renderer's size and any format. `labels` has one byte per pixel; a
   /// null pointer means that no labels are needed. Returns the true horizon: the row of horizontal rays at

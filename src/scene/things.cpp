@@ -78,24 +78,21 @@ class Painter {
   /// from the ground (top face: u across, v along), metres.
   template <class Shade> void box(const Box& b, Shade&& shade) {
     const Vec3 to_eye = camera_.position - b.base;
-    for (const float sign : {-1.0F, 1.0F}) {
-      if (sign * dot(to_eye, b.side()) > b.half_x) {
-        const std::array<Vec3, 4> corners = {
-            b.corner(sign * b.half_x, b.low, -b.half_z), b.corner(sign * b.half_x, b.low, b.half_z),
-            b.corner(sign * b.half_x, b.high, b.half_z), b.corner(sign * b.half_x, b.high, -b.half_z)};
-        const Vec3 normal = b.side() * sign;
-        face(corners, {b.corner(sign * b.half_x, 0, 0), b.ahead(), {0, 1, 0}, normal},
-             [&](float u, float v, float size) { return shade(Face::side, normal, u, v, size); });
+    for (const float sign : {-1.0F, 1.0F})
+      for (const Face f : {Face::side, Face::end}) {
+        const bool is_side = f == Face::side;
+        const Vec3 normal = (is_side ? b.side() : b.ahead()) * sign, along = is_side ? b.ahead() : b.side();
+        const float away = is_side ? b.half_x : b.half_z, half = is_side ? b.half_z : b.half_x;
+        if (dot(to_eye, normal) <= away)
+          continue;
+        const auto at = [&](float u, float height) {
+          return is_side ? b.corner(sign * away, height, u) : b.corner(u, height, sign * away);
+        };
+        const std::array<Vec3, 4> corners = {at(-half, b.low), at(half, b.low), at(half, b.high),
+                                             at(-half, b.high)};
+        face(corners, {at(0, 0), along, {0, 1, 0}, normal},
+             [&](float u, float v, float size) { return shade(f, normal, is_side ? u : u * sign, v, size); });
       }
-      if (sign * dot(to_eye, b.ahead()) > b.half_z) {
-        const std::array<Vec3, 4> corners = {
-            b.corner(-b.half_x, b.low, sign * b.half_z), b.corner(b.half_x, b.low, sign * b.half_z),
-            b.corner(b.half_x, b.high, sign * b.half_z), b.corner(-b.half_x, b.high, sign * b.half_z)};
-        const Vec3 normal = b.ahead() * sign;
-        face(corners, {b.corner(0, 0, sign * b.half_z), b.side(), {0, 1, 0}, normal},
-             [&](float u, float v, float size) { return shade(Face::end, normal, u * sign, v, size); });
-      }
-    }
     if (camera_.position.y > b.high) {
       const std::array<Vec3, 4> corners = {
           b.corner(-b.half_x, b.high, -b.half_z), b.corner(b.half_x, b.high, -b.half_z),
