@@ -164,7 +164,7 @@ void PointSelection::select(const PassedView& picture, const GroundCamera& view,
 
 /// Expands a row of cells to pixels, `cell` pixels each. Returns whether any cell is ground.
 bool PointSelection::spread(std::span<const std::uint8_t> ground, int row, int cell, int columns) {
-  const std::uint8_t* from = ground.data() + static_cast<std::ptrdiff_t>(row) * columns;
+  const std::uint8_t* from = ground.data() + row * columns;
   std::uint8_t any = 0;
   for (int j = 0; j < columns; ++j)
     any |= from[j];

@@ -94,9 +94,8 @@ int ground_shift(const PlaneMotion& motion, const GroundCamera& view, int across
 }
 
 void Parallax::reserve(int width, int height) {
-  const auto segments = static_cast<std::size_t>((width + 15) / 16 + 2 * side_margin / 16);
-  const auto rows = static_cast<std::size_t>(height + ahead_margin + behind_margin),
-             columns = static_cast<std::size_t>(width / 4), cell_rows = static_cast<std::size_t>(height / 4);
+  const int segments = (width + 15) / 16 + 2 * side_margin / 16, rows = height + ahead_margin + behind_margin,
+            columns = width / 4, cell_rows = height / 4;
   nodes_.reserve((rows + anchor_rows) * (segments + 1) * 2);
   warped_.reserve((rows + 4) * 16 * segments);
   sums_.reserve((cell_rows + 1) * hypotheses * (columns + 2));
@@ -169,7 +168,7 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
   const std::ptrdiff_t plane = columns_ + 2;
   std::uint16_t* sums = sums_.data() + (row - first) * hypotheses * plane + 1;
   std::uint16_t* seen = seen_.data() + (row - first) * plane + 1;
-  std::uint16_t* shift = shifts_.data() + static_cast<std::ptrdiff_t>(row - first) * columns_;
+  std::uint16_t* shift = shifts_.data() + (row - first) * columns_;
   const auto leave_out = [&](int from, int end) {
     for (int k = 0; k < hypotheses; ++k)
       std::fill(sums + k * plane + from, sums + k * plane + end, std::uint16_t{0});
@@ -181,7 +180,7 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
   const int down = below(view, 4 * row) + 384;
   const std::uint8_t *here = ground + row * columns_, *above = row > 0 ? here - columns_ : here,
                      *under = row + 1 < rows_ ? here + columns_ : here;
-  near_.assign(static_cast<std::size_t>(columns_) + 2, 0);
+  near_.assign(columns_ + 2, 0);
   for (int j = 0; j < columns_; ++j)
     near_[j + 1] = above[j] | here[j] | under[j];
   for (int next = 0; next < columns_; next += block / 4) {
@@ -222,13 +221,13 @@ void Parallax::compare(const PassedView& picture, const PassedView& key, const P
   const Translation t = translation_of(motion);
   above_ = t.z >= 0 ? ahead_margin : behind_margin;
   warp(key, motion, view, first, end);
-  const auto rows = static_cast<std::size_t>(end - first), plane = static_cast<std::size_t>(columns_) + 2;
+  const int rows = end - first, plane = columns_ + 2;
   sums_.resize((rows + 1) * hypotheses * plane);
   seen_.resize((rows + 1) * plane);
-  shifts_.resize(rows * static_cast<std::size_t>(columns_));
+  shifts_.resize(rows * columns_);
   // The row before the first and after the last one is empty.
-  std::fill(sums_.end() - static_cast<std::ptrdiff_t>(hypotheses * plane), sums_.end(), std::uint16_t{0});
-  std::fill(seen_.end() - static_cast<std::ptrdiff_t>(plane), seen_.end(), std::uint16_t{0});
+  std::fill(sums_.end() - hypotheses * plane, sums_.end(), std::uint16_t{0});
+  std::fill(seen_.end() - plane, seen_.end(), std::uint16_t{0});
   for (int i = first; i < end; ++i)
     compare_row(picture, t, view, ground, i, first);
   for (int i = first; i < end; ++i)
@@ -238,11 +237,11 @@ void Parallax::compare(const PassedView& picture, const PassedView& key, const P
 
 void Parallax::weigh_row(const std::uint8_t* ground, int row, int rows, CellParallax* cells,
                          std::uint8_t* judged) {
-  const std::uint16_t* shifts = shifts_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
+  const std::uint16_t* shifts = shifts_.data() + row * columns_;
   const std::ptrdiff_t plane = columns_ + 2;
   const int above = row > 0 ? row - 1 : rows, under = row + 1; // row `rows` is the empty one
   costs_.resize(7 * columns_ + 2);
-  const auto part = [&](int k) { return costs_.data() + static_cast<std::ptrdiff_t>(k) * columns_; };
+  const auto part = [&](int k) { return costs_.data() + k * columns_; };
   const kernels::WindowCosts costs{part(0), part(1), part(2), part(3), part(4)};
   const auto sums_of = [&](int i) { return sums_.data() + i * hypotheses * plane; };
   const auto seen_of = [&](int i) { return seen_.data() + i * plane; };

@@ -93,7 +93,7 @@ bool StandingMap::move_stood(int row, int first, int end) {
   }
   if ((most + 512) >> 10 < first || (least + 512) >> 10 >= end)
     return false;
-  std::uint8_t* out = stood_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
+  std::uint8_t* out = stood_.data() + row * columns_;
   for (int j = 0; j < columns_; ++j) {
     const std::int32_t* node = nodes_.data() + j / 4 * 2;
     const int u = node[0] + (node[2] - node[0]) * (j % 4) / 4,
@@ -115,9 +115,7 @@ void StandingMap::add(std::span<const CellParallax> cells, std::span<const std::
   const auto sum = [](int a, int b) { return static_cast<std::int16_t>(std::clamp(a + b, -32767, 32767)); };
   for (int row = 0; row < rows_; ++row) {
     bool any = false;
-    const auto first = static_cast<std::size_t>(row * columns_),
-               end = first + static_cast<std::size_t>(columns_);
-    for (std::size_t i = first; i < end; ++i) {
+    for (int i = row * columns_; i < (row + 1) * columns_; ++i) {
       if (!judged[i])
         continue;
       any = true;
@@ -173,7 +171,7 @@ void StandingMap::read(const GroundCamera& view, std::vector<std::int16_t>& stan
   end_stood_ = 0;
   std::fill_n(standing.begin(), first_filled_ * columns_, std::int16_t{0});
   for (int i = first_filled_; i < rows_; ++i) {
-    const auto at = static_cast<std::size_t>(i * columns_);
+    const int at = i * columns_;
     kernels::evidence_of_sums(&sums_[at].quality, columns_, &standing[at]);
     if (settle(columns_, &standing[at], &stood_[at])) {
       first_stood_ = std::min(first_stood_, i);
@@ -185,7 +183,7 @@ void StandingMap::read(const GroundCamera& view, std::vector<std::int16_t>& stan
   std::fill(columns_stand_.begin(), columns_stand_.end(), std::uint8_t{0});
   for (int i = first_stood_; i < end_stood_; ++i)
     for (int j = 0; j < columns_; ++j) {
-      const auto at = static_cast<std::size_t>(i * columns_ + j);
+      const int at = i * columns_ + j;
       if (!stood_[at])
         continue;
       std::int16_t& value = standing[at];
