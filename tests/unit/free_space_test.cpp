@@ -19,6 +19,7 @@ TEST_P(FreeSpaceMask, HoldsEveryPixelByTheCurves) {
       const int frame_width = 97, frame_height = 61;
       const int width = subsampled(frame_width, level), height = subsampled(frame_height, level);
       FreeSpaceCurves curves;
+      curves.level = level;
       for (int x = 0; x < width; ++x) {
         curves.boundary.push_back(static_cast<std::uint16_t>(dice() % (frame_height + 1)));
         curves.safe.push_back(static_cast<std::uint16_t>(curves.boundary[x] +
@@ -35,7 +36,7 @@ TEST_P(FreeSpaceMask, HoldsEveryPixelByTheCurves) {
       std::vector<std::uint8_t> mask(static_cast<std::size_t>(width * height), 7);
       Workers workers(threads);
       const std::uint64_t traversable =
-          FreeSpace().write(curves, level, ignored, {mask.data(), width}, height, workers);
+          FreeSpace().write(curves, ignored, {mask.data(), width}, height, workers);
       std::uint64_t count = 0;
       for (int y = 0; y < height; ++y)
         for (int x = 0; x < width; ++x) {
@@ -74,7 +75,7 @@ TEST(FreeSpace, WritesMasksOfAllShapes) {
           const int stride = width + width % 3;
           std::vector<std::uint8_t> mask(static_cast<std::size_t>(stride * height), 77);
           Workers workers(threads);
-          FreeSpace().write(curves, 0, {}, {mask.data(), stride}, height, workers);
+          FreeSpace().write(curves, {}, {mask.data(), stride}, height, workers);
           for (int y = 0; y < height; ++y)
             for (int x = 0; x < stride; ++x) {
               const int want = x >= width                ? 77

@@ -57,7 +57,7 @@ class ByDefinition {
 
   bool ground(int i, int j) const {
     const int k = s_.view.level, half = (1 << k) / 2;
-    const auto x = static_cast<std::size_t>((j << k) >> s_.view.column_level);
+    const auto x = static_cast<std::size_t>((j << k) >> s_.curves.level);
     const auto row = [&](int edge) { return (edge + half) >> k; };
     for (const Rectangle& r : s_.view.ignored)
       if (contains(r, j << k, i << k))

@@ -48,9 +48,8 @@ HorizonRow HorizonHold::follow(const HorizonRow& seen, bool continued) {
   return last_;
 }
 
-std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
-                               std::span<const Rectangle> ignored, const MutablePlane& mask, int height,
-                               Workers& workers) {
+std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, std::span<const Rectangle> ignored,
+                               const MutablePlane& mask, int height, Workers& workers) {
   const std::size_t width = curves.safe.size();
   boundary_.resize(width);
   safe_.resize(width);
@@ -59,14 +58,14 @@ std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
   std::uint64_t traversable = 0;
   for (std::size_t x = 0; x < width; ++x) {
     // A mask row has the label of its uppermost row of pixels.
-    boundary_[x] = static_cast<std::uint16_t>(std::min(subsampled(curves.boundary[x], mask_level), height));
+    boundary_[x] = static_cast<std::uint16_t>(std::min(subsampled(curves.boundary[x], curves.level), height));
     safe_[x] = static_cast<std::uint16_t>(
-        std::clamp(subsampled(curves.safe[x], mask_level), int{boundary_[x]}, height));
+        std::clamp(subsampled(curves.safe[x], curves.level), int{boundary_[x]}, height));
     traversable += static_cast<std::uint64_t>(height - safe_[x]);
   }
   Stretch behind;
   if (curves.ground_behind)
-    behind = bring_behind(curves, mask_level, traversable);
+    behind = bring_behind(curves, traversable);
   const int bands = workers.count();
   work_.resize(2 * width * bands);
   workers.run(bands, [&](int band) {
@@ -77,16 +76,15 @@ std::uint64_t FreeSpace::write(const FreeSpaceCurves& curves, int mask_level,
                                 behind.right - behind.left, std::max(first, behind.top),
                                 std::min(end, behind.bottom), mask.data + behind.left, mask.stride);
   });
-  return traversable - mark_ignored(ignored, mask_level, mask, static_cast<int>(width), height);
+  return traversable - mark_ignored(ignored, curves.level, mask, static_cast<int>(width), height);
 }
 
-FreeSpace::Stretch FreeSpace::bring_behind(const FreeSpaceCurves& curves, int mask_level,
-                                           std::uint64_t& traversable) {
+FreeSpace::Stretch FreeSpace::bring_behind(const FreeSpaceCurves& curves, std::uint64_t& traversable) {
   const std::size_t width = curves.safe.size();
   Stretch all{static_cast<int>(width), 0, 65535, 0};
   for (std::size_t x = 0; x < width; ++x) {
-    const int end = std::min<int>(subsampled(curves.behind_end[x], mask_level), boundary_[x]),
-              first = std::min(subsampled(curves.behind_first[x], mask_level), end);
+    const int end = std::min<int>(subsampled(curves.behind_end[x], curves.level), boundary_[x]),
+              first = std::min(subsampled(curves.behind_first[x], curves.level), end);
     behind_first_[x] = static_cast<std::uint16_t>(first);
     behind_end_[x] = static_cast<std::uint16_t>(end);
     if (first == end)
@@ -171,8 +169,8 @@ void AnswerWriter::write_rows(const Findings& f, std::uint8_t confidence, Horizo
 void AnswerWriter::write_mask(const Findings& f, EstimateWriter& out) {
   const Settings& settings = f.view.task.settings;
   const GrayView& mask = out.estimate().mask;
-  std::uint64_t traversable = free_space_.write(f.curves, settings.mask_level, settings.ignore_regions,
-                                                out.mask(), mask.height, f.view.task.workers);
+  std::uint64_t traversable =
+      free_space_.write(f.curves, settings.ignore_regions, out.mask(), mask.height, f.view.task.workers);
   for (const std::uint8_t label : {mask_doubtful, mask_not_traversable})
     for (const HoleFinder* finder : f.holes.list())
       if (finder->found().label == label)

@@ -43,10 +43,10 @@ class HorizonHold {
 /// Writes the curves as a mask.
 class FreeSpace {
  public:
-  /// Writes a mask of curves.boundary.size() columns and `height` rows, 2^mask_level times smaller than the
+  /// Writes a mask of curves.boundary.size() columns and `height` rows, 2^curves.level times smaller than the
   /// frame: 0 above the boundary, 128 from there to the safe row, 255 below and behind obstacles, 128 in
   /// ignored regions. Returns the number of traversable pixels.
-  std::uint64_t write(const FreeSpaceCurves& curves, int mask_level, std::span<const Rectangle> ignored,
+  std::uint64_t write(const FreeSpaceCurves& curves, std::span<const Rectangle> ignored,
                       const MutablePlane& mask, int height, Workers& workers);
 
  private:
@@ -55,7 +55,7 @@ class FreeSpace {
     int left = 0, right = 0, top = 0, bottom = 0;
   };
   /// Writes the ground behind obstacles, adds its pixels to `traversable`, and returns where it is.
-  Stretch bring_behind(const FreeSpaceCurves& curves, int mask_level, std::uint64_t& traversable);
+  Stretch bring_behind(const FreeSpaceCurves& curves, std::uint64_t& traversable);
 
   MaskCurve boundary_, safe_, behind_first_, behind_end_;
   std::vector<std::uint8_t> work_;

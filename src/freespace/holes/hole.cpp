@@ -40,7 +40,7 @@ bool GroundOutline::draw(const FreeSpaceCurves& curves, const OutlineView& view)
   const auto cells_of = [&](const FrameCurve& rows, std::vector<std::uint16_t>& out) {
     out.assign(stride_, no_row);
     for (int j = 0; j < view.width; ++j) {
-      const int x = j << k >> view.column_spacing << view.column_spacing >> view.column_level;
+      const int x = j << k >> view.column_spacing << view.column_spacing >> curves.level;
       out[j] = static_cast<std::uint16_t>((rows[x] + half) >> k);
     }
   };

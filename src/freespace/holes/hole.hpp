@@ -39,7 +39,6 @@ template <typename Value> struct FinerCells {
 struct OutlineView {
   int level = 0, width = 0, height = 0; ///< size of the level in cells; the rows may end above the end of the
                                         ///< picture
-  int column_level = 0;                 ///< the curves have one column per 2^column_level pixels of the frame
   /// Each cell uses the curves' column at or before its centre, at a multiple of 2^column_spacing pixels of
   /// the frame.
   int column_spacing = 0;

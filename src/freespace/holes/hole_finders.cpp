@@ -51,10 +51,10 @@ void MotionFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, H
   const View& view = open.view;
   if (!curves)
     return;
-  const bool any = things_.find(
-      view.pyramid, *curves,
-      {view.grid.level, curves->level, view.task.frame.pts, view.task.settings.ignore_regions, open.line},
-      memory.motion, found_.holes);
+  const bool any =
+      things_.find(view.pyramid, *curves,
+                   {view.grid.level, view.task.frame.pts, view.task.settings.ignore_regions, open.line},
+                   memory.motion, found_.holes);
   evidence_ = things_.evidence();
   if (any)
     found_.standing = evidence_;
@@ -73,7 +73,7 @@ void SpotFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, Hol
     return;
   const View& view = open.view;
   const SpotLevels levels = spot_levels(view);
-  GroundView ground{levels.whole, levels.columns, open.horizon, view.task.settings.ignore_regions};
+  GroundView ground{levels.whole, open.horizon, view.task.settings.ignore_regions};
   if (reach_ == Reach::far_away) {
     ground.level = levels.far;
     ground.rows = far_rows;
@@ -102,11 +102,10 @@ void StoneFinder::find(const OpenGround& open, const FreeSpaceCurves* curves, Ho
   if (!curves)
     return;
   const View& view = open.view;
-  const SpotLevels levels = spot_levels(view);
   const int level = texture_level(view.grid.level);
   const bool any =
       field_.find(view.luma.level(level), *curves,
-                  {level, levels.columns, levels.far, open.horizon, view.task.settings.ignore_regions},
+                  {level, spot_levels(view).far, open.horizon, view.task.settings.ignore_regions},
                   memory.stones, found_.holes);
   if (any)
     found_.oddness = field_.oddness();

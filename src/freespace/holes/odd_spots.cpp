@@ -118,8 +118,8 @@ bool OddSpots::find(const Pyramid& pyramid, const ColorTransform& transform, con
   holes.reserve(size / 2);
   candidates_.reserve(stride_, height_);
   pieces_.reserve(stride_, height_);
-  const bool any_ground = ground_.draw(
-      curves, {view.level, width_, height_, view.column_level, view.level, view.ignored, stride_});
+  const bool any_ground =
+      ground_.draw(curves, {view.level, width_, height_, view.level, view.ignored, stride_});
   first_ = std::max(ground_.first(), view.skipped > 0 ? horizon_row_ + view.skipped : 0);
   std::fill_n(odd_.begin(), std::min(first_, height_) * stride_ + 1, std::uint8_t{0});
   if (!any_ground || first_ >= height_)

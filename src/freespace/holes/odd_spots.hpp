@@ -20,9 +20,8 @@ namespace terrainseg {
 
 /// Parameters of the search in a frame.
 struct GroundView {
-  int level = 0;             ///< the pyramid level that is searched, one or two levels finer than the grid
-  int column_level = 0;      ///< the curves have one column per 2^column_level pixels of the frame; at most
-                             ///< `level`
+  int level = 0;             ///< the pyramid level that is searched, one or two levels finer than the grid;
+                             ///< not below that of the curves
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
   std::span<const Rectangle> ignored; ///< in pixels of the frame
   int skipped = 0;                    ///< rows of cells below the horizon that are not searched

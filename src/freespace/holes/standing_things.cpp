@@ -73,7 +73,7 @@ void StandingThings::outline_ground(const FreeSpaceCurves& curves, const CurvesO
   for (std::vector<std::uint16_t>* rows : {&safe_, &behind_first_, &behind_end_})
     rows->assign(columns_, 0);
   for (int j = 0; j < columns_; ++j) {
-    const int x = std::min(((j << cell_level) + half) >> of.mask_level, last);
+    const int x = std::min(((j << cell_level) + half) >> curves.level, last);
     safe_[j] = cell_row(curves.safe[x]);
     if (curves.ground_behind) {
       behind_first_[j] = cell_row(curves.behind_first[x]);

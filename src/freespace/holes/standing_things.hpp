@@ -19,7 +19,6 @@ namespace terrainseg {
 /// Relation of the curves to the frame and the pyramid.
 struct CurvesOfFrame {
   int grid_level = 0; ///< the coarsest level of the pyramid
-  int mask_level = 0; ///< the curves have one column per 2^mask_level pixels of the frame
   std::int64_t pts = -1;
   std::span<const Rectangle> ignored; ///< in pixels of the frame
   FrameLine line;                     ///< the vanishing line of the ground from a setting, a pose or a hint

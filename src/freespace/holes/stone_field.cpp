@@ -108,8 +108,8 @@ bool StoneField::look(const GrayView& luma, const FreeSpaceCurves& curves, const
   candidates_.reserve(width_, height_);
   pieces_.reserve(width_, height_);
   runs_.reserve(size / 2);
-  const bool any_ground = ground_.draw(
-      curves, {view.level, width_, height_, view.column_level, view.column_spacing, view.ignored, width_});
+  const bool any_ground =
+      ground_.draw(curves, {view.level, width_, height_, view.column_spacing, view.ignored, width_});
   first_ = std::min(ground_.first(), height_);
   if (!any_ground)
     return false;

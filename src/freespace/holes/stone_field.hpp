@@ -20,7 +20,6 @@ namespace terrainseg {
 /// Parameters of the search in a frame.
 struct StoneView {
   int level = 0;             ///< the pyramid level that is searched
-  int column_level = 0;      ///< the curves have one column per 2^column_level pixels of the frame
   int column_spacing = 0;    ///< see OutlineView
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
   std::span<const Rectangle> ignored; ///< in pixels of the frame
