@@ -128,17 +128,14 @@ void write_mask(const std::uint16_t* boundary, const std::uint16_t* safe, int wi
   fill(mask, stride, width, bottom, end, 255);
 }
 
-void add_stretch_row(const std::uint16_t* __restrict first, const std::uint16_t* __restrict end, int at,
-                     int width, std::uint8_t* __restrict out) {
-  const auto row = static_cast<std::uint16_t>(at);
-  for (int x = 0; x < width; ++x)
-    out[x] |= static_cast<std::uint8_t>(-static_cast<int>((first[x] <= row) & (end[x] > row)));
-}
-
-void add_stretches(const std::uint16_t* first, const std::uint16_t* end, int width, int first_row,
-                   int end_row, std::uint8_t* mask, std::ptrdiff_t stride) {
-  for (int y = first_row; y < end_row; ++y)
-    add_stretch_row(first, end, y, width, mask + y * stride);
+void add_stretches(const std::uint16_t* __restrict first, const std::uint16_t* __restrict end, int width,
+                   int first_row, int end_row, std::uint8_t* __restrict mask, std::ptrdiff_t stride) {
+  for (int y = first_row; y < end_row; ++y) {
+    const auto row = static_cast<std::uint16_t>(y);
+    std::uint8_t* const out = mask + y * stride;
+    for (int x = 0; x < width; ++x)
+      out[x] |= static_cast<std::uint8_t>(-static_cast<int>((first[x] <= row) & (end[x] > row)));
+  }
 }
 
 } // namespace HWY_NAMESPACE
