@@ -131,7 +131,7 @@ class Painter {
         color = mix(color, mix(color, Color{0.03F, 0.03F, 0.03F}, 0.6F), bumper);
         const float lamp = past_edge(across - 0.66F, size / thing.half_x) *
                            past_edge(0.075F - std::abs(v - waist + 0.14F), size);
-        const bool rear = dot(normal, Vec3{thing.sin_yaw, 0, thing.cos_yaw}) < 0;
+        const bool rear = dot(normal, body.ahead()) < 0;
         const float plate =
             past_edge(0.26F - std::abs(u), size) * past_edge(0.055F - std::abs(v - 0.5F), size);
         color = mix(color, Color{0.6F, 0.58F, 0.45F}, plate);

@@ -43,9 +43,6 @@ Color car_color(Dice& dice) {
   return paints[dice.next() % 8];
 }
 
-struct Heading {
-  float cos, sin;
-};
 Heading heading_at(const Path& path, float z) {
   const float slope = (path.at(z + 1) - path.at(z - 1)) * 0.5F;
   const float c = 1 / std::sqrt(1 + slope * slope);
@@ -59,8 +56,7 @@ Thing car_at(float x, float z, const Heading& way, Dice& dice, const Color& colo
           .half_x = 0.88F,
           .half_z = dice.roll(1.9F, 2.3F),
           .height = dice.roll(1.4F, 1.75F),
-          .cos_yaw = way.cos,
-          .sin_yaw = way.sin,
+          .heading = way,
           .color = color,
           .key = dice.next()};
 }
@@ -169,8 +165,7 @@ class Way {
         thing.key = own.next();
         if (thing.kind == Thing::Kind::crate) {
           const float turn = own.roll(-0.08F, 0.08F);
-          thing.cos_yaw = static_cast<float>(cosine(turn));
-          thing.sin_yaw = static_cast<float>(sine(turn));
+          thing.heading = {static_cast<float>(cosine(turn)), static_cast<float>(sine(turn))};
         }
         things_.push_back(thing);
       }
@@ -290,15 +285,13 @@ class Way {
                                {0.35F, 0.15F, 0.1F}};
     const float half_x = dice.roll(3.5F, 5), half_z = dice.roll(6, 7.8F), height = dice.roll(6, 11);
     const float middle = z + 8, x = side * (place_.pavement + dice.roll(1, 4) + half_x);
-    const Heading h = heading_at(path_, middle);
     const Color& wall = walls[dice.next() % 5];
     things_.push_back({.kind = Thing::Kind::house,
                        .base = {path_.at(middle) + x, 0, middle},
                        .half_x = half_x,
                        .half_z = half_z,
                        .height = height,
-                       .cos_yaw = h.cos,
-                       .sin_yaw = h.sin,
+                       .heading = heading_at(path_, middle),
                        .color = wall * dice.roll(0.7F, 1.1F),
                        .key = dice.next()});
   }
@@ -310,14 +303,12 @@ class Way {
   }
 
   void block(float middle, float side, Dice& dice) {
-    const Heading h = heading_at(path_, middle);
     things_.push_back({.kind = Thing::Kind::crate,
                        .base = {path_.at(middle) + side * (place_.half_width - 0.5F), 0, middle},
                        .half_x = dice.roll(0.2F, 0.45F),
                        .half_z = dice.roll(0.3F, 1),
                        .height = dice.roll(0.4F, 0.9F),
-                       .cos_yaw = h.cos,
-                       .sin_yaw = h.sin,
+                       .heading = heading_at(path_, middle),
                        .color = obstacle_color(dice, {0.5F, 0.16F, 0.02F}, place_.surface, 0.5F),
                        .key = dice.next()});
   }
@@ -456,9 +447,8 @@ std::vector<Thing> parts_of_the_rover(const Settings& settings, const Moment& mo
   const float length = std::sqrt(dot(heading, heading));
   Thing part;
   part.kind = Thing::Kind::crate;
-  part.cos_yaw = heading.z / length;
-  part.sin_yaw = heading.x / length;
-  const Vec3 ahead = {part.sin_yaw, 0, part.cos_yaw}, eye = {camera.position.x, 0, camera.position.z};
+  part.heading = {heading.z / length, heading.x / length};
+  const Vec3 ahead = {part.heading.sin, 0, part.heading.cos}, eye = {camera.position.x, 0, camera.position.z};
   const float height = camera.position.y;
   std::vector<Thing> parts;
   const auto add = [&](float behind, float half_x, float half_z, float low, float high) {

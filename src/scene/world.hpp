@@ -59,6 +59,11 @@ struct Place {
 
 Place place_of(const Settings& settings);
 
+/// A direction on the ground, as a rotation about the vertical axis.
+struct Heading {
+  float cos = 1, sin = 0;
+};
+
 struct Thing {
   enum class Kind : std::uint8_t { car, house, tree, bush, rock, pole, crate, cabinet, bin };
   Kind kind = Kind::rock;
@@ -67,7 +72,7 @@ struct Thing {
   float half_z = 0.5F;
   float height = 1;
   float low = 0; ///< height of the lower end above the ground, metres
-  float cos_yaw = 1, sin_yaw = 0;
+  Heading heading{};
   Color color;
   std::uint32_t key = 0; ///< seed of its details
 };
@@ -76,15 +81,15 @@ struct Thing {
 struct Box {
   Vec3 base;
   float half_x, half_z, low, high;
-  float cos_yaw, sin_yaw;
+  Heading heading;
 
-  Vec3 side() const { return {cos_yaw, 0, -sin_yaw}; }
-  Vec3 ahead() const { return {sin_yaw, 0, cos_yaw}; }
+  Vec3 side() const { return {heading.cos, 0, -heading.sin}; }
+  Vec3 ahead() const { return {heading.sin, 0, heading.cos}; }
   Vec3 corner(float x, float y, float z) const { return base + side() * x + ahead() * z + Vec3{0, y, 0}; }
 };
 
 inline Box box_of(const Thing& thing, float low, float high) {
-  return {thing.base, thing.half_x, thing.half_z, low, high, thing.cos_yaw, thing.sin_yaw};
+  return {thing.base, thing.half_x, thing.half_z, low, high, thing.heading};
 }
 
 /// All that a frame shows.

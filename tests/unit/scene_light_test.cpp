@@ -36,7 +36,7 @@ Settings settings_of(Kind kind, Light light, std::uint32_t seed, int obstacles =
 /// Does the straight way from a point of the ground to the sun pass through the box? In its own axes, a slab
 /// after the other.
 bool in_the_way(const Thing& box, double x, double z, const Vec3& sun) {
-  const double dx = x - box.base.x, dz = z - box.base.z, c = box.cos_yaw, s = box.sin_yaw;
+  const double dx = x - box.base.x, dz = z - box.base.z, c = box.heading.cos, s = box.heading.sin;
   const double origin[3] = {c * dx - s * dz, 0, s * dx + c * dz};
   const double way[3] = {c * sun.x - s * sun.z, sun.y, s * sun.x + c * sun.z};
   const double low[3] = {-box.half_x, box.low, -box.half_z}, high[3] = {box.half_x, box.height, box.half_z};
@@ -100,8 +100,7 @@ TEST(SceneLight, BoxesAndTheRoverShadeWhatTheyHideFromTheSun) {
       crate.half_x = 0.6F;
       crate.half_z = 0.3F;
       crate.height = 1.2F;
-      crate.cos_yaw = 0.8F;
-      crate.sin_yaw = 0.6F;
+      crate.heading = {0.8F, 0.6F};
       pole.kind = Thing::Kind::pole;
       pole.base = {eye.x + 3, 0, eye.z - 6}; // behind the rover: only its shadow can be in sight
       pole.half_x = pole.half_z = 0.3F;
