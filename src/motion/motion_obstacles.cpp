@@ -101,17 +101,14 @@ void MotionObstacles::resize(int width, int height) {
   view_ = {width, height, std::max(width, height) * 21 / 100 * 4,
            height * 108}; // initial vanishing line at 0.42 of the height
   const auto pixels = static_cast<std::size_t>(width) * height;
-  now_.assign(pixels, 0);
-  before_.assign(pixels, 0);
-  small_now_.assign(pixels / 16, 0);
-  small_before_.assign(pixels / 16, 0);
-  reduced_.assign(pixels / 16, 0);
-  ground_.assign(pixels / 16, 0);
+  for (auto* picture : {&now_, &before_})
+    picture->assign(pixels, 0);
+  for (auto* cells : {&small_now_, &small_before_, &reduced_, &ground_, &judged_})
+    cells->assign(pixels / 16, 0);
   cells_.assign(pixels / 16, {});
-  judged_.assign(pixels / 16, 0);
   standing_.assign(pixels / 16, 0);
-  ground_columns_.assign(static_cast<std::size_t>(width) / 4, 0);
-  work_.assign(static_cast<std::size_t>(width) + 16, 0);
+  ground_columns_.assign(width / 4, 0);
+  work_.assign(width + 16, 0);
   keys_.clear();
   spare_.clear();
   // Allocate all memory now, so that later frames do not allocate.
