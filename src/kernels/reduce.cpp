@@ -338,6 +338,36 @@ HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t
   return true;
 }
 
+// The same for pixels first..last-1 of one row. Returns false when they are fewer than a vector.
+template <int step, int written>
+bool single_pixels(const std::uint8_t* row, int first, int last, std::ptrdiff_t ahead, std::uint8_t* out) {
+  const hn::CappedTag<std::uint8_t, 64> d8;
+  const hn::Repartition<std::uint16_t, decltype(d8)> d16;
+  const std::size_t block = hn::Lanes(d8), half = block / 2;
+  const std::size_t count = static_cast<std::size_t>(std::max(0, last - first)) * written;
+  if (count < block)
+    return false;
+  const auto pairing = pairing_of<step>(d8);
+  const auto lower_spread = spreading(d8, 0), upper_spread = spreading(d8, block / 16);
+  const auto rounding = hn::Set(d16, 8);
+  row += 2 * first * step;
+  out += first * written;
+  const auto source = [](std::size_t i) { return i * 2 / written * step; };
+  const std::size_t tail = count - block;
+  for (std::size_t i = 0;; i = std::min(i + block, tail)) {
+    const std::uint8_t* const at = row + source(i);
+    if (ahead != 0)
+      ask_ahead(at + ahead, source(block));
+    const auto low = sums<step>(d8, at, false, pairing, lower_spread),
+               high = sums<step>(d8, row + source(i + half), true, pairing, upper_spread);
+    const auto rounded = [&](auto sum)
+                             HWY_ATTR { return hn::BitCast(d8, hn::ShiftRight<4>(hn::Add(sum, rounding))); };
+    hn::StoreU(hn::ConcatEven(d8, rounded(high), rounded(low)), d8, out + i);
+    if (i == tail)
+      return true;
+  }
+}
+
 #endif
 
 template <int step, int written>
@@ -390,46 +420,14 @@ void reduce(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* 
   });
 }
 
-// The same for pixels first..last-1 of one row. Returns false when they are fewer than a vector.
 template <int step, int written>
-bool single_pixels([[maybe_unused]] const std::uint8_t* row, [[maybe_unused]] int first,
-                   [[maybe_unused]] int last, [[maybe_unused]] std::ptrdiff_t ahead,
-                   [[maybe_unused]] std::uint8_t* out) {
-#if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint8_t, 64> d8;
-  const hn::Repartition<std::uint16_t, decltype(d8)> d16;
-  const std::size_t block = hn::Lanes(d8), half = block / 2;
-  const std::size_t count = static_cast<std::size_t>(std::max(0, last - first)) * written;
-  if (count < block)
-    return false;
-  const auto pairing = pairing_of<step>(d8);
-  const auto lower_spread = spreading(d8, 0), upper_spread = spreading(d8, block / 16);
-  const auto rounding = hn::Set(d16, 8);
-  row += 2 * first * step;
-  out += first * written;
-  const auto source = [](std::size_t i) { return i * 2 / written * step; };
-  const std::size_t tail = count - block;
-  for (std::size_t i = 0;; i = std::min(i + block, tail)) {
-    const std::uint8_t* const at = row + source(i);
-    if (ahead != 0)
-      ask_ahead(at + ahead, source(block));
-    const auto low = sums<step>(d8, at, false, pairing, lower_spread),
-               high = sums<step>(d8, row + source(i + half), true, pairing, upper_spread);
-    const auto rounded = [&](auto sum)
-                             HWY_ATTR { return hn::BitCast(d8, hn::ShiftRight<4>(hn::Add(sum, rounding))); };
-    hn::StoreU(hn::ConcatEven(d8, rounded(high), rounded(low)), d8, out + i);
-    if (i == tail)
-      return true;
-  }
-#else
-  return false;
-#endif
-}
-
-template <int step, int written>
-void reduce_single(const std::uint8_t* row, int width, std::ptrdiff_t ahead, std::uint8_t* out) {
+void reduce_single(const std::uint8_t* row, int width, [[maybe_unused]] std::ptrdiff_t ahead,
+                   std::uint8_t* out) {
   const int half = (width + 1) / 2, inner = std::max(1, width / 2 - 1);
-  const bool done = single_pixels<step, written>(row, 1, inner, ahead, out);
+  bool done = false;
+#if HWY_TARGET != HWY_SCALAR
+  done = single_pixels<step, written>(row, 1, inner, ahead, out);
+#endif
   for (int x = 0; x < half; ++x) {
     if (done && x == 1)
       x = inner;

@@ -30,21 +30,17 @@ std::uint32_t plain_pixels(const PixelRow& row, const ComponentScores& scores, i
   return count;
 }
 
-#if HWY_TARGET == HWY_SCALAR
-
-bool faster(int) {
-  return false;
+bool faster(int bit_shift) {
+  return HWY_TARGET != HWY_SCALAR && bit_shift >= 3;
 }
+
+#if HWY_TARGET == HWY_SCALAR
 
 std::uint32_t classify(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out, int width) {
   return plain_pixels(row, scores, 0, width, out);
 }
 
 #else
-
-bool faster(int bit_shift) {
-  return bit_shift >= 3;
-}
 
 using Tag = hn::CappedTag<std::uint8_t, 64>;
 using Bytes = hn::Vec<Tag>;
