@@ -101,9 +101,6 @@ bool is_blank(const Grid& grid) {
   return true;
 }
 
-VetoArea::VetoArea(const Veto& veto, int frame_width, int frame_height)
-    : veto_(veto), width_(frame_width), height_(frame_height) {}
-
 /// Calls `use(columns, rows)` for rectangles of the frame that together cover exactly the vetoed pixels.
 template <typename Use> void VetoArea::each(Use use) const {
   for (const Rectangle& rectangle : veto_.rectangles)

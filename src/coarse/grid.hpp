@@ -77,7 +77,8 @@ bool is_blank(const Grid& grid);
 class VetoArea {
  public:
   VetoArea() = default;
-  VetoArea(const Veto& veto, int frame_width, int frame_height);
+  VetoArea(const Veto& veto, int frame_width, int frame_height)
+      : veto_(veto), width_(frame_width), height_(frame_height) {}
   bool empty() const { return veto_.empty(); }
 
   /// Whether a vetoed pixel lies in cell (x, y) of a level: one of the frame's pixels to which this cell is

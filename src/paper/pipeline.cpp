@@ -32,6 +32,18 @@ int parting_row(const GrayView& mask, int x, int start, int last) {
   return best;
 }
 
+/// "The dominant color model, which corresponds to the ROI" (paper): the window's Gaussian when the window is
+/// learned, otherwise the learned model with the largest mass.
+std::optional<Gaussian> ground_color(bool learned, Gaussian window, const Terrain& terrain) {
+  if (!learned) {
+    const int model = heaviest(terrain.models);
+    return model < 0 ? std::nullopt : std::optional(terrain.models[model]);
+  }
+  for (std::uint32_t& variance : window.variance)
+    variance = std::max(variance, variance_floor(0));
+  return window;
+}
+
 } // namespace
 
 void find_reachable(std::span<const std::uint8_t> free_cells, int width, const Rectangle& window_cells,
@@ -71,22 +83,6 @@ void refine_reachable(const Grid& grid, std::span<const std::int16_t> top, const
     boundary[x] = static_cast<std::uint16_t>(parting << mask_level);
   }
 }
-
-namespace {
-
-/// "The dominant color model, which corresponds to the ROI" (paper): the window's Gaussian when the window is
-/// learned, otherwise the learned model with the largest mass.
-std::optional<Gaussian> ground_color(bool learned, Gaussian window, const Terrain& terrain) {
-  if (!learned) {
-    const int model = heaviest(terrain.models);
-    return model < 0 ? std::nullopt : std::optional(terrain.models[model]);
-  }
-  for (std::uint32_t& variance : window.variance)
-    variance = std::max(variance, variance_floor(0));
-  return window;
-}
-
-} // namespace
 
 void PaperPipeline::adapt(const Settings& settings, int grid_level) {
   plan_.coarsest = std::max(grid_level, settings.mask_level);

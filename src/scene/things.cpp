@@ -394,17 +394,14 @@ class Painter {
   Vec3 across_{1, 0, 0}, toward_{0, 0, -1};
 };
 
-float reach_of(const Thing& thing) {
-  return thing.half_x + thing.half_z + thing.height;
-}
-
 } // namespace
 
 void draw_things(const Stage& stage, std::vector<Thing>& things, Canvas& canvas) {
   const Camera& camera = stage.moment.camera;
   if (!stage.light.clear)
-    std::erase_if(things,
-                  [&](const Thing& thing) { return camera.depth(thing.base) < -reach_of(thing) - 3; });
+    std::erase_if(things, [&](const Thing& thing) {
+      return camera.depth(thing.base) < -(thing.half_x + thing.half_z + thing.height) - 3;
+    });
   // Equal distances are ordered by key, so that the order does not depend on the sort algorithm.
   std::sort(things.begin(), things.end(), [&](const Thing& a, const Thing& b) {
     const float da = camera.depth(a.base), db = camera.depth(b.base);

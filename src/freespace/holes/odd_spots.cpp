@@ -246,28 +246,28 @@ void OddSpots::compare_sides(int I) {
 }
 
 void OddSpots::measure_row(int row) {
-  const int w = stride_, from = from_;
-  std::uint8_t* const odd = &odd_[row * w];
+  const int cell = row * stride_;
+  std::uint8_t* const odd = &odd_[cell];
   std::fill_n(odd, count_ > 0 ? from_ : stride_, std::uint8_t{0});
   if (count_ == 0)
     return;
   std::fill(odd + from_ + count_, odd + stride_, std::uint8_t{0});
-  dark_.resize(w);
+  dark_.resize(stride_);
   for (std::size_t c = 0; c < 3; ++c) {
-    deviation_[c].resize(w);
-    kernels::deviations(&color_[c][row * w + from], sides_.left[c].data(), sides_.right[c].data(),
+    deviation_[c].resize(stride_);
+    kernels::deviations(&color_[c][cell + from_], sides_.left[c].data(), sides_.right[c].data(),
                         sides_.inverse[c].data(), count_, deviation_[c].data(),
                         c == 0 ? dark_.data() : nullptr);
   }
   // One more column on each side.
-  shade_.resize(w + 2);
+  shade_.resize(stride_ + 2);
   const kernels::DeviationRow deviations{deviation_[0].data(), deviation_[1].data(), deviation_[2].data(),
-                                         ground_.row(row) - 1 + from, dark_.data()};
-  std::int16_t* const nearest_dark = nearest_dark_.data() + from;
+                                         ground_.row(row) - 1 + from_, dark_.data()};
+  std::int16_t* const nearest_dark = nearest_dark_.data() + from_;
   kernels::note_dark(deviations, dark_enough, static_cast<std::int16_t>(row), count_, shade_.data(),
                      nearest_dark);
   const auto reached = static_cast<std::int16_t>(row + std::max(shadow_reach * distance(row) / 64, 1));
-  kernels::oddness(deviations, nearest_dark, reached, most_oddness, count_, odd + from);
+  kernels::oddness(deviations, nearest_dark, reached, most_oddness, count_, odd + from_);
 }
 
 // Marks the cells around seeds, where the mean oddness of the ground is high enough.
