@@ -116,6 +116,7 @@ void PointSelection::select(const PassedView& picture, const GroundCamera& view,
                             std::span<const std::uint8_t> ground, int cell, const PointRule& rule,
                             GroundPoints& points) {
   points.clear();
+  points.view = view;
   const int width = picture.width, line = view.vanishing_row >> 8;
   const int first = std::max(line + (picture.height - line) / 10, 1);
   keys_.resize(width);
@@ -210,9 +211,9 @@ std::int32_t Alignment::spread(std::size_t count) {
 }
 
 template <int unknowns>
-Alignment::Step Alignment::step(const GroundPoints& points, const PassedView& earlier,
-                                const GroundCamera& view, PlaneMotion& motion, std::int64_t& information) {
-  if (measure(points.all(), earlier, view, motion) < fewest_points)
+Alignment::Step Alignment::step(const GroundPoints& points, const PassedView& earlier, PlaneMotion& motion,
+                                std::int64_t& information) {
+  if (measure(points.all(), earlier, points.view, motion) < fewest_points)
     return Step::failed;
   const std::int32_t sigma = spread(points.size());
   const auto count = static_cast<int>(points.size());
@@ -231,7 +232,7 @@ Alignment::Step Alignment::step(const GroundPoints& points, const PassedView& ea
   for (int i = 0; i < unknowns; ++i) {
     if (std::abs(found->x[i]) > std::int64_t{1} << 40)
       return Step::failed;
-    x[i] = found->x[i] * 8 / view.focal;
+    x[i] = found->x[i] * 8 / points.view.focal;
     most = std::max(most, std::abs(x[i]));
   }
   if (most > largest_step)
@@ -243,14 +244,14 @@ Alignment::Step Alignment::step(const GroundPoints& points, const PassedView& ea
   return most < small_step ? Step::small : Step::large;
 }
 
-bool Alignment::refine(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
-                       int iterations, PlaneMotion& motion) {
+bool Alignment::refine(const GroundPoints& points, const PassedView& earlier, int iterations,
+                       PlaneMotion& motion) {
   if (points.size() < fewest_points)
     return false;
   PlaneMotion found = motion;
   std::int64_t information = 0;
   for (int i = 0; i < iterations; ++i) {
-    const Step taken = step<6>(points, earlier, view, found, information);
+    const Step taken = step<6>(points, earlier, found, information);
     if (taken == Step::failed)
       return false;
     if (taken == Step::small)
@@ -260,24 +261,24 @@ bool Alignment::refine(const GroundPoints& points, const PassedView& earlier, co
   return true;
 }
 
-Alignment::LineFit Alignment::fit_line(const GroundPoints& points, const PassedView& earlier,
-                                       const GroundCamera& view, int iterations, const PlaneMotion& motion) {
+Alignment::LineFit Alignment::fit_line(const GroundPoints& points, const PassedView& earlier, int iterations,
+                                       const PlaneMotion& motion) {
   if (points.size() < fewest_points)
     return {};
   PlaneMotion found = motion;
   std::int64_t information = 0;
   for (int i = 0; i < iterations; ++i)
-    if (step<7>(points, earlier, view, found, information) == Step::failed)
+    if (step<7>(points, earlier, found, information) == Step::failed)
       return {};
   return {found.g[8] - one_q24, information};
 }
 
-Residual Alignment::residual(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
+Residual Alignment::residual(const GroundPoints& points, const PassedView& earlier,
                              const PlaneMotion& motion) {
   // A quarter of the points is sufficient.
   const kernels::PointLists lists = points.size() >= 16 * fewest_points ? points.few() : points.all();
   Residual result;
-  result.points = measure(lists, earlier, view, motion);
+  result.points = measure(lists, earlier, points.view, motion);
   const auto [sum, contrast] = sums_of(lists, differences_.data());
   if (result.points > 0) {
     result.mean = sum / result.points;

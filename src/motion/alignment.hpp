@@ -28,6 +28,7 @@ struct GroundPoint {
 /// Tracked points as a structure of arrays, so that loops over them can be vectorised.
 class GroundPoints {
  public:
+  GroundCamera view;                ///< of the picture that they are in
   void reserve(std::size_t points); ///< clears the points when the capacity has to grow
   std::size_t room() const { return room_; }
   void clear() { size_ = 0; }
@@ -91,8 +92,7 @@ class Alignment {
   /// Refines `motion`, the motion of `points` since `earlier`, with at most `iterations` iterations. Returns
   /// false and leaves `motion` unchanged when fewer than 24 points lie inside the earlier frame or the
   /// iteration diverges.
-  bool refine(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view, int iterations,
-              PlaneMotion& motion);
+  bool refine(const GroundPoints& points, const PassedView& earlier, int iterations, PlaneMotion& motion);
 
   struct LineFit {
     std::int64_t sigma = 0;  ///< Q24: the last element minus 1; the vanishing line is off by -f sigma / t.z
@@ -100,11 +100,10 @@ class Alignment {
                              ///< result
   };
   /// The same with a seventh unknown: the error of the vanishing line.
-  LineFit fit_line(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
-                   int iterations, const PlaneMotion& motion);
+  LineFit fit_line(const GroundPoints& points, const PassedView& earlier, int iterations,
+                   const PlaneMotion& motion);
 
-  Residual residual(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
-                    const PlaneMotion& motion);
+  Residual residual(const GroundPoints& points, const PassedView& earlier, const PlaneMotion& motion);
 
  private:
   /// Computes differences in Q8 of a grey level. Returns the number of points inside the earlier frame.
@@ -114,8 +113,8 @@ class Alignment {
   std::int32_t spread(std::size_t count);
   enum class Step : std::uint8_t { failed, small, large };
   template <int unknowns>
-  Step step(const GroundPoints& points, const PassedView& earlier, const GroundCamera& view,
-            PlaneMotion& motion, std::int64_t& information);
+  Step step(const GroundPoints& points, const PassedView& earlier, PlaneMotion& motion,
+            std::int64_t& information);
 
   std::vector<std::int32_t> differences_, weights_; ///< padded to whole vectors
 };

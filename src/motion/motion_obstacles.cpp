@@ -163,30 +163,29 @@ int MotionObstacles::middle_shift(const PlaneMotion& motion, int q8_of_rows) con
 }
 
 bool MotionObstacles::acquire(PlaneMotion& step) {
-  const GroundCamera small = view_.quarter();
   const PassedView earlier = small_passed(small_before_);
   int least = 1 << 30;
   std::array<std::pair<int, int>, first_guesses.size()> order{};
   for (std::size_t i = 0; i < first_guesses.size(); ++i) {
     PlaneMotion guess;
     guess.g[7] = first_guesses[i];
-    order[i] = {alignment_.residual(small_points_, earlier, small, guess).mean, static_cast<int>(i)};
+    order[i] = {alignment_.residual(small_points_, earlier, guess).mean, static_cast<int>(i)};
   }
   std::sort(order.begin(), order.end());
   bool found = false;
   for (int k = 0; k < 4; ++k) {
     PlaneMotion guess;
     guess.g[7] = first_guesses[order[k].second];
-    if (!alignment_.refine(small_points_, earlier, small, 10, guess))
+    if (!alignment_.refine(small_points_, earlier, 10, guess))
       continue;
-    const int mean = alignment_.residual(small_points_, earlier, small, guess).mean;
+    const int mean = alignment_.residual(small_points_, earlier, guess).mean;
     if (mean < least) {
       least = mean;
       step = guess;
       found = true;
     }
   }
-  return found && alignment_.refine(points_, passed(before_), view_, 6, step);
+  return found && alignment_.refine(points_, passed(before_), 6, step);
 }
 
 /// Computes this frame's motion since the last frame. Returns false when it cannot be found.
@@ -196,24 +195,24 @@ bool MotionObstacles::follow(std::int64_t pts) {
   if (interval > 0 && interval_ > 0)
     guess = part_of(step_, static_cast<int>(std::clamp<std::int64_t>(256 * interval / interval_, 32, 2048)));
   const PassedView earlier = passed(before_);
-  const Residual still = alignment_.residual(points_, earlier, view_, {});
+  const Residual still = alignment_.residual(points_, earlier, {});
   if (points_.size() < fewest_points)
     return false;
   const auto good = [&](const PlaneMotion& motion) {
-    const Residual after = alignment_.residual(points_, earlier, view_, motion);
+    const Residual after = alignment_.residual(points_, earlier, motion);
     return after.points >= fewest_points && after.mean <= still.mean * 261 / 256 + 51 &&
            after.mean * 10 < after.contrast * 9 && std::abs(translation_of(motion).z) < one_q24 * 6 / 5;
   };
   // On bumps the previous rotation does not predict this one: also try a motion without rotation.
   PlaneMotion straight;
   straight.g[7] = translation_of(guess).z;
-  const GroundCamera small = view_.quarter();
+  const PassedView small_earlier = small_passed(small_before_);
   const auto error_of = [&](const PlaneMotion& motion) {
-    return alignment_.residual(small_points_, small_passed(small_before_), small, motion).mean;
+    return alignment_.residual(small_points_, small_earlier, motion).mean;
   };
   PlaneMotion step = error_of(straight) < error_of(guess) ? straight : guess;
-  alignment_.refine(small_points_, small_passed(small_before_), small, 4, step);
-  bool found = alignment_.refine(points_, earlier, view_, 2, step) && good(step);
+  alignment_.refine(small_points_, small_earlier, 4, step);
+  bool found = alignment_.refine(points_, earlier, 2, step) && good(step);
   if (!found && (failures_ < 3 || failures_ % retry_after == 0 || failures_ >= patience))
     found = acquire(step) && good(step);
   if (!found) {
@@ -266,7 +265,7 @@ void MotionObstacles::choose_keys(std::array<Zone, 2>& zones) {
   for (Zone& zone : zones)
     if (zone.key >= 0 && (&zone == &zones[0] || zone.key != refined)) {
       KeyFrame& key = keys_[zone.key];
-      if (!alignment_.refine(points_, passed(key.pixels), view_, 3, key.motion))
+      if (!alignment_.refine(points_, passed(key.pixels), 3, key.motion))
         zone.key = -1;
     }
 }
@@ -311,14 +310,14 @@ void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
     if (key.age < 2 || std::abs(forward) < one_q24 / 20 || pitching || rolling)
       continue;
     zone_points_.clear();
+    zone_points_.view = points_.view;
     zone_points_.reserve(points_.size());
     for (std::size_t i = 0; i < points_.size(); ++i) {
       const int row = (points_.below()[i] + view_.vanishing_row) >> 10;
       if (row >= zone.first && row < zone.end)
         zone_points_.add(points_[i]);
     }
-    const Alignment::LineFit fit =
-        alignment_.fit_line(zone_points_, passed(key.pixels), view_, 3, key.motion);
+    const Alignment::LineFit fit = alignment_.fit_line(zone_points_, passed(key.pixels), 3, key.motion);
     const std::int64_t speed = std::abs(forward) >> 12; // Q12
     const std::int64_t weight =
         std::min<std::int64_t>((fit.weight >> 10) * (speed * speed >> 12) >> 12, 1 << 30);

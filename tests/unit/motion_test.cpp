@@ -279,7 +279,7 @@ TEST(MotionAlignment, FindsHowThePlaneMoved) {
   ASSERT_GT(points.size(), 400u);
   Alignment alignment;
   PlaneMotion motion = some_motion(.003, .004, -.003, .002, .004, .08);
-  ASSERT_TRUE(alignment.refine(points, earlier, view, 12, motion));
+  ASSERT_TRUE(alignment.refine(points, earlier, 12, motion));
   // The camera drove 0.1 of its height: t = (0, 0, 0.1), nothing turned.
   EXPECT_NEAR(doubles(motion)(2, 1), 0.1, 0.002);
   const kernels::PointMap found = pixel_map(motion, view),
@@ -291,8 +291,8 @@ TEST(MotionAlignment, FindsHowThePlaneMoved) {
       EXPECT_NEAR(a.u, b.u, 40) << u << ' ' << v; // 0.16 pixels
       EXPECT_NEAR(a.v, b.v, 40) << u << ' ' << v;
     }
-  const Residual residual = alignment.residual(points, earlier, view, motion);
-  EXPECT_LT(3 * residual.mean, alignment.residual(points, earlier, view, {}).mean);
+  const Residual residual = alignment.residual(points, earlier, motion);
+  EXPECT_LT(3 * residual.mean, alignment.residual(points, earlier, {}).mean);
 }
 
 TEST(MotionAlignment, FollowsNoFewPoints) {
@@ -307,7 +307,7 @@ TEST(MotionAlignment, FollowsNoFewPoints) {
   EXPECT_LT(points.size(), static_cast<std::size_t>(fewest_points));
   PlaneMotion motion = some_motion(0, 0, 0, 0, 0, .1);
   const PlaneMotion before = motion;
-  EXPECT_FALSE(Alignment().refine(points, picture, view, 4, motion));
+  EXPECT_FALSE(Alignment().refine(points, picture, 4, motion));
   EXPECT_EQ(motion, before);
 }
 
