@@ -172,15 +172,15 @@ void set_matrix(Camera& camera, const std::vector<double>& m) {
 
 /// The picture that the camera delivers: a region of the one that was calibrated on, in super-pixels.
 Camera delivered(Camera camera, const YAML::Node& node) {
-  const YAML::Node roi = at(node, {"roi"});
-  const auto part = [&](const char* name, std::string_view key) {
-    const YAML::Node value = roi.IsMap() ? at(roi, {key}) : YAML::Node(YAML::NodeType::Undefined);
+  const auto size_at = [](const YAML::Node& map, const char* name, std::string_view key) {
+    const YAML::Node value = at(map, {key});
     return value.IsDefined() ? size(value, name, 0) : 0;
   };
+  const YAML::Node roi = at(node, {"roi"});
   if (roi.IsDefined() && !roi.IsMap())
     throw Flaw{"roi is not x_offset, y_offset, width and height"};
-  const int x = part("roi: x_offset", "xoffset"), y = part("roi: y_offset", "yoffset"),
-            width = part("roi: width", "width"), height = part("roi: height", "height");
+  const int x = size_at(roi, "roi: x_offset", "xoffset"), y = size_at(roi, "roi: y_offset", "yoffset"),
+            width = size_at(roi, "roi: width", "width"), height = size_at(roi, "roi: height", "height");
   if (x != 0 || y != 0 || width != 0 || height != 0) { // all 0 = the whole picture
     if (width < 1 || height < 1 || x + width > camera.width || y + height > camera.height)
       throw Flaw{"roi is not a part of the picture of " + std::to_string(camera.width) + "x" +
@@ -194,11 +194,8 @@ Camera delivered(Camera camera, const YAML::Node& node) {
     camera.cx -= x;
     camera.cy -= y;
   }
-  const auto binning = [&](const char* name, std::string_view key) {
-    const YAML::Node value = at(node, {key});
-    return value.IsDefined() ? std::max(size(value, name, 0), 1) : 1; // 0 = 1
-  };
-  const int by_x = binning("binning_x", "binningx"), by_y = binning("binning_y", "binningy");
+  const int by_x = std::max(size_at(node, "binning_x", "binningx"), 1), // 0 = 1
+      by_y = std::max(size_at(node, "binning_y", "binningy"), 1);
   if (camera.width / by_x < 1 || camera.height / by_y < 1)
     throw Flaw{"binning leaves no picture"};
   return by_x == 1 && by_y == 1 ? camera : scaled(camera, camera.width / by_x, camera.height / by_y);

@@ -37,29 +37,20 @@ const char* flaw_of(const Pose& pose) {
   return nullptr;
 }
 
-bool PoseTrack::add(const Pose& pose) {
+void PoseTrack::add(const Pose& pose) {
   const auto place = std::ranges::lower_bound(poses_, pose.time, {}, &Pose::time);
   if (place != poses_.end() && place->time == pose.time) {
     *place = pose;
-    return true;
+    return;
   }
-  if (poses_.size() < capacity) {
-    poses_.insert(place, pose);
-    return true;
-  }
-  if (place == poses_.begin())
-    return false;
-  // The oldest goes: those before the new one move down by one.
-  std::move(poses_.begin() + 1, place, poses_.begin());
-  *(place - 1) = pose;
-  return true;
+  poses_.insert(place, pose);
+  if (poses_.size() > capacity)
+    poses_.erase(poses_.begin());
 }
 
-bool PoseTrack::forget_future(std::int64_t time) {
-  const bool wrong = poses_.size() == capacity && poses_.front().time - longest_gap > time;
-  if (wrong)
+void PoseTrack::forget_future(std::int64_t time) {
+  if (poses_.size() == capacity && poses_.front().time - longest_gap > time)
     poses_.clear();
-  return wrong;
 }
 
 std::optional<Pose> PoseTrack::at(std::int64_t time) const {

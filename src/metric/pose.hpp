@@ -23,9 +23,7 @@ const char* flaw_of(const Pose& pose);
 class PoseTrack {
  public:
   /// Poses may come out of order; the oldest of `capacity` goes. One at a time that is there replaces it.
-  /// False when it was not taken because it is older than all that are kept.
-  bool add(const Pose& pose);
-  bool empty() const { return poses_.empty(); }
+  void add(const Pose& pose);
   void clear() { poses_.clear(); }
 
   /// The pose at `time`: between two poses on a straight line, else the nearest; nothing when that is farther
@@ -33,9 +31,8 @@ class PoseTrack {
   std::optional<Pose> at(std::int64_t time) const;
 
   /// Forgets all poses when there is room for no other and even the oldest is later than `time` by more than
-  /// longest_gap: they came from a clock that was wrong, and would keep out those that are right. True when
-  /// it did.
-  bool forget_future(std::int64_t time);
+  /// longest_gap: they came from a clock that was wrong, and would keep out those that are right.
+  void forget_future(std::int64_t time);
 
   static constexpr std::size_t capacity = 512;             ///< 2.5 s at 200 Hz
   static constexpr std::int64_t longest_gap = 100'000'000; ///< nanoseconds

@@ -500,8 +500,8 @@ TEST(Pose, BetweenTwoAndStale) {
   constexpr std::int64_t ms = 1'000'000;
   PoseTrack track;
   EXPECT_FALSE(track.at(0));
-  EXPECT_TRUE(track.add({2000 * ms, 0.3, 0.2, 3.1, 0.6}));
-  EXPECT_TRUE(track.add({1950 * ms, 0.1, 0.1, -3.1, 0.5})); // out of order
+  track.add({2000 * ms, 0.3, 0.2, 3.1, 0.6});
+  track.add({1950 * ms, 0.1, 0.1, -3.1, 0.5}); // out of order
   const auto middle = track.at(1975 * ms);
   ASSERT_TRUE(middle);
   EXPECT_NEAR(middle->roll, 0.2, 1e-12);
@@ -509,9 +509,9 @@ TEST(Pose, BetweenTwoAndStale) {
   EXPECT_NEAR(*middle->height, 0.55, 1e-12);
   EXPECT_NEAR(std::abs(*middle->yaw), std::numbers::pi, 1e-9); // the short way, over the back
   EXPECT_EQ(track.at(2100 * ms)->roll, 0.3);
-  EXPECT_FALSE(track.at(2101 * ms));                     // stale
-  EXPECT_FALSE(track.at(1849 * ms));                     // all of them lie in the future
-  EXPECT_TRUE(track.add({2000 * ms, 0.4, 0.2, {}, {}})); // replaced
+  EXPECT_FALSE(track.at(2101 * ms));        // stale
+  EXPECT_FALSE(track.at(1849 * ms));        // all of them lie in the future
+  track.add({2000 * ms, 0.4, 0.2, {}, {}}); // replaced
   EXPECT_EQ(track.at(2050 * ms)->roll, 0.4);
   EXPECT_EQ(with_pose(low_mount(), *track.at(2050 * ms)).height, 0.5); // the mount's own
 }
@@ -545,12 +545,13 @@ TEST(Pose, AFrameFarFromEveryPose) {
 TEST(Pose, KeepsTheNewest) {
   PoseTrack track;
   for (int i = 0; i < 2000; ++i)
-    EXPECT_TRUE(track.add({i * 1'000'000'000ll, i * 1e-4, 0, {}, {}}));
+    track.add({i * 1'000'000'000ll, i * 1e-4, 0, {}, {}});
   EXPECT_FALSE(track.at(1400 * 1'000'000'000ll));
   EXPECT_NEAR(track.at(1999 * 1'000'000'000ll)->roll, 0.1999, 1e-12);
   EXPECT_NEAR(track.at((2000 - static_cast<int>(PoseTrack::capacity)) * 1'000'000'000ll)->roll,
               (2000 - static_cast<int>(PoseTrack::capacity)) * 1e-4, 1e-12);
-  EXPECT_FALSE(track.add({5, 0, 0, {}, {}}));
+  track.add({5, 0, 0, {}, {}});
+  EXPECT_FALSE(track.at(5)) << "older than all that are kept";
 }
 
 TEST(Pose, AWrongClockIsForgotten) {
@@ -559,11 +560,13 @@ TEST(Pose, AWrongClockIsForgotten) {
   const auto size = static_cast<int>(PoseTrack::capacity);
   for (int i = 0; i < size - 1; ++i)
     track.add({5000 * second + i, 0, 0, {}, {}});
-  EXPECT_FALSE(track.forget_future(second)) << "there is room for those that are right";
+  track.forget_future(second);
+  EXPECT_TRUE(track.at(5000 * second)) << "there is room for those that are right";
   track.add({5000 * second + size, 0, 0, {}, {}});
-  EXPECT_FALSE(track.forget_future(5000 * second - PoseTrack::longest_gap));
-  EXPECT_TRUE(track.forget_future(second));
-  EXPECT_TRUE(track.empty());
+  track.forget_future(5000 * second - PoseTrack::longest_gap);
+  EXPECT_TRUE(track.at(5000 * second));
+  track.forget_future(second);
+  EXPECT_FALSE(track.at(5000 * second));
 }
 
 Mount pitched_mount(double degrees) {
