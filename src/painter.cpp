@@ -35,28 +35,21 @@ class StretchedMask {
 
   const Rectangle& region() const { return region_; }
 
-  /// The same values as read(), where they lie when the mask has the frame's width, else in `room`.
+  /// Mask values of `count` pixels of row y from x on, both inside the region: where they lie when the mask
+  /// has the frame's width, else in `room`.
   const std::uint8_t* values(int y, int x, int count, std::uint8_t* room) const {
+    // The sample whose cell holds the centre of the row.
+    const std::int64_t sample = (2LL * (y - region_.y) + 1) * mask_.height / (2LL * region_.height);
+    const std::uint8_t* row = mask_.plane.row(sample);
     if (mask_.width == region_.width)
-      return mask_.plane.row(nearest(y - region_.y, region_.height, mask_.height)) + (x - region_.x);
-    read(y, x, count, room);
-    return room;
-  }
-
-  /// Mask values of `count` pixels of row y from x on; both inside the region.
-  void read(int y, int x, int count, std::uint8_t* out) const {
-    const std::uint8_t* row = mask_.plane.row(nearest(y - region_.y, region_.height, mask_.height));
-    if (mask_.width == region_.width) {
-      std::copy_n(row + (x - region_.x), count, out);
-      return;
-    }
-    // nearest() of successive columns without a division each.
+      return row + (x - region_.x);
+    // The same for successive columns without a division each.
     const std::int64_t step = 2LL * mask_.width, unit = 2LL * region_.width;
     const std::int64_t start = (2LL * (x - region_.x) + 1) * mask_.width;
     std::int64_t column = start / unit, rest = start % unit;
     const std::int64_t whole = step / unit, part = step % unit;
     for (int i = 0; i < count; ++i) {
-      out[i] = row[column];
+      room[i] = row[column];
       column += whole;
       rest += part;
       if (rest >= unit) {
@@ -64,14 +57,10 @@ class StretchedMask {
         ++column;
       }
     }
+    return room;
   }
 
  private:
-  // The sample whose cell holds the centre of pixel `position`.
-  static std::int64_t nearest(std::int64_t position, std::int64_t pixels, std::int64_t samples) {
-    return (2 * position + 1) * samples / (2 * pixels);
-  }
-
   GrayView mask_;
   Rectangle region_;
 };
@@ -120,17 +109,17 @@ void paint_contour(const Canvas& canvas, const StretchedMask& mask, const Ink& i
   const auto full = static_cast<Coverage>(strength), half = static_cast<Coverage>(half_of(strength));
   const Rectangle inside = intersection(mask.region(), canvas.bounds());
   canvas.blend(inside, ink, [&](int y, int x, int count, Coverage* out) {
-    std::array<std::uint8_t, tile_width + 2 * max_reach> own, worst, row;
+    std::array<std::uint8_t, tile_width + 2 * max_reach> own_room, row_room, worst;
     const int left = std::max(x - reach, inside.x);
     const int right = std::min(x + count + reach, inside.x + inside.width);
     const int span = right - left;
-    mask.read(y, left, span, own.data());
-    worst = own;
+    const std::uint8_t* const own = mask.values(y, left, span, own_room.data());
+    std::copy_n(own, span, worst.data());
     const int top = std::max(y - reach, inside.y), bottom = std::min(y + reach, inside.y + inside.height - 1);
     for (int other = top; other <= bottom; ++other) {
       if (other == y)
         continue;
-      mask.read(other, left, span, row.data());
+      const std::uint8_t* const row = mask.values(other, left, span, row_room.data());
       for (int i = 0; i < span; ++i)
         worst[i] = std::min(worst[i], row[i]);
     }
@@ -163,8 +152,8 @@ void paint_mask(const Canvas& canvas, const StretchedMask& mask, bool have_mask)
     const int begin = std::max(x, known.x), end = std::min(x + count, known.x + known.width);
     if (begin >= end)
       return;
-    std::array<std::uint8_t, tile_width> values;
-    mask.read(y, begin, end - begin, values.data());
+    std::array<std::uint8_t, tile_width> room;
+    const std::uint8_t* const values = mask.values(y, begin, end - begin, room.data());
     for (int i = 0; i < end - begin; ++i)
       out[begin - x + i] = static_cast<Coverage>(values[i] + (values[i] >> 7));
   });
