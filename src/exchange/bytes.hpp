@@ -20,6 +20,15 @@ void put_integer(std::vector<std::uint8_t>& out, Integer value, std::size_t byte
     out.push_back(static_cast<std::uint8_t>(static_cast<std::uint64_t>(value) >> (8 * i)));
 }
 
+/// Calls pass(number) for the moments of a learned model in the order of all formats.
+template <class Model, class Pass> void each_moment(Model& model, const Pass& pass) {
+  for (auto& mean : model.mean)
+    pass(mean);
+  for (auto& variance : model.variance)
+    pass(variance);
+  pass(model.mass);
+}
+
 /// CRC-32 (polynomial of zlib, PNG and Ethernet). `before` is the CRC of the preceding bytes.
 std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t before = 0);
 

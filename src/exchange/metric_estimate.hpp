@@ -64,8 +64,7 @@ inline constexpr double farthest_metres = 1e9;
 /// Checks a metric estimate from an external source. Returns the first error, or nullptr if it is valid.
 inline const char* flaw_of(const MetricEstimate& m) {
   const auto all = [](std::span<const float> values, auto good) {
-    return std::all_of(values.begin(), values.end(),
-                       [&](float value) { return std::isnan(value) || good(value); });
+    return std::ranges::all_of(values, [&](float value) { return std::isnan(value) || good(value); });
   };
   const auto are_ranges = [&](std::span<const float> values) {
     return all(values, [](float v) { return v >= 0; });
@@ -91,7 +90,7 @@ inline const char* flaw_of(const MetricEstimate& m) {
                                                     fan.beams * fan.increment <= 6.2832 &&
                                                     fan.range_min >= 0 && fan.range_min <= farthest_metres)))
     return "the fan of the scans is not within a circle";
-  if (m.ticks.size() > most_ticks || !std::all_of(m.ticks.begin(), m.ticks.end(), [](const RangeTick& t) {
+  if (m.ticks.size() > most_ticks || !std::ranges::all_of(m.ticks, [](const RangeTick& t) {
         return t.range > 0 && t.range < 10000 && t.column >= 0 && t.column <= 1 && t.row >= 0 && t.row <= 1;
       }))
     return "ticks are too many or lie outside the picture";

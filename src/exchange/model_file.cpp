@@ -7,8 +7,10 @@
 #include <cerrno>
 #include <cstring>
 #include <fcntl.h>
+#include <filesystem>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <utility>
 
 #include "exchange/bytes.hpp"
 #include "exchange/write_all.hpp"
@@ -53,16 +55,7 @@ class Reader {
   bool short_ = false;
 };
 
-/// Calls pass(number) for the numbers of a model in their order.
-template <class Model, class Pass> void each_number(Model& model, const Pass& pass) {
-  for (auto& mean : model.mean)
-    pass(mean);
-  for (auto& variance : model.variance)
-    pass(variance);
-  pass(model.mass);
-}
-
-/// The same for the numbers behind the histograms.
+/// Calls pass(number) for the numbers behind the histograms.
 template <class AnyTerrain, class Pass>
 void each_number_behind(AnyTerrain& terrain, std::uint32_t version, const Pass& pass) {
   pass(terrain.exposure_mean);
@@ -107,11 +100,7 @@ class Descriptor {
   Descriptor(const Descriptor&) = delete;
   Descriptor& operator=(const Descriptor&) = delete;
   int get() const { return fd_; }
-  int close() {
-    const int fd = fd_;
-    fd_ = -1;
-    return ::close(fd);
-  }
+  int close() { return ::close(std::exchange(fd_, -1)); }
 
  private:
   int fd_;
@@ -131,19 +120,13 @@ Descriptor create_beside(const std::string& path, std::string& name) {
 
 /// Resolves symbolic links one by one, because the target may not exist yet. Sets `error` if the links form a
 /// loop.
-std::string through_links(std::string path, int& error) {
-  error = 0;
+std::string through_links(std::filesystem::path path, int& error) {
   for (int hops = 0; hops < 40; ++hops) {
-    char target[4096];
-    const ssize_t n = ::readlink(path.c_str(), target, sizeof target);
-    if (n < 0)
-      return path; // not a link
-    if (static_cast<std::size_t>(n) == sizeof target)
-      break;
-    const std::string next(target, static_cast<std::size_t>(n));
-    const std::size_t slash = path.rfind('/');
-    // NOLINTNEXTLINE(performance-inefficient-string-concatenation)
-    path = next.starts_with('/') || slash == std::string::npos ? next : path.substr(0, slash + 1) + next;
+    std::error_code no_link;
+    const auto target = std::filesystem::read_symlink(path, no_link);
+    if (no_link)
+      return path;
+    path.replace_filename(target);
   }
   error = ELOOP;
   return path;
@@ -174,7 +157,7 @@ std::vector<std::uint8_t> serialize_terrain(const Terrain& terrain) {
   content.push_back(static_cast<std::uint8_t>(terrain.models.size()));
   const auto put_number = [&](auto number) { put_integer(content, number); };
   for (const TerrainModel& model : terrain.models)
-    each_number(model, put_number);
+    each_moment(model, put_number);
   put_histogram(content, terrain.negative_colors);
   put_histogram(content, terrain.terrain_texture);
   put_histogram(content, terrain.negative_texture);
@@ -191,7 +174,7 @@ std::vector<std::uint8_t> serialize_terrain(const Terrain& terrain) {
 TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
   if (bytes.empty())
     return refuse("the file is empty: save the learned terrain again");
-  if (bytes.size() < magic.size() || !std::equal(magic.begin(), magic.end(), bytes.begin()))
+  if (bytes.size() < magic.size() || !std::ranges::equal(magic, bytes.first<magic.size()>()))
     return refuse("not a learned terrain of terrainseg: it does not begin with \"TERRAIN\"");
   Reader header(bytes.subspan(magic.size()));
   const auto version = header.take<std::uint32_t>();
@@ -231,7 +214,7 @@ TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
   terrain.models.resize(models);
   const auto take_number = [&]<class Number>(Number& number) { number = in.take<Number>(); };
   for (TerrainModel& model : terrain.models)
-    each_number(model, take_number);
+    each_moment(model, take_number);
   for (std::string wrong : {take_histogram(in, "negative colours", color_bins, terrain.negative_colors),
                             take_histogram(in, "terrain texture", texture_bins, terrain.terrain_texture),
                             take_histogram(in, "negative texture", texture_bins, terrain.negative_texture)})

@@ -9,6 +9,8 @@
 #include <span>
 #include <vector>
 
+#include "exchange/bytes.hpp"
+
 namespace terrainseg::vmti {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -128,11 +130,7 @@ template <class AnyEstimate, class Pass> void motion_item(AnyEstimate& e, const 
 
 /// Calls pass(number) for the numbers of a model in their order.
 template <class Model, class Pass> void each_number(Model& model, const Pass& pass) {
-  for (auto& mean : model.mean)
-    pass(mean);
-  for (auto& variance : model.variance)
-    pass(variance);
-  pass(model.mass);
+  each_moment(model, pass);
   for (auto& component : model.rgb)
     pass(component);
 }

@@ -4,7 +4,6 @@
 #include <type_traits>
 #include <utility>
 
-#include "exchange/bytes.hpp"
 #include "exchange/vmti_codec.hpp"
 #include "exchange/vmti_klv.hpp"
 

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <string_view>
 
-#include "exchange/bytes.hpp"
 #include "exchange/vmti_codec.hpp"
 #include "exchange/vmti_klv.hpp"
 
