@@ -3,7 +3,6 @@
 #include <gst/video/video.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cstring>
 #include <optional>
 #include <string>
@@ -13,7 +12,6 @@
 #include "exchange/counted.hpp"
 #include "exchange/json_lines.hpp"
 #include "exchange/mavlink_stream.hpp"
-#include "exchange/uas_datalink.hpp"
 #include "exchange/vmti_klv.hpp"
 #include "support/buffers.hpp"
 #include "support/element.hpp"
@@ -346,13 +344,6 @@ void copy_reference_timestamps(GstBuffer* unit, GstBuffer* frame) {
       meta->info->transform_func(unit, meta, frame, _gst_meta_transform_copy, &whole);
 }
 
-GstBuffer* copy_of(const void* data, std::size_t size) {
-  GstBuffer* buffer = gst_buffer_new_allocate(nullptr, size, nullptr);
-  if (buffer)
-    gst_buffer_fill(buffer, 0, data, size);
-  return buffer;
-}
-
 void warn_once(ExtractState& s, const char* error) {
   GST_WARNING_OBJECT(s.element, "unreadable metadata: %s", error);
   if (!s.unreadable.first())
@@ -390,7 +381,7 @@ GstBuffer* make_messages(ExtractState& s, GstBuffer* frame) {
                    {set.mavlink_layout,
                     set.mavlink_unknown,
                     {static_cast<std::uint8_t>(set.system_id), static_cast<std::uint8_t>(set.component_id)}});
-  return bytes.empty() ? nullptr : copy_of(bytes.data(), bytes.size());
+  return bytes.empty() ? nullptr : copy_of(bytes).release();
 }
 
 /// Position and heading of klv-position, which is read, and told when it cannot be, each time that it
@@ -437,7 +428,7 @@ GstBuffer* make_klv(ExtractState& s, GstBuffer* frame, const EstimateReader& rea
     platform = platform_of(s, frame, set.klv_position);
   const auto unit = s.klv.encode(reader.estimate(), precision_time(frame, s.segment).value_or(0),
                                  platform ? &*platform : nullptr);
-  return unit.empty() ? nullptr : copy_of(unit.data(), unit.size());
+  return unit.empty() ? nullptr : copy_of(unit).release();
 }
 
 /// The unit of a frame; nullptr when its metadata holds nothing that this output could show.
@@ -452,15 +443,9 @@ GstBuffer* make_unit(ExtractState& s, GstBuffer* frame, const EstimateReader& re
   const MetricReader metres(frame, s.settings.source.c_str());
   if (metres.error())
     warn_once(s, metres.error());
-  const bool with_mask = [&] {
-    ObjectLock lock(s.element);
-    return s.settings.json_mask;
-  }();
-  LineExtras extras;
-  extras.metric = metres ? &metres.metric() : nullptr;
-  extras.utc = utc_of(frame);
-  append_json_line(s.line, reader.estimate(), pts, with_mask, extras);
-  return copy_of(s.line.data(), s.line.size());
+  append_json_line(s.line, reader.estimate(), pts, settings_of(s).json_mask,
+                   {metres ? &metres.metric() : nullptr, utc_of(frame)});
+  return copy_of({reinterpret_cast<const std::uint8_t*>(s.line.data()), s.line.size()}).release();
 }
 
 GstFlowReturn push_gap(ExtractState& s, GstBuffer* frame) {

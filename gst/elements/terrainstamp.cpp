@@ -2,8 +2,8 @@
 
 #include <gst/base/gstbasetransform.h>
 
-#include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "exchange/precision_stamp.hpp"
@@ -146,13 +146,11 @@ gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
 }
 
 /// A buffer with the stamp at its place, which shares the memory of `in`.
-OwnedBuffer with_stamp(GstBuffer* in, const StampUnit& stamp, std::size_t place) {
-  const auto bytes = stamp.bytes();
+OwnedBuffer with_stamp(GstBuffer* in, std::span<const std::uint8_t> stamp, std::size_t place) {
   OwnedBuffer out(gst_buffer_new());
-  OwnedBuffer unit(gst_buffer_new_allocate(nullptr, bytes.size(), nullptr));
+  const OwnedBuffer unit = copy_of(stamp);
   if (!unit)
     return nullptr;
-  gst_buffer_fill(unit.get(), 0, bytes.data(), bytes.size());
   constexpr auto whole = static_cast<gssize>(-1);
   constexpr auto everything = static_cast<GstBufferCopyFlags>(GST_BUFFER_COPY_METADATA);
   if (!gst_buffer_copy_into(out.get(), in, everything, 0, static_cast<gsize>(whole)) ||
@@ -207,7 +205,7 @@ OwnedBuffer write_stamp(StampState& s, GstBuffer* in, const StampSearch& found) 
     warn_timeless(s, in);
     return nullptr;
   }
-  OwnedBuffer out = with_stamp(in, StampUnit(s.framing, *time_us, found.temporal), *found.place);
+  OwnedBuffer out = with_stamp(in, stamp_unit(s.framing, *time_us, found.temporal), *found.place);
   if (out && !stamp_of(out.get()))
     note_stamp(out.get(), s.framing.codec, *time_us);
   return out;

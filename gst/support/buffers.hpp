@@ -74,6 +74,14 @@ class MaskPool {
   SmallPool pool_;
 };
 
+/// A new buffer with these bytes; nullptr if memory is exhausted.
+inline OwnedBuffer copy_of(std::span<const std::uint8_t> bytes) {
+  OwnedBuffer buffer(gst_buffer_new_allocate(nullptr, bytes.size(), nullptr));
+  if (buffer)
+    gst_buffer_fill(buffer.get(), 0, bytes.data(), bytes.size());
+  return buffer;
+}
+
 /// From the byte order of this machine to little-endian, and back.
 template <class Number> void swap_for_little_endian(Number& number) {
   auto* bytes = reinterpret_cast<std::uint8_t*>(&number);

@@ -2,6 +2,7 @@
 #include "exchange/precision_stamp.hpp"
 
 #include <algorithm>
+#include <iterator>
 
 namespace terrainseg {
 namespace {
@@ -209,8 +210,11 @@ StampSearch find_stamp(Bytes unit, const NalFraming& framing) {
   return found;
 }
 
-StampUnit::StampUnit(const NalFraming& framing, std::uint64_t time_us, std::uint8_t temporal) {
+std::vector<std::uint8_t> stamp_unit(const NalFraming& framing, std::uint64_t time_us,
+                                     std::uint8_t temporal) {
   const bool h264 = framing.codec == VideoCodec::h264;
+  std::vector<std::uint8_t> unit;
+  const auto put = [&unit](Bytes bytes) { std::ranges::copy(bytes, std::back_inserter(unit)); };
   // No emulation prevention bytes are needed: the separators prevent 0 0 0 to 0 0 3 in the time, and the
   // other bytes are not zero.
   const std::size_t size = header_bytes(framing.codec) + 2 + message_size + 1;
@@ -226,11 +230,7 @@ StampUnit::StampUnit(const NalFraming& framing, std::uint64_t time_us, std::uint
   put(microseconds_identifier(framing.codec));
   put(stamp_content(time_us));
   put(std::array{trailing_bits});
-}
-
-void StampUnit::put(Bytes bytes) {
-  std::ranges::copy(bytes, bytes_.begin() + static_cast<std::ptrdiff_t>(size_));
-  size_ += bytes.size();
+  return unit;
 }
 
 std::optional<unsigned> nal_length_bytes(VideoCodec codec, Bytes codec_data) {

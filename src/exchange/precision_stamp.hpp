@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <vector>
 
 namespace terrainseg {
 
@@ -59,17 +60,8 @@ struct StampSearch {
 StampSearch find_stamp(std::span<const std::uint8_t> unit, const NalFraming& framing);
 
 /// Returns a NAL unit with the stamp of a picture, with the start code or length of the access unit.
-class StampUnit {
- public:
-  StampUnit(const NalFraming& framing, std::uint64_t time_us, std::uint8_t temporal = 1);
-  std::span<const std::uint8_t> bytes() const { return {bytes_.data(), size_}; }
-
- private:
-  void put(std::span<const std::uint8_t> bytes);
-
-  std::array<std::uint8_t, 40> bytes_{};
-  std::size_t size_ = 0;
-};
+std::vector<std::uint8_t> stamp_unit(const NalFraming& framing, std::uint64_t time_us,
+                                     std::uint8_t temporal = 1);
 
 /// Size of the length field according to `codec_data` of the caps (avcC or hvcC). Returns nothing if that is
 /// invalid.

@@ -20,9 +20,8 @@ Bytes unit_from(Input& in, const NalFraming& framing) {
   for (int count = in.byte() % 8; count > 0; --count) {
     Bytes nal;
     if (in.chance(3)) {
-      const StampUnit stamp(framing, in.number(8), in.byte());
-      nal.assign(stamp.bytes().begin() + (framing.length_bytes ? framing.length_bytes : 4),
-                 stamp.bytes().end());
+      nal = stamp_unit(framing, in.number(8), in.byte());
+      nal.erase(nal.begin(), nal.begin() + (framing.length_bytes ? framing.length_bytes : 4));
       for (int changes = in.byte() % 4; changes > 0; --changes)
         nal[in.byte() % nal.size()] = in.byte();
     } else {
@@ -49,12 +48,11 @@ void check(const Bytes& unit, const NalFraming& framing, std::uint64_t time) {
   if (!found.place)
     return;
   require(*found.place < unit.size());
-  const StampUnit stamp(framing, time, found.temporal);
+  const Bytes stamp = stamp_unit(framing, time, found.temporal);
   Bytes stamped(unit);
-  stamped.insert(stamped.begin() + static_cast<std::ptrdiff_t>(*found.place), stamp.bytes().begin(),
-                 stamp.bytes().end());
+  stamped.insert(stamped.begin() + static_cast<std::ptrdiff_t>(*found.place), stamp.begin(), stamp.end());
   const StampSearch again = find_stamp(stamped, framing);
-  require(again.place == *found.place + stamp.bytes().size());
+  require(again.place == *found.place + stamp.size());
   require(again.temporal == found.temporal);
   const bool same = !found.time_us || *found.time_us == time;
   require(again.several == (found.several || !same));

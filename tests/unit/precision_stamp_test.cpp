@@ -33,8 +33,7 @@ Bytes operator+(const Bytes& a, const Bytes& b) {
 }
 
 Bytes stamp(const NalFraming& framing, std::uint64_t time = time_us, std::uint8_t temporal = 1) {
-  const StampUnit unit(framing, time, temporal);
-  return {unit.bytes().begin(), unit.bytes().end()};
+  return stamp_unit(framing, time, temporal);
 }
 
 /// A NAL unit in its frame.
