@@ -20,12 +20,12 @@
 #include <condition_variable>
 #include <cstdint>
 #include <list>
+#include <memory>
 #include <optional>
 #include <string>
 #include <thread>
 #include <utility>
 
-#include "elements/terraincombine/frame_queue.hpp"
 #include "elements/terraincombine/matcher.hpp"
 #include "elements/terraincombine/unit_attacher.hpp"
 #include "exchange/vmti_klv.hpp"
@@ -48,6 +48,50 @@ struct CombineSettings {
   std::atomic<Match> match = Match::automatic;
 };
 
+/// Largest time difference between a frame and its unit when the frame rate is unknown: RTP rounds to 1 ms,
+/// MPEG-TS to 11 us.
+constexpr Time default_tolerance = 10 * GST_MSECOND;
+/// Longer durations are invalid.
+constexpr Time most_tolerance = 1800 * Time{GST_SECOND};
+
+/// A frame or a serialized event on its way through.
+struct Item {
+  std::unique_ptr<GstMiniObject, ObjectUnref> object;
+  Matcher::Clock::time_point arrival;
+  Matcher::Frame frame; ///< without its tolerance, which the caps decide
+  bool is_frame() const { return GST_IS_BUFFER(object.get()); }
+  GstEventType event_type() const { return GST_EVENT_TYPE(object.get()); }
+  bool is_sticky() const { return gst_event_type_get_flags(event_type()) & GST_EVENT_TYPE_STICKY; }
+};
+
+/// Frames and serialized events of the video, in their order. A list of one is spliced into it, which
+/// allocates nothing.
+using Queue = std::list<Item>;
+/// Largest number of waiting frames and events; events alone (GAP) count too, to limit the memory.
+constexpr std::size_t most_items = 4096;
+
+/// Whether the queue has as much video as a frame may wait. `frame_duration` 0 = unknown.
+bool is_full(const Queue& queue, Time latency, Time frame_duration) {
+  if (queue.size() >= most_items)
+    return true;
+  std::int64_t frames = 0;
+  Time first = never, last = never;
+  for (const Item& item : queue)
+    if (item.is_frame()) {
+      ++frames;
+      last = item.frame.time;
+      if (first == never)
+        first = item.frame.time;
+    }
+  if (frames < 3)
+    return false;
+  // Time stamps that stand still must not fill the memory: at most twice the frames that the rate allows.
+  const Time half_frame =
+      frame_duration > 0 ? std::min(frame_duration / 2, most_tolerance) : default_tolerance;
+  return first == never || last == never || last - first > latency ||
+         frames * half_frame > latency + 4 * half_frame;
+}
+
 } // namespace
 
 /// Everything behind the instance.
@@ -58,7 +102,7 @@ struct CombineState {
 
   Mutex mutex;                     ///< held for moments only, never while a frame is processed
   std::condition_variable changed; ///< any of what follows
-  FrameQueue queue TERRAINSEG_GUARDED_BY(mutex);
+  Queue queue TERRAINSEG_GUARDED_BY(mutex);
   Matcher matcher TERRAINSEG_GUARDED_BY(mutex);
   bool live_is_old TERRAINSEG_GUARDED_BY(mutex) = true;      ///< to be asked before the next frame waits
   unsigned reconfigured TERRAINSEG_GUARDED_BY(mutex) = 0;    ///< counts RECONFIGURE events from downstream
@@ -88,9 +132,9 @@ struct CombineState {
     return flushing ? GST_FLOW_FLUSHING : flow;
   }
   bool takes_frames() const TERRAINSEG_REQUIRES(mutex) {
-    return !queue.is_full(static_cast<Time>(settings.latency_ms) * GST_MSECOND, frame_duration);
+    return !is_full(queue, static_cast<Time>(settings.latency_ms) * GST_MSECOND, frame_duration);
   }
-  bool takes_events() const TERRAINSEG_REQUIRES(mutex) { return queue.has_room(); }
+  bool takes_events() const TERRAINSEG_REQUIRES(mutex) { return queue.size() < most_items; }
   bool is_drained() const TERRAINSEG_REQUIRES(mutex) { return queue.empty() && !pushing; }
   bool lacks_room() const TERRAINSEG_REQUIRES(mutex) {
     return !matcher.has_room() && !meta_flushing && flow == GST_FLOW_OK;
@@ -115,7 +159,7 @@ struct CombineState {
 static_assert(std::is_nothrow_default_constructible_v<UnitStore> &&
               std::is_nothrow_default_constructible_v<UnitClock> &&
               std::is_nothrow_default_constructible_v<KlvUnit> &&
-              std::is_nothrow_default_constructible_v<FrameQueue>);
+              std::is_nothrow_default_constructible_v<Queue>);
 
 } // namespace terrainseg
 
@@ -158,11 +202,6 @@ GstStaticPadTemplate src_template =
 
 CombineState& state_of(gpointer object) {
   return *reinterpret_cast<GstTerrainCombine*>(object)->state;
-}
-
-/// The macros of GStreamer mix enumerations, which C++20 warns of.
-bool has_flag(GstEvent* event, GstEventTypeFlags flag) {
-  return gst_event_type_get_flags(GST_EVENT_TYPE(event)) & flag;
 }
 
 /// Signed running time of a position in a segment; never when it has none, or one of centuries that no sum
@@ -304,7 +343,8 @@ std::optional<Taken> take_next(CombineState& s) {
       return std::nullopt;
     ++s.frames_left;
   }
-  Taken taken{s.queue.pop(), frame, std::move(unit)};
+  Taken taken{std::move(s.queue.front()), frame, std::move(unit)};
+  s.queue.pop_front();
   s.pushing = true;
   s.changed.notify_all();
   return taken;
@@ -338,7 +378,7 @@ void push_frame(CombineState& s, Taken taken) {
   if (!s.flushing && !(flow == GST_FLOW_NOT_LINKED && s.reconfigured != reconfigured))
     s.flow = flow;
   if (s.flow == GST_FLOW_NOT_LINKED) // frames of now are too old for a peer that is linked later
-    s.queue.drop_frames();
+    s.queue.remove_if([](const Item& queued) { return queued.is_frame(); });
   s.changed.notify_all();
 }
 
@@ -392,7 +432,7 @@ void guarded_loop(gpointer data) {
 // ---- the video's side ------------------------------------------------------------------------------------
 
 GstFlowReturn take_frame(CombineState& s, GstBuffer* frame) {
-  std::list<Item> item;
+  Queue item;
   item.emplace_back().object.reset(GST_MINI_OBJECT_CAST(frame));
   Matcher::Frame& times = item.front().frame;
   times.time = running_time(s.video_segment, GST_BUFFER_PTS(frame));
@@ -410,7 +450,7 @@ GstFlowReturn take_frame(CombineState& s, GstBuffer* frame) {
         std::min(GST_BUFFER_DURATION(frame), static_cast<GstClockTime>(2 * most_tolerance)));
   s.matcher.expect_frame(times.time, times.stamp.has_value(), s.frame_duration);
   item.front().arrival = Clock::now();
-  s.queue.push(item);
+  s.queue.splice(s.queue.end(), item);
   s.changed.notify_all();
   return GST_FLOW_OK;
 }
@@ -425,7 +465,11 @@ void flush_video(CombineState& s, bool flushing) noexcept {
   s.flow = flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK;
   s.live_is_old = true;
   s.matcher.flush_frames();
-  s.queue.flush();
+  // As a pad does: sticky events except EOS and SEGMENT stay.
+  s.queue.remove_if([](const Item& item) {
+    return item.is_frame() || !item.is_sticky() || item.event_type() == GST_EVENT_EOS ||
+           item.event_type() == GST_EVENT_SEGMENT;
+  });
   s.changed.notify_all();
 }
 
@@ -433,14 +477,16 @@ void flush_video(CombineState& s, bool flushing) noexcept {
 bool keeps_unlinked(CombineState& s, const Item& item) TERRAINSEG_REQUIRES(s.mutex) {
   if (s.flow != GST_FLOW_NOT_LINKED || !item.is_sticky())
     return false;
-  s.queue.drop_events(item.event_type());
+  s.queue.remove_if([type = item.event_type()](const Item& queued) {
+    return !queued.is_frame() && queued.event_type() == type;
+  });
   return true;
 }
 
 /// Why the event was not taken, as a flow: of a plain FALSE the pad that sends a sticky event again makes an
 /// error, also while this element is only being stopped or flushed.
 GstFlowReturn queue_event(CombineState& s, GstEvent* event) {
-  std::list<Item> item;
+  Queue item;
   item.emplace_back().object.reset(GST_MINI_OBJECT_CAST(event));
   GstFlowReturn flow = GST_FLOW_OK;
   const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
@@ -457,7 +503,7 @@ GstFlowReturn queue_event(CombineState& s, GstEvent* event) {
       }
     }
     if (flow == GST_FLOW_OK || keeps_unlinked(s, item.front())) {
-      s.queue.push(item);
+      s.queue.splice(s.queue.end(), item);
       s.changed.notify_all();
       return GST_FLOW_OK;
     }
@@ -520,7 +566,7 @@ GstFlowReturn video_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   default:
     break;
   }
-  if (!has_flag(event, GST_EVENT_TYPE_SERIALIZED))
+  if (!(gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_SERIALIZED))
     return flow_of(gst_pad_event_default(pad, parent, event));
   return guarded(s.element, GST_FLOW_ERROR, [&] { return queue_event(s, event); });
 }
@@ -795,11 +841,10 @@ GstStructure* statistics_of(gpointer object) {
   Lock lock(s.mutex);
   const Matcher::Counts counts = s.matcher.counts();
   lock.unlock();
-  return gst_structure_new(
-      "terraincombine-stats", "matched", G_TYPE_UINT64, static_cast<guint64>(counts.matched),
-      "matched-precisely", G_TYPE_UINT64, static_cast<guint64>(counts.precise), "lost", G_TYPE_UINT64,
-      static_cast<guint64>(counts.lost), "rejected", G_TYPE_UINT64, static_cast<guint64>(counts.rejected),
-      "unused", G_TYPE_UINT64, static_cast<guint64>(counts.unused), nullptr);
+  return gst_structure_new("terraincombine-stats", "matched", G_TYPE_UINT64, counts.matched,
+                           "matched-precisely", G_TYPE_UINT64, counts.precise, "lost", G_TYPE_UINT64,
+                           counts.lost, "rejected", G_TYPE_UINT64, counts.rejected, "unused", G_TYPE_UINT64,
+                           counts.unused, nullptr);
 }
 
 constexpr Choice matches[] = {

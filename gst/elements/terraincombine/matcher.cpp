@@ -58,11 +58,11 @@ bool Matcher::add_unit(const UnitTimes& times, OwnedBuffer unit) {
 /// Gives the units without a PTS that wait for the first frame their times; where frames have stamps, others
 /// stay as long as those of this moment.
 void Matcher::place_units() {
-  for (UnitClock::Placed& placed : clock_.place(stamps_.came)) {
-    const Time time = placed.time != never ? placed.time : std::max({newest_unit_, newest_frame_, Time{0}});
-    newest_unit_ = std::max(newest_unit_, placed.time);
+  for (auto& [stamp, buffer, placed] : clock_.place(stamps_.came)) {
+    const Time time = placed != never ? placed : std::max({newest_unit_, newest_frame_, Time{0}});
+    newest_unit_ = std::max(newest_unit_, placed);
     counts_.unused +=
-        units_.add({time, time, placed.time_us, placed.time_us}, std::move(placed.unit), stamps_.in_use);
+        units_.add({time, time, stamp.time_us, stamp.time_us}, std::move(buffer), stamps_.in_use);
   }
 }
 
@@ -85,8 +85,11 @@ bool Matcher::has_room() const {
 }
 
 void Matcher::make_room() {
-  while (!has_room() && units_.size() + clock_.waiting() > 0)
-    counts_.unused += units_.size() > 0 ? units_.drop_oldest() : clock_.drop_oldest();
+  for (; !has_room() && units_.size() + clock_.waiting() > 0; ++counts_.unused)
+    if (units_.size() > 0)
+      units_.drop_oldest();
+    else
+      clock_.drop_oldest();
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
@@ -101,7 +104,7 @@ void Matcher::expect_frame(Time time, bool has_stamp, Time duration) {
 void Matcher::flush_frames() {
   stamps_ = {};
   newest_frame_ = never;
-  clock_.reset();
+  clock_ = {};
 }
 
 /// Whether this frame belongs to the sender's next run (it has restarted). When units of the next run have

@@ -39,11 +39,10 @@ std::uint64_t UnitStore::add(const UnitPlace& place, OwnedBuffer buffer, bool st
     if (std::exchange(frames_lead_, false)) // what came meanwhile was late
       frames_run_ = run_;
   }
-  const std::size_t size = gst_buffer_get_size(buffer.get());
+  bytes_ += gst_buffer_get_size(buffer.get());
   const Key key = {run_, place.precision, arrived_++};
   const auto unit = units_.emplace(place.time, Unit{std::move(buffer), key});
   precise_.emplace(key, unit);
-  bytes_ += size;
   progress_ = std::max(progress_, place.progress);
   precision_progress_ = std::max(precision_progress_.value_or(0), place.precision_progress);
   return dropped;
@@ -58,12 +57,9 @@ OwnedBuffer UnitStore::remove(Units::iterator unit) {
 }
 
 OwnedBuffer UnitStore::take(Time time, Time tolerance) {
-  const auto after = units_.lower_bound(time);
-  auto best = units_.end();
-  if (after != units_.end())
-    best = after;
-  if (after != units_.begin()) {
-    const auto before = std::prev(after);
+  auto best = units_.lower_bound(time);
+  if (best != units_.begin()) {
+    const auto before = std::prev(best);
     if (best == units_.end() || time - before->first <= best->first - time)
       best = before;
   }
@@ -110,11 +106,8 @@ std::uint64_t UnitStore::drop_before_precisely(PrecisionTime time) {
   return count;
 }
 
-std::uint64_t UnitStore::drop_oldest() {
-  if (units_.empty())
-    return 0;
+void UnitStore::drop_oldest() {
   remove(units_.begin());
-  return 1;
 }
 
 void UnitStore::clear() {
@@ -137,9 +130,8 @@ bool UnitClock::see_frame(Time time, Time duration) {
 }
 
 void UnitClock::add(Stamp stamp, OwnedBuffer unit) {
-  const std::size_t size = gst_buffer_get_size(unit.get());
+  bytes_ += gst_buffer_get_size(unit.get());
   waiting_.push_back({stamp, std::move(unit)});
-  bytes_ += size;
 }
 
 Time UnitClock::time_of(const Stamp& stamp) {
@@ -158,25 +150,20 @@ Time UnitClock::time_of(const Stamp& stamp) {
   return placed_at(first_frame_, index, duration);
 }
 
-std::list<UnitClock::Placed> UnitClock::place(bool all) {
-  std::list<Placed> placed;
+std::list<UnitClock::Unit> UnitClock::place(bool all) {
   if (first_frame_ == never && !all)
-    return placed;
-  for (; !waiting_.empty(); waiting_.pop_front()) {
-    Waiting& front = waiting_.front();
-    bytes_ -= gst_buffer_get_size(front.unit.get());
-    if (const Time time = first_frame_ == never ? never : time_of(front.stamp); time != never || all)
-      placed.push_back({time, front.stamp.time_us, std::move(front.unit)});
-  }
-  return placed;
+    return {};
+  for (Unit& unit : waiting_)
+    unit.time = first_frame_ == never ? never : time_of(unit.stamp);
+  if (!all)
+    waiting_.remove_if([](const Unit& unit) { return unit.time == never; });
+  bytes_ = 0;
+  return std::exchange(waiting_, {});
 }
 
-std::uint64_t UnitClock::drop_oldest() {
-  if (waiting_.empty())
-    return 0;
-  bytes_ -= gst_buffer_get_size(waiting_.front().unit.get());
+void UnitClock::drop_oldest() {
+  bytes_ -= gst_buffer_get_size(waiting_.front().buffer.get());
   waiting_.pop_front();
-  return 1;
 }
 
 void UnitClock::forget_units() {
@@ -184,12 +171,6 @@ void UnitClock::forget_units() {
   bytes_ = 0;
   first_.reset();
   count_ = 0;
-}
-
-void UnitClock::reset() {
-  forget_units();
-  first_frame_ = never;
-  duration_ = 0;
 }
 
 } // namespace terrainseg

@@ -5,12 +5,12 @@
 #include <gst/gst.h>
 
 #include <algorithm>
+#include <compare>
 #include <cstdint>
 #include <limits>
 #include <list>
 #include <map>
 #include <optional>
-#include <tuple>
 
 #include "support/buffers.hpp"
 
@@ -71,7 +71,7 @@ class UnitStore {
   /// Drops units that no frame from `time` on can match. Returns their number.
   std::uint64_t drop_before(Time time);
   std::uint64_t drop_before_precisely(PrecisionTime time);
-  std::uint64_t drop_oldest();
+  void drop_oldest(); ///< there is one
   std::size_t size() const { return units_.size(); }
   std::size_t bytes() const { return bytes_; } ///< size of all buffers, including bytes after a unit
   void clear();
@@ -82,9 +82,7 @@ class UnitStore {
     std::uint64_t run;
     PrecisionTime time;
     std::uint64_t arrived;
-    bool operator<(const Key& other) const {
-      return std::tie(run, time, arrived) < std::tie(other.run, other.time, other.arrived);
-    }
+    auto operator<=>(const Key&) const = default;
   };
   struct Unit {
     OwnedBuffer buffer;
@@ -113,10 +111,10 @@ class UnitClock {
   struct Stamp {
     std::uint64_t time_us, frame;
   };
-  struct Placed {
-    Time time;
-    std::uint64_t time_us;
-    OwnedBuffer unit;
+  struct Unit {
+    Stamp stamp;
+    OwnedBuffer buffer;
+    Time time = never;
   };
 
   /// Every frame, in order; `duration` 0 = unknown. True when it is the first that units can be placed by.
@@ -124,22 +122,17 @@ class UnitClock {
   void add(Stamp stamp, OwnedBuffer unit);
   /// The units that have a time by now, in order of arrival; none before the first frame. With `all` also
   /// those that have none and get none, with never: frames with stamps do without.
-  std::list<Placed> place(bool all = false);
+  std::list<Unit> place(bool all = false);
 
   std::size_t waiting() const { return waiting_.size(); }
   std::size_t waiting_bytes() const { return bytes_; }
-  std::uint64_t drop_oldest(); ///< of those that wait for the first frame; returns how many
+  void drop_oldest(); ///< of those that wait for the first frame; there is one
   void forget_units();
-  void reset(); ///< and the frames
 
  private:
-  struct Waiting {
-    Stamp stamp;
-    OwnedBuffer unit;
-  };
   Time time_of(const Stamp& stamp);
 
-  std::list<Waiting> waiting_;
+  std::list<Unit> waiting_;
   std::size_t bytes_ = 0;
   Time first_frame_ = never, duration_ = 0;
   std::optional<Stamp> first_; ///< of the units
