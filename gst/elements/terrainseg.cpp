@@ -2,7 +2,6 @@
 
 #include <gst/terrainseg/terrainsegmeta.h>
 
-#include <atomic>
 #include <chrono>
 #include <memory>
 #include <optional>
@@ -11,7 +10,6 @@
 
 #include "elements/terrainseg/analytics.hpp"
 #include "elements/terrainseg/announcer.hpp"
-#include "elements/terrainseg/events.hpp"
 #include "elements/terrainseg/frame_settings.hpp"
 #include "elements/terrainseg/metric_stage.hpp"
 #include "elements/terrainseg/shared.hpp"
@@ -253,7 +251,7 @@ bool start_metres(gpointer object, Streaming& s) {
   s.start_utc.reset();
   std::string error;
   if (!flaw && !set.start_time.empty() && !(s.start_utc = parse_start_time(set.start_time, error)))
-    flaw = SettingFlaw{"start-time", set.start_time, error};
+    flaw = SettingsError{"start-time", set.start_time, error};
   if (flaw) {
     post_error(GST_ELEMENT(object), *flaw);
     return false;

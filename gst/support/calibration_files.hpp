@@ -12,14 +12,9 @@
 
 #include "metric/camera_info.hpp"
 #include "metric/mount.hpp"
+#include "terrainseg/settings.hpp"
 
 namespace terrainseg {
-
-/// A setting that cannot be used: the property, its value, and the reason.
-struct SettingFlaw {
-  const char* property;
-  std::string value, reason;
-};
 
 inline constexpr std::streamsize longest_file = 1 << 20; // maximum size of a calibration file, bytes
 
@@ -56,23 +51,24 @@ inline std::optional<metric::Mount> mount_of(const std::string& value, std::stri
 }
 
 /// Reads camera-info, and mount (a file, or text such as `height=..,pitch=..`); empty = none.
-inline std::optional<SettingFlaw> read_calibration(const std::string& camera_info, const std::string& mount,
-                                                   std::optional<metric::Camera>& camera,
-                                                   std::optional<metric::Mount>& mounted) {
+inline std::optional<SettingsError> read_calibration(const std::string& camera_info, const std::string& mount,
+                                                     std::optional<metric::Camera>& camera,
+                                                     std::optional<metric::Mount>& mounted) {
   std::string error;
   if (!camera_info.empty() && !(camera = camera_of(camera_info, error)))
-    return SettingFlaw{"camera-info", camera_info, error};
+    return SettingsError{"camera-info", camera_info, error};
   if (!mount.empty() && !(mounted = mount_of(mount, error)))
-    return SettingFlaw{"mount", mount, error};
+    return SettingsError{"mount", mount, error};
   return std::nullopt;
 }
 
 /// Posts the flaw as an element error.
-inline void post_error(GstElement* element, const SettingFlaw& flaw) {
+inline void post_error(GstElement* element, const SettingsError& flaw) {
   GST_ELEMENT_ERROR(
       element, RESOURCE, SETTINGS,
-      ("\"%s\" of property %s cannot be used: %s.", flaw.value.c_str(), flaw.property, flaw.reason.c_str()),
-      ("property %s, value \"%s\": %s", flaw.property, flaw.value.c_str(), flaw.reason.c_str()));
+      ("\"%s\" of property %s cannot be used: %s.", flaw.value.c_str(), flaw.property.c_str(),
+       flaw.reason.c_str()),
+      ("property %s, value \"%s\": %s", flaw.property.c_str(), flaw.value.c_str(), flaw.reason.c_str()));
 }
 
 } // namespace terrainseg

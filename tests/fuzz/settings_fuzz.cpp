@@ -7,7 +7,7 @@
 #include <string>
 
 #include "element_input.hpp"
-#include "elements/terrainseg/settings_file.hpp"
+#include "elements/terrainseg/settings_book.hpp"
 #include "support/elements.hpp"
 #include "support/estimate_meta.hpp"
 

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "elements/terrainseg/events.hpp"
+#include "elements/terrainseg/shared.hpp"
 
 #include <gst/terrainseg/terrainsegmeta.h>
 
-#include <string>
 #include <utility>
 #include <vector>
 
 #include "elements/terrainseg/metric_stage.hpp"
-#include "elements/terrainseg/shared.hpp"
 #include "support/element.hpp"
 
 namespace terrainseg {

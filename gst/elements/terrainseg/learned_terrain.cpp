@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "elements/terrainseg/learned_terrain.hpp"
 
+#include <algorithm>
+
 namespace terrainseg {
 namespace {
 
+/// Other streams whose terrains are kept, about 9 kB each.
+constexpr std::size_t most_others = 16;
+
 bool holds_anything(const Terrain& terrain) {
-  return std::any_of(terrain.models.begin(), terrain.models.end(),
-                     [](const TerrainModel& model) { return model.mass > 0; });
+  return std::ranges::any_of(terrain.models, [](const TerrainModel& model) { return model.mass > 0; });
 }
 
 } // namespace
@@ -46,7 +50,7 @@ bool LearnedTerrain::start(const Settings& settings) {
   }
   segmenter_ = std::make_unique<Segmenter>(settings);
   if (loaded_)
-    (void)segmenter_->adopt(*loaded_); // before a frame there is no colour space that it could miss
+    (void)segmenter_->adopt(loaded_->terrain); // before a frame there is no colour space that it could miss
   return true;
 }
 
@@ -57,7 +61,7 @@ void LearnedTerrain::stop(ResetOn reset_on, const std::string& stream) {
   if (reset_on == ResetOn::never)
     return;
   segmenter_.reset();
-  if (!loaded_by_signal_)
+  if (loaded_ && !loaded_->by_signal)
     loaded_.reset(); // read again at the next start
 }
 
@@ -81,9 +85,7 @@ Status LearnedTerrain::load(Terrain terrain, std::string name) {
   wait_for_frame(lock);
   Status adopted = segmenter_ ? segmenter_->adopt(terrain) : Status();
   if (adopted.ok()) {
-    loaded_ = std::move(terrain);
-    loaded_name_ = std::move(name);
-    loaded_by_signal_ = true;
+    loaded_ = {std::move(terrain), std::move(name), true};
     others_.clear(); // every stream begins from this one
     recalled_.reset();
   }
@@ -92,28 +94,25 @@ Status LearnedTerrain::load(Terrain terrain, std::string name) {
 
 void LearnedTerrain::offer(Terrain terrain, std::string name) {
   const Lock lock(mutex_);
-  if (loaded_by_signal_)
-    return;
-  loaded_ = std::move(terrain);
-  loaded_name_ = std::move(name);
+  if (!loaded_ || !loaded_->by_signal)
+    loaded_ = {std::move(terrain), std::move(name), false};
 }
 
 bool LearnedTerrain::was_loaded() {
   const Lock lock(mutex_);
-  return loaded_by_signal_;
+  return loaded_ && loaded_->by_signal;
 }
 
 void LearnedTerrain::discard_loaded() {
   const Lock lock(mutex_);
   loaded_.reset();
-  loaded_by_signal_ = false;
 }
 
 std::optional<std::string> LearnedTerrain::foreign(const ColorSpace& space) {
   const Lock lock(mutex_);
-  if (!loaded_ || loaded_->space == space)
+  if (!loaded_ || loaded_->terrain.space == space)
     return std::nullopt;
-  return "The learned terrain \"" + loaded_name_ + "\" was learned in " + name_of(loaded_->space) +
+  return "The learned terrain \"" + loaded_->name + "\" was learned in " + name_of(loaded_->terrain.space) +
          " and the video is " + name_of(space) + ".";
 }
 
@@ -121,7 +120,6 @@ void LearnedTerrain::reset() {
   Lock lock(mutex_);
   wait_for_frame(lock);
   loaded_.reset();
-  loaded_by_signal_ = false;
   others_.clear();
   recalled_.reset();
   if (segmenter_)
@@ -135,7 +133,7 @@ void LearnedTerrain::forget() {
     return;
   segmenter_->reset();
   if (loaded_)
-    (void)segmenter_->adopt(*loaded_);
+    (void)segmenter_->adopt(loaded_->terrain);
 }
 
 void LearnedTerrain::reset_temporal() {
@@ -150,14 +148,23 @@ void LearnedTerrain::keep(const std::string& stream) {
     return;
   Terrain terrain = recalled_ ? std::move(*recalled_) : segmenter_->terrain();
   recalled_.reset();
-  if (holds_anything(terrain))
-    others_.keep(stream, std::move(terrain));
+  if (!holds_anything(terrain))
+    return;
+  std::erase_if(others_, [&](const auto& other) { return other.first == stream; });
+  if (others_.size() == most_others)
+    others_.erase(others_.begin());
+  others_.emplace_back(stream, std::move(terrain));
 }
 
 void LearnedTerrain::change_stream(const std::string& from, const std::string& to) {
   Lock lock(mutex_);
   wait_for_frame(lock);
-  auto known = others_.take(to); // before the one that is left pushes it out
+  std::optional<Terrain> known; // taken before the one that is left pushes it out
+  const auto found = std::ranges::find(others_, to, &decltype(others_)::value_type::first);
+  if (found != others_.end()) {
+    known = std::move(found->second);
+    others_.erase(found);
+  }
   keep(from);
   recalled_ = std::move(known);
 }

@@ -2,7 +2,6 @@
 // The segmenter with the terrain it has learned, and the terrains it can go on from.
 #pragma once
 
-#include <algorithm>
 #include <condition_variable>
 #include <memory>
 #include <optional>
@@ -15,34 +14,6 @@
 #include "terrainseg/segmenter.hpp"
 
 namespace terrainseg {
-
-/// A terrain for each stream id, at most `most` of them (about 9 kB each): the one that was left longest ago
-/// goes first. Not locked: the owner does.
-class TerrainMemory {
- public:
-  static constexpr std::size_t most = 16;
-
-  void keep(const std::string& stream, Terrain terrain) {
-    take(stream);
-    if (kept_.size() == most)
-      kept_.erase(kept_.begin());
-    kept_.emplace_back(stream, std::move(terrain));
-  }
-  /// What was kept for the stream, which is not kept any more.
-  std::optional<Terrain> take(const std::string& stream) {
-    const auto found =
-        std::find_if(kept_.begin(), kept_.end(), [&](const auto& entry) { return entry.first == stream; });
-    if (found == kept_.end())
-      return std::nullopt;
-    std::optional<Terrain> terrain = std::move(found->second);
-    kept_.erase(found);
-    return terrain;
-  }
-  void clear() { kept_.clear(); }
-
- private:
-  std::vector<std::pair<std::string, Terrain>> kept_; ///< the one left last is at the end
-};
 
 /// Any thread may call; what needs the segmenter waits until the frame that is being processed is done.
 class LearnedTerrain {
@@ -93,15 +64,20 @@ class LearnedTerrain {
   void wait_for_frame(Lock& lock) TERRAINSEG_REQUIRES(mutex_);
   void keep(const std::string& stream) TERRAINSEG_REQUIRES(mutex_);
 
+  /// A terrain that new streams start from.
+  struct Loaded {
+    Terrain terrain;
+    std::string name;
+    bool by_signal; ///< of load(), not of offer()
+  };
   Mutex mutex_;
   std::condition_variable processed_; ///< when processing_ ends
   bool processing_ TERRAINSEG_GUARDED_BY(mutex_) = false;
   /// While processing_ the streaming thread's.
   std::unique_ptr<Segmenter> segmenter_ TERRAINSEG_GUARDED_BY(mutex_);
-  std::optional<Terrain> loaded_ TERRAINSEG_GUARDED_BY(mutex_);
-  std::string loaded_name_ TERRAINSEG_GUARDED_BY(mutex_);
-  bool loaded_by_signal_ TERRAINSEG_GUARDED_BY(mutex_) = false;
-  TerrainMemory others_ TERRAINSEG_GUARDED_BY(mutex_);            ///< of streams that are away
+  std::optional<Loaded> loaded_ TERRAINSEG_GUARDED_BY(mutex_);
+  /// Of streams that are away, by their ids; the one that was left last is at the end.
+  std::vector<std::pair<std::string, Terrain>> others_ TERRAINSEG_GUARDED_BY(mutex_);
   std::optional<Terrain> recalled_ TERRAINSEG_GUARDED_BY(mutex_); ///< of this stream, until its first frame
 };
 

@@ -21,7 +21,7 @@ double rounded_angle(double value) {
 
 } // namespace
 
-std::optional<SettingFlaw> MetricStage::start(const std::string& camera_info, const std::string& mount) {
+std::optional<SettingsError> MetricStage::start(const std::string& camera_info, const std::string& mount) {
   camera_.reset();
   mount_.reset();
   fits_ = false;

@@ -23,7 +23,7 @@ class MetricStage {
  public:
   /// Resets the stage and reads the files of camera-info and mount (or a mount such as `height=..,pitch=..`);
   /// empty = none.
-  std::optional<SettingFlaw> start(const std::string& camera_info, const std::string& mount);
+  std::optional<SettingsError> start(const std::string& camera_info, const std::string& mount);
   /// Whether both were read.
   bool is_calibrated() const { return camera_ && mount_; }
   /// Sets the size of the frames. When the calibration does not fit them there are no ranges, and the result

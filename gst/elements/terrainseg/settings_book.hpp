@@ -9,8 +9,8 @@
 #include <bitset>
 #include <optional>
 #include <string>
+#include <vector>
 
-#include "elements/terrainseg/settings_file.hpp"
 #include "support/overlay_properties.hpp"
 #include "terrainseg/settings.hpp"
 
@@ -22,6 +22,18 @@ void put_regions(const std::vector<Rectangle>& regions, GValue* array);
 
 /// When the learned terrain is forgotten by itself.
 enum class ResetOn : std::uint8_t { never, stream, discont, per_stream };
+
+/// A settings file: a key file with the group [terrainseg] whose keys are the names of properties.
+struct SettingsFile {
+  struct Entry {
+    std::string name, value; ///< the value as gst-launch would take it
+  };
+  std::string path;
+  std::vector<Entry> entries; ///< in the order of the file
+  std::string error;          ///< why it cannot be read; empty when it could
+};
+
+SettingsFile read_settings_file(const std::string& path);
 
 /// Everything the streaming thread looks at, as one value that is copied when it changed.
 struct ElementSettings {
