@@ -75,26 +75,19 @@ template <class S> struct Property {
 };
 
 /// The functions of GObject for values that are no enumeration and no text.
+template <auto make_spec, auto get_value, auto set_value> struct Functions {
+  static constexpr auto spec = make_spec;
+  static constexpr auto get = get_value;
+  static constexpr auto set = set_value;
+};
 template <class Value> struct ValueFunctions;
-template <> struct ValueFunctions<bool> {
-  static constexpr auto get = g_value_get_boolean;
-  static constexpr auto set = g_value_set_boolean;
-};
-template <> struct ValueFunctions<int> {
-  static constexpr auto spec = g_param_spec_int;
-  static constexpr auto get = g_value_get_int;
-  static constexpr auto set = g_value_set_int;
-};
-template <> struct ValueFunctions<std::uint32_t> {
-  static constexpr auto spec = g_param_spec_uint;
-  static constexpr auto get = g_value_get_uint;
-  static constexpr auto set = g_value_set_uint;
-};
-template <> struct ValueFunctions<double> {
-  static constexpr auto spec = g_param_spec_double;
-  static constexpr auto get = g_value_get_double;
-  static constexpr auto set = g_value_set_double;
-};
+template <>
+struct ValueFunctions<bool> : Functions<g_param_spec_boolean, g_value_get_boolean, g_value_set_boolean> {};
+template <> struct ValueFunctions<int> : Functions<g_param_spec_int, g_value_get_int, g_value_set_int> {};
+template <>
+struct ValueFunctions<std::uint32_t> : Functions<g_param_spec_uint, g_value_get_uint, g_value_set_uint> {};
+template <>
+struct ValueFunctions<double> : Functions<g_param_spec_double, g_value_get_double, g_value_set_double> {};
 
 /// The end of a path of member pointers, such as &Settings::window, &Window::width.
 template <auto... path> auto& member(auto& start) {
