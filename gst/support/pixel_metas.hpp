@@ -16,12 +16,13 @@
 
 namespace terrainseg {
 
-/// Appends the regions of interest whose type `wanted` accepts, clipped to the frame. Returns the type of one
-/// that lies outside the frame, 0 when none does.
+/// Reads the regions of interest whose type `wanted` accepts, clipped to the frame. `error` tells of one that
+/// lies outside the frame, and is empty when none does.
 template <typename Wanted>
-inline GQuark read_regions(GstBuffer* buffer, int width, int height, Wanted wanted,
-                           std::vector<Rectangle>& rectangles) {
-  GQuark outside = 0;
+inline void read_regions(GstBuffer* buffer, int width, int height, Wanted wanted,
+                         std::vector<Rectangle>& rectangles, std::string& error) {
+  error.clear();
+  rectangles.clear();
   gpointer state = nullptr;
   while (GstMeta* meta =
              gst_buffer_iterate_meta_filtered(buffer, &state, GST_VIDEO_REGION_OF_INTEREST_META_API_TYPE)) {
@@ -31,18 +32,13 @@ inline GQuark read_regions(GstBuffer* buffer, int width, int height, Wanted want
     const auto right = std::min<std::uint64_t>(std::uint64_t{roi->x} + roi->w, width);
     const auto bottom = std::min<std::uint64_t>(std::uint64_t{roi->y} + roi->h, height);
     if (roi->x >= right || roi->y >= bottom) {
-      outside = roi->roi_type;
+      error = std::string("a region of interest of type ") + g_quark_to_string(roi->roi_type) +
+              " is empty or outside the frame";
       continue;
     }
     rectangles.push_back({static_cast<int>(roi->x), static_cast<int>(roi->y),
                           static_cast<int>(right - roi->x), static_cast<int>(bottom - roi->y)});
   }
-  return outside;
-}
-
-inline std::string outside_frame(GQuark type) {
-  return std::string("a region of interest of type ") + g_quark_to_string(type) +
-         " is empty or outside the frame";
 }
 
 /// Maps the field "mask" of a custom meta. Empty, with a reason in `error`, when it cannot be read.
@@ -66,12 +62,9 @@ class TrainingReader {
   /// Empty if the frame has none. `width` and `height` are the frame's.
   Supervision read(GstBuffer* buffer, int width, int height) {
     release();
-    error_.clear();
-    rectangles_.clear();
     static const GQuark training = g_quark_from_static_string(GST_TERRAIN_TRAINING_ROI);
-    if (const GQuark type = read_regions(
-            buffer, width, height, [](GQuark type) { return type == training; }, rectangles_))
-      error_ = outside_frame(type);
+    const auto is_training = [](GQuark type) { return type == training; };
+    read_regions(buffer, width, height, is_training, rectangles_, error_);
     Supervision supervision;
     supervision.rectangles = rectangles_;
     if (const GstStructure* fields =
@@ -112,12 +105,9 @@ class VetoReader {
   }
   Veto read(GstBuffer* buffer, int width, int height) {
     release();
-    error_.clear();
-    rectangles_.clear();
     rectangles_.reserve(64); // no frame with fewer regions allocates
-    if (const GQuark type = read_regions(
-            buffer, width, height, [this](GQuark type) { return is_chosen(type); }, rectangles_))
-      error_ = outside_frame(type);
+    const auto chosen = [this](GQuark type) { return is_chosen(type); };
+    read_regions(buffer, width, height, chosen, rectangles_, error_);
     map_masks(buffer);
     Veto veto;
     veto.rectangles = rectangles_;
