@@ -2,6 +2,7 @@
 
 #include <gst/base/gstbasetransform.h>
 
+#include <atomic>
 #include <optional>
 #include <span>
 #include <utility>
@@ -21,7 +22,7 @@ namespace {
 enum class StampMode : std::uint8_t { write, read };
 
 struct StampSettings {
-  StampMode mode = StampMode::write;
+  std::atomic<StampMode> mode = StampMode::write;
 };
 
 constexpr Choice modes[] = {
@@ -39,7 +40,7 @@ const Property<StampSettings> stamp_table[] = {
 /// Everything behind the instance.
 struct StampState {
   GstElement* element = nullptr;
-  StampSettings settings; // object lock
+  StampSettings settings; // any thread
   NalFraming framing;     // streaming
   bool first = true;      // streaming; nothing has passed since the start or a flush
   Once<> formless;        // streaming; a buffer without a slice
@@ -92,11 +93,6 @@ GstStaticPadTemplate src_template =
 
 StampState& state_of(gpointer object) {
   return *reinterpret_cast<GstTerrainStamp*>(object)->state;
-}
-
-StampMode mode_of(gpointer object) {
-  ObjectLock lock(object);
-  return state_of(object).settings.mode;
 }
 
 gboolean start(GstBaseTransform* transform) {
@@ -184,28 +180,21 @@ void warn_timeless(StampState& s, GstBuffer* in) {
       ("neither PTS nor time of day in %" GST_PTR_FORMAT, printable(in)));
 }
 
-/// The picture with that stamp beside it.
-OwnedBuffer with_note(StampState& s, GstBuffer* in, std::uint64_t time_us) {
-  OwnedBuffer out(gst_buffer_make_writable(gst_buffer_ref(in)));
-  note_stamp(out.get(), s.framing.codec, time_us);
-  return out;
-}
-
 /// The picture with its stamp in the bytes and beside them.
 OwnedBuffer write_stamp(StampState& s, GstBuffer* in, const StampSearch& found) {
-  if (found.several || !found.place) {
-    if (!found.place)
-      warn_formless(s, in);
+  if (!found.place)
+    warn_formless(s, in);
+  if (!found.place || found.several || (found.time_us && stamp_of(in)))
     return nullptr;
-  }
-  if (found.time_us)
-    return stamp_of(in) ? nullptr : with_note(s, in, *found.time_us);
-  const auto time_us = precision_time(in, GST_BASE_TRANSFORM(s.element)->segment);
+  const auto time_us =
+      found.time_us ? found.time_us : precision_time(in, GST_BASE_TRANSFORM(s.element)->segment);
   if (!time_us) {
     warn_timeless(s, in);
     return nullptr;
   }
-  OwnedBuffer out = with_stamp(in, stamp_unit(s.framing, *time_us, found.temporal), *found.place);
+  OwnedBuffer out = found.time_us
+                        ? OwnedBuffer(gst_buffer_make_writable(gst_buffer_ref(in)))
+                        : with_stamp(in, stamp_unit(s.framing, *time_us, found.temporal), *found.place);
   if (out && !stamp_of(out.get()))
     note_stamp(out.get(), s.framing.codec, *time_us);
   return out;
@@ -239,7 +228,7 @@ GstFlowReturn stamped(StampState& s, GstBuffer* in, GstBuffer** out) {
     found = find_stamp({map.data(), map.size()}, s.framing);
   }
   OwnedBuffer changed =
-      mode_of(s.element) == StampMode::read ? read_stamp(s, in, found, trusted) : write_stamp(s, in, found);
+      s.settings.mode == StampMode::read ? read_stamp(s, in, found, trusted) : write_stamp(s, in, found);
   GST_LOG_OBJECT(s.element, "%s: %" GST_PTR_FORMAT, changed ? "stamped" : "as it was", printable(in));
   *out = changed ? changed.release() : in;
   return GST_FLOW_OK;
