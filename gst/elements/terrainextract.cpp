@@ -363,14 +363,9 @@ void warn_unmeasured(ExtractState& s, const char* error) {
                       ("GstTerrainMetricMeta is missing or cannot be read"));
 }
 
-ExtractSettings settings_of(ExtractState& s) {
-  ObjectLock lock(s.element);
-  return s.settings;
-}
-
 /// The messages of a frame; nullptr when it is not time for one.
 GstBuffer* make_messages(ExtractState& s, GstBuffer* frame) {
-  const ExtractSettings set = settings_of(s);
+  const ExtractSettings set = locked_copy(s.element, s.settings);
   const MetricReader metres(frame, s.settings.source.c_str());
   if (!metres)
     warn_unmeasured(s, metres.error());
@@ -422,7 +417,7 @@ UasPlatform platform_of(ExtractState& s, GstBuffer* frame, const std::string& po
 }
 
 GstBuffer* make_klv(ExtractState& s, GstBuffer* frame, const EstimateReader& reader) {
-  const ExtractSettings set = settings_of(s);
+  const ExtractSettings set = locked_copy(s.element, s.settings);
   std::optional<UasPlatform> platform;
   if (set.klv_form == KlvForm::uas_datalink)
     platform = platform_of(s, frame, set.klv_position);
@@ -443,7 +438,7 @@ GstBuffer* make_unit(ExtractState& s, GstBuffer* frame, const EstimateReader& re
   const MetricReader metres(frame, s.settings.source.c_str());
   if (metres.error())
     warn_once(s, metres.error());
-  append_json_line(s.line, reader.estimate(), pts, settings_of(s).json_mask,
+  append_json_line(s.line, reader.estimate(), pts, locked_copy(s.element, s.settings).json_mask,
                    {metres ? &metres.metric() : nullptr, utc_of(frame)});
   return copy_of({reinterpret_cast<const std::uint8_t*>(s.line.data()), s.line.size()}).release();
 }

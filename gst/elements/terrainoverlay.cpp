@@ -68,12 +68,12 @@ GST_ELEMENT_REGISTER_DEFINE(terrainoverlay, "terrainoverlay", GST_RANK_NONE, gst
 
 namespace {
 
-GstTerrainOverlay* self_of(gpointer object) {
-  return reinterpret_cast<GstTerrainOverlay*>(object);
+OverlayState& state_of(gpointer object) {
+  return *reinterpret_cast<GstTerrainOverlay*>(object)->state;
 }
 
 gboolean start(GstBaseTransform* transform) {
-  OverlayState& s = *self_of(transform)->state;
+  OverlayState& s = state_of(transform);
   s.damaged.again();
   s.metadata = {};
   return TRUE;
@@ -87,7 +87,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
     return FALSE;
   }
   GST_DEBUG_OBJECT(transform, "caps %" GST_PTR_FORMAT, printable(caps));
-  self_of(transform)->state->info = info;
+  state_of(transform).info = info;
   return TRUE;
 }
 
@@ -99,18 +99,14 @@ void warn_bare(GstBaseTransform* transform, const OverlayState& s) {
 }
 
 gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
-  OverlayState& s = *self_of(transform)->state;
+  OverlayState& s = state_of(transform);
   if (GST_EVENT_TYPE(event) == GST_EVENT_EOS && s.metadata.end())
     warn_bare(transform, s);
   return GST_BASE_TRANSFORM_CLASS(gst_terrain_overlay_parent_class)->sink_event(transform, event);
 }
 
 GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buffer) {
-  PaintStyle style;
-  {
-    ObjectLock lock(transform);
-    style = s.settings.drawing.paint();
-  }
+  const PaintStyle style = locked_copy(transform, s.settings.drawing).paint();
   const EstimateReader reader(buffer, s.settings.source.c_str());
   GST_LOG_OBJECT(transform, "%s: %" GST_PTR_FORMAT,
                  reader           ? "draws on"
@@ -126,8 +122,7 @@ GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buff
                           ("buffer %" GST_PTR_FORMAT ": %s", printable(buffer), reader.error()));
     return GST_FLOW_OK;
   }
-  const bool invisible = style.style != OverlayStyle::mask && (style.alpha == 0 || style.color >> 24 == 0);
-  if (invisible)
+  if (style.style != OverlayStyle::mask && (style.alpha == 0 || style.color >> 24 == 0))
     return GST_FLOW_OK;
   // Mapping for writing copies pixels that are shared; a frame that is not drawn on is
   // never mapped.
@@ -146,8 +141,7 @@ GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buff
 }
 
 GstFlowReturn transform_ip(GstBaseTransform* transform, GstBuffer* buffer) {
-  return guarded(transform, GST_FLOW_ERROR,
-                 [&] { return draw(transform, *self_of(transform)->state, buffer); });
+  return guarded(transform, GST_FLOW_ERROR, [&] { return draw(transform, state_of(transform), buffer); });
 }
 
 } // namespace

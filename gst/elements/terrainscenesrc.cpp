@@ -125,11 +125,6 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
     get_in_table<GstTerrainSceneSrc, table>(object, id, value, spec);
 }
 
-scene::Settings settings_of(gpointer object) {
-  ObjectLock lock(object);
-  return state_of(object).settings;
-}
-
 // ---- negotiation -----------------------------------------------------------------------------------------
 
 GstCaps* fixate(GstBaseSrc* source, GstCaps* caps) {
@@ -249,13 +244,8 @@ gboolean do_seek(GstBaseSrc* source, GstSegment* segment) {
   return TRUE;
 }
 
-GstVideoInfo info_of(GstBaseSrc* source) {
-  ObjectLock lock(source);
-  return state_of(source).info;
-}
-
 gboolean query(GstBaseSrc* source, GstQuery* query) {
-  const GstVideoInfo info = info_of(source);
+  const GstVideoInfo info = locked_copy(source, state_of(source).info);
   switch (GST_QUERY_TYPE(query)) {
   case GST_QUERY_LATENCY: // a camera gives a frame when it is exposed, which takes as long as the frame
     if (GST_VIDEO_INFO_FPS_N(&info) <= 0)
@@ -335,7 +325,7 @@ void set_truth(GstStructure* truth, GstBuffer* labels, int horizon, const scene:
 
 /// Renders the next frame. False after an error was posted.
 bool render(GstBaseSrc* source, SceneSourceState& s, std::uint64_t number, GstBuffer* buffer) {
-  const scene::Settings wanted = settings_of(source);
+  const scene::Settings wanted = locked_copy(source, s.settings);
   const int width = GST_VIDEO_INFO_WIDTH(&s.info), height = GST_VIDEO_INFO_HEIGHT(&s.info);
   if (!s.renderer || wanted != s.rendered) {
     s.renderer.reset();

@@ -214,11 +214,9 @@ gboolean on_unset_property(GstTerrainSeg* self, const gchar* name) {
   return guarded<gboolean>(self, FALSE, [&]() -> gboolean {
     Shared& shared = shared_of(self);
     SettingsBook::Ids changed;
-    bool known = false;
-    {
-      const Lock lock(shared.mutex);
-      known = shared.book.unset(name, changed);
-    }
+    Lock lock(shared.mutex);
+    const bool known = shared.book.unset(name, changed);
+    lock.unlock();
     SettingsBook::notify(self, changed);
     return known;
   });
@@ -433,21 +431,15 @@ struct Outcome {
   std::array<std::int64_t, stage_count> stage_times;
 };
 
-bool fail(gpointer object, const Status& status) {
-  switch (status.code()) {
-  case Status::Code::window_outside_frame:
-    GST_ELEMENT_ERROR(GST_ELEMENT(object), LIBRARY, SETTINGS, ("%s", status.message().c_str()),
-                      ("window outside the frame: %s", status.message().c_str()));
-    break;
-  case Status::Code::bad_frame:
-    GST_ELEMENT_ERROR(GST_ELEMENT(object), STREAM, FORMAT, ("%s", status.message().c_str()),
-                      ("bad frame: %s", status.message().c_str()));
-    break;
-  default:
-    GST_ELEMENT_ERROR(GST_ELEMENT(object), LIBRARY, FAILED, ("%s", status.message().c_str()),
-                      ("status %d: %s", static_cast<int>(status.code()), status.message().c_str()));
-    break;
-  }
+bool fail(GstBaseTransform* transform, const Status& status) {
+  const char* const why = status.message().c_str();
+  if (status.code() == Status::Code::window_outside_frame)
+    GST_ELEMENT_ERROR(transform, LIBRARY, SETTINGS, ("%s", why), ("window outside the frame: %s", why));
+  else if (status.code() == Status::Code::bad_frame)
+    GST_ELEMENT_ERROR(transform, STREAM, FORMAT, ("%s", why), ("bad frame: %s", why));
+  else
+    GST_ELEMENT_ERROR(transform, LIBRARY, FAILED, ("%s", why),
+                      ("status %d: %s", static_cast<int>(status.code()), why));
   return false;
 }
 

@@ -54,6 +54,12 @@ class ObjectLock {
   GstObject* object_;
 };
 
+/// A copy of what the object lock guards.
+template <class Value> Value locked_copy(gpointer object, const Value& value) {
+  const ObjectLock lock(object);
+  return value;
+}
+
 /// The pointer for GST_PTR_FORMAT, which the compiler checks as %p.
 inline void* printable(void* object) {
   return object;

@@ -26,15 +26,16 @@ constexpr GstVideoFormat formats[pixel_format_count] = {
 
 ColorMatrix matrix_of(const GstVideoInfo& info) {
   switch (info.colorimetry.matrix) {
+  // FCC and SMPTE 240M differ from 601 and 709 by less than a learned variance.
   case GST_VIDEO_COLOR_MATRIX_BT709:
+  case GST_VIDEO_COLOR_MATRIX_SMPTE240M:
     return ColorMatrix::bt709;
   case GST_VIDEO_COLOR_MATRIX_BT2020:
     return ColorMatrix::bt2020;
   case GST_VIDEO_COLOR_MATRIX_UNKNOWN: // caps without a matrix: the usual one for the size
     return GST_VIDEO_INFO_HEIGHT(&info) > 576 ? ColorMatrix::bt709 : ColorMatrix::bt601;
-  default: // FCC and SMPTE 240M differ from 601 and 709 by less than a learned variance
-    return info.colorimetry.matrix == GST_VIDEO_COLOR_MATRIX_SMPTE240M ? ColorMatrix::bt709
-                                                                       : ColorMatrix::bt601;
+  default:
+    return ColorMatrix::bt601;
   }
 }
 
@@ -43,10 +44,8 @@ constexpr guint longest_side = 32767; // maximum side of the core
 } // namespace
 
 std::optional<PixelFormat> pixel_format_of(GstVideoFormat format) {
-  for (int i = 0; i < pixel_format_count; ++i)
-    if (formats[i] == format)
-      return static_cast<PixelFormat>(i);
-  return std::nullopt;
+  const auto* found = std::ranges::find(formats, format);
+  return found == std::end(formats) ? std::nullopt : std::optional(static_cast<PixelFormat>(found - formats));
 }
 
 GstVideoFormat gst_format_of(PixelFormat format) {
