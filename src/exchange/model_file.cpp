@@ -228,35 +228,6 @@ TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
   return {std::move(terrain), {}};
 }
 
-std::string write_file_atomically(const std::string& name, std::span<const std::uint8_t> bytes) {
-  if (name.empty())
-    return "cannot write: the path is empty";
-  int error = 0;
-  const std::string path = through_links(name, error);
-  if (error != 0)
-    return cause("cannot write", name, error);
-  struct stat old {};
-  const bool replaces = ::stat(path.c_str(), &old) == 0;
-  if (const std::string kind = replaces ? kind_that_is_no_file(old) : ""; !kind.empty())
-    return no_file("cannot write", name, kind);
-  std::string temporary;
-  Descriptor fd = create_beside(path, temporary);
-  if (fd.get() < 0)
-    return cause("cannot create a temporary file beside", path, errno);
-  if (write_all(fd.get(), bytes) != 0 || (replaces && ::fchmod(fd.get(), old.st_mode & 07777) != 0) ||
-      ::fsync(fd.get()) != 0 || fd.close() != 0 || ::rename(temporary.c_str(), path.c_str()) != 0) {
-    std::string why = cause("cannot write", path, errno);
-    ::unlink(temporary.c_str());
-    return why;
-  }
-  // fsync of the folder, so that the rename reaches the disk.
-  const std::size_t slash = path.rfind('/');
-  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
-  if (const Descriptor dir(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)); dir.get() >= 0)
-    ::fsync(dir.get());
-  return {};
-}
-
 TerrainResult load_terrain(const std::string& path) {
   // O_NONBLOCK: opening a pipe must not wait for a writer.
   Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
@@ -283,8 +254,34 @@ TerrainResult load_terrain(const std::string& path) {
   return result;
 }
 
-std::string save_terrain(const std::string& path, const Terrain& terrain) {
-  return write_file_atomically(path, serialize_terrain(terrain));
+std::string save_terrain(const std::string& name, const Terrain& terrain) {
+  if (name.empty())
+    return "cannot write: the path is empty";
+  int error = 0;
+  const std::string path = through_links(name, error);
+  if (error != 0)
+    return cause("cannot write", name, error);
+  struct stat old {};
+  const bool replaces = ::stat(path.c_str(), &old) == 0;
+  if (const std::string kind = replaces ? kind_that_is_no_file(old) : ""; !kind.empty())
+    return no_file("cannot write", name, kind);
+  const std::vector<std::uint8_t> bytes = serialize_terrain(terrain);
+  std::string temporary;
+  Descriptor fd = create_beside(path, temporary);
+  if (fd.get() < 0)
+    return cause("cannot create a temporary file beside", path, errno);
+  if (write_all(fd.get(), bytes) != 0 || (replaces && ::fchmod(fd.get(), old.st_mode & 07777) != 0) ||
+      ::fsync(fd.get()) != 0 || fd.close() != 0 || ::rename(temporary.c_str(), path.c_str()) != 0) {
+    std::string why = cause("cannot write", path, errno);
+    ::unlink(temporary.c_str());
+    return why;
+  }
+  // fsync of the folder, so that the rename reaches the disk.
+  const std::size_t slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
+  if (const Descriptor dir(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)); dir.get() >= 0)
+    ::fsync(dir.get());
+  return {};
 }
 
 } // namespace terrainseg

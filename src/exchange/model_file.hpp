@@ -43,15 +43,13 @@ std::vector<std::uint8_t> serialize_terrain(const Terrain& terrain);
 /// Reads the output of serialize_terrain(). Refuses foreign, truncated, damaged and newer files.
 TerrainResult parse_terrain(std::span<const std::uint8_t> bytes);
 
-/// Replaces a file atomically, also if the machine loses power: writes a temporary file in the same folder,
-/// then fsync and rename. If `path` is a symbolic link, its target is replaced. Refuses paths that are not
-/// regular files (devices, pipes). Returns the error; empty on success.
-std::string write_file_atomically(const std::string& path, std::span<const std::uint8_t> bytes);
-
 /// parse_terrain() of a regular file. The error contains the path.
 TerrainResult load_terrain(const std::string& path);
 
-/// Writes the output of serialize_terrain() atomically. Returns the error; empty on success.
+/// Writes the output of serialize_terrain(). Replaces a file atomically, also if the machine loses power:
+/// writes a temporary file in the same folder, then fsync and rename. If `path` is a symbolic link, its
+/// target is replaced. Refuses paths that are not regular files (devices, pipes). Returns the error; empty on
+/// success.
 std::string save_terrain(const std::string& path, const Terrain& terrain);
 
 } // namespace terrainseg

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -156,10 +157,7 @@ inline void put_big(Bytes& out, std::uint64_t value, int bytes) {
 
 /// The number of bytes of a number without leading zeros, at least 1.
 inline int bytes_of(std::uint64_t value) {
-  int n = 1;
-  while (n < 8 && (value >> (8 * n)) != 0)
-    ++n;
-  return n;
+  return (std::bit_width(value | 1) + 7) / 8;
 }
 
 /// Appends a BER length: one byte below 128; otherwise 0x80 + the number of bytes, and the bytes.
@@ -192,10 +190,7 @@ class Cursor {
     left_ = left_.subspan(n);
     return front;
   }
-  std::uint8_t byte() {
-    const View one = take(1);
-    return one.empty() ? 0 : one[0];
-  }
+  std::uint8_t byte() { return static_cast<std::uint8_t>(big(1)); }
   std::uint64_t big(std::size_t n) {
     std::uint64_t value = 0;
     for (const std::uint8_t b : take(n))

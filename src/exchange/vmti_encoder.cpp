@@ -38,8 +38,7 @@ void put_text(Bytes& out, std::uint8_t tag, std::string_view text) {
 void put_number(Bytes& out, std::uint8_t tag, std::uint64_t value, int bytes = 0) {
   if (bytes == 0)
     bytes = bytes_of(value);
-  out.push_back(tag);
-  out.push_back(static_cast<std::uint8_t>(bytes));
+  put_head(out, tag, static_cast<std::size_t>(bytes));
   put_big(out, value, bytes);
 }
 
