@@ -131,12 +131,8 @@ GstFlowReturn draw(GstBaseTransform* transform, OverlayState& s, GstBuffer* buff
     report_unusable(transform, buffer, frame);
     return GST_FLOW_ERROR;
   }
-  const MutableFrame view = frame.mutable_view();
-  paint(view, reader.estimate(), style);
-  if (const MetricReader metres(buffer, s.settings.source.c_str()); metres)
-    paint_metres(view,
-                 s.drawing.make(reader.estimate(), metres.metric(), style.style, view.width, view.height),
-                 style);
+  const MetricReader metres(buffer, s.settings.source.c_str());
+  s.drawing.draw(frame.mutable_view(), reader.estimate(), metres ? &metres.metric() : nullptr, style);
   return GST_FLOW_OK;
 }
 

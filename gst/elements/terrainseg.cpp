@@ -51,7 +51,7 @@ struct Streaming {
   MetricStage metres;     ///< its poses come from any thread: it locks them by itself
   std::string shape_flaw; ///< of the calibration, for the frames of these caps; waits for the first
   MetricWriter metre_writer;
-  MetricDrawing metre_drawing;
+  MetricDrawing drawing;
   std::optional<GstClockTime> start_utc; ///< of start-time
   Announcer announcer;
   Summary summary;
@@ -270,7 +270,7 @@ gboolean start(GstBaseTransform* transform) {
         !read_model_location(transform, s.settings.values().model_location) || !start_metres(transform, s))
       return FALSE;
     s.fresh = true;
-    s.announcer.reset();
+    s.announcer = {};
     s.told = {};
     s.colours = {};
     s.summary = {};
@@ -479,17 +479,6 @@ void note_times(gpointer object, const Outcome& outcome, bool supplied,
                  e.frame, e.flags, e.model_generation, e.horizon_row, e.traversable_permille, took / 1000);
 }
 
-void draw(const MappedFrame& mapped, Streaming& s, const Outcome& outcome) {
-  const PaintStyle style = s.settings.values().drawing.paint();
-  const MutableFrame frame = mapped.mutable_view();
-  paint(frame, outcome.estimate, style);
-  if (outcome.metric)
-    paint_metres(
-        frame,
-        s.metre_drawing.make(outcome.estimate, *outcome.metric, style.style, frame.width, frame.height),
-        style);
-}
-
 /// Runs the segmenter into the buffers of `outcome`.
 Status run(GstBaseTransform* transform, GstBuffer* buffer, const Frame& frame, const Supervision& supervision,
            const Veto& veto, const MaskTarget& target, guint8* boundary, Outcome& outcome) {
@@ -542,7 +531,7 @@ bool label(GstBaseTransform* transform, GstBuffer* buffer, const MappedFrame& ma
     return fail(transform, status);
   outcome.metric = s.metres.measure(outcome.estimate, running_time, set.range_max);
   if (set.overlay)
-    draw(mapped, s, outcome);
+    s.drawing.draw(mapped.mutable_view(), outcome.estimate, outcome.metric, set.drawing.paint());
 #ifdef TERRAINSEG_ANALYTICS
   if (set.analytics && !s.analytics.attach(buffer, outcome.estimate))
     GST_WARNING_OBJECT(transform, "the GstAnalytics metadata could not be attached");
@@ -559,7 +548,7 @@ void post_message(GstBaseTransform* transform, Streaming& s, GstBuffer* buffer, 
                         ("window %dx%d at %d,%d", estimate.window.width, estimate.window.height,
                          estimate.window.x, estimate.window.y));
   if (!s.settings.values().post_messages) {
-    s.announcer.reset();
+    s.announcer = {};
     return;
   }
   if (const auto news = s.announcer.consider(estimate, GST_BUFFER_PTS(buffer)))

@@ -190,4 +190,11 @@ MetricMarks MetricDrawing::make(const Estimate& e, const MetricEstimate& m, Over
   return out;
 }
 
+void MetricDrawing::draw(const MutableFrame& frame, const Estimate& e, const MetricEstimate* m,
+                         const PaintStyle& style) {
+  paint(frame, e, style);
+  if (m)
+    paint_metres(frame, make(e, *m, style.style, frame.width, frame.height), style);
+}
+
 } // namespace terrainseg

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Computes the marks and the map that show metres on a frame.
+// Draws an estimate on a frame, with marks and a map that show its metres.
 #pragma once
 
 #include <array>
@@ -14,14 +14,15 @@ namespace terrainseg {
 /// Keeps its buffers: allocates only when sizes change.
 class MetricDrawing {
  public:
-  /// Returns the marks for a frame of that size, valid until the next call. With a map only in the style for
-  /// it.
-  MetricMarks make(const Estimate& estimate, const MetricEstimate& metric, OverlayStyle style,
-                   int frame_width, int frame_height);
+  /// `metric` is nullptr if there are no metres. A map of them only in the style for it.
+  void draw(const MutableFrame& frame, const Estimate& estimate, const MetricEstimate* metric,
+            const PaintStyle& style);
 
  private:
   static constexpr std::size_t bins = 1024; ///< directions of the half circle ahead
 
+  MetricMarks make(const Estimate& estimate, const MetricEstimate& metric, OverlayStyle style,
+                   int frame_width, int frame_height);
   void add(const MetricMark& mark);
   void add_ticks(const Estimate& estimate, const MetricEstimate& metric, int width, int height);
   void add_boundary(const Estimate& estimate, const MetricEstimate& metric, int width, int height);

@@ -64,8 +64,6 @@ class Announcer {
       return std::nullopt;
     return tell(next, timestamp);
   }
-  /// The next frame is reported in any case.
-  void reset() { told_.reset(); }
 
  private:
   std::optional<News> tell(const News& news, GstClockTime timestamp) {
