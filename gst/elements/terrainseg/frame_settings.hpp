@@ -73,9 +73,6 @@ class FrameSettings {
                          error->reason.c_str()));
       return false;
     }
-    configured_sequence_ = sequence_;
-    configured_learnable_ = true;
-    fitted_sequence_ = 0;
     misfit_.again();
     line_.again();
     return true;
@@ -96,13 +93,12 @@ class FrameSettings {
   /// Gives the segmenter its settings when they changed. A frame that is not learnable is scored all the
   /// same.
   void configure(Segmenter& segmenter, bool learnable) {
-    if (configured_sequence_ == sequence_ && configured_learnable_ == learnable)
+    if (configured_ == learnable)
       return;
     Settings wanted = fitted_;
     wanted.learning = wanted.learning && learnable;
     segmenter.configure(wanted);
-    configured_sequence_ = sequence_;
-    configured_learnable_ = learnable;
+    configured_ = learnable;
   }
 
  private:
@@ -114,6 +110,7 @@ class FrameSettings {
     if (error)
       return error;
     values_ = shared.book.settings();
+    request_.reset(); // not fitted yet
     const std::string unused = shared.book.take_unused();
     lock.unlock();
     warn_unused(element, unused, values_.core.free_space);
@@ -128,11 +125,10 @@ class FrameSettings {
     const Settings& set = values_.core;
     const WindowRequest request{
         set.window_width, set.window_height, set.window_bottom, set.window_x, width, height};
-    if (fitted_sequence_ == sequence_ && request_ == request)
+    if (request_ == request)
       return;
-    fitted_sequence_ = sequence_;
     request_ = request;
-    configured_sequence_ = 0; // the segmenter has older ones
+    configured_.reset();
     fitted_ = with_fitting_window(set, width, height);
     if (fitted_ != set && misfit_.first(request))
       TERRAINSEG_POST_WARNING(
@@ -151,12 +147,10 @@ class FrameSettings {
   }
 
   ElementSettings values_;
-  std::uint64_t sequence_ = 0;            ///< of values_
-  Settings fitted_;                       ///< with a window that fits the frame
-  std::uint64_t fitted_sequence_ = 0;     ///< of the settings that it was made from
-  std::optional<WindowRequest> request_;  ///< that it was made from
-  std::uint64_t configured_sequence_ = 0; ///< of the settings that the segmenter has
-  bool configured_learnable_ = true;      ///< whether they let it learn
+  std::uint64_t sequence_ = 0;           ///< of values_
+  Settings fitted_;                      ///< with a window that fits the frame
+  std::optional<WindowRequest> request_; ///< that it was made from; nothing: of older values
+  std::optional<bool> configured_;       ///< the segmenter has it, and whether it may learn
   Once<WindowRequest> misfit_;
   Once<std::pair<int, int>> line_; ///< row and height of a vanishing line below the frame
 };

@@ -24,7 +24,7 @@ double rounded_angle(double value) {
 std::optional<SettingsError> MetricStage::start(const std::string& camera_info, const std::string& mount) {
   camera_.reset();
   mount_.reset();
-  fits_ = false;
+  frame_camera_.reset();
   result_.fan = {};
   monitor_.clear();
   std::fill(std::begin(told_), std::end(told_), false);
@@ -38,16 +38,15 @@ std::optional<SettingsError> MetricStage::start(const std::string& camera_info, 
 }
 
 std::string MetricStage::fit(int width, int height) {
-  fits_ = false;
-  if (!is_calibrated())
+  frame_camera_.reset();
+  if (!camera_ || !mount_)
     return {};
   if (camera_->whole_width > 0 && width == camera_->whole_width && height == camera_->whole_height)
     return "the calibration's roi is a part of the picture and these frames have the size of the whole: "
            "remove roi from the calibration";
   // A picture that was scaled as a whole, its sides rounded to pixels.
   const std::int64_t a = std::int64_t{width} * camera_->height, b = std::int64_t{height} * camera_->width;
-  fits_ = std::abs(a - b) <= std::max(camera_->width, camera_->height);
-  if (fits_) {
+  if (std::abs(a - b) <= std::max(camera_->width, camera_->height)) {
     frame_camera_ = metric::scaled(*camera_, width, height);
     return {};
   }
@@ -88,11 +87,11 @@ void MetricStage::flush() {
 }
 
 std::optional<std::int32_t> MetricStage::vanishing_row(GstClockTime running_time) {
-  if (!is_calibrated() || !fits_)
+  if (!frame_camera_)
     return std::nullopt;
   bool posed = false;
   const auto mount = attitude(running_time, posed);
-  return mount ? metric::vanishing_row_q8(*mount, frame_camera_) : std::nullopt;
+  return mount ? metric::vanishing_row_q8(*mount, *frame_camera_) : std::nullopt;
 }
 
 const MetricEstimate* MetricStage::refuse(Notice why) {
@@ -116,7 +115,7 @@ std::optional<metric::Mount> MetricStage::attitude(GstClockTime running_time, bo
 }
 
 const MetricEstimate* MetricStage::measure(const Estimate& e, GstClockTime running_time, double range_max) {
-  if (!is_calibrated() || !fits_ || e.boundary.empty())
+  if (!frame_camera_ || e.boundary.empty())
     return nullptr;
   bool posed = false;
   const auto mount = attitude(running_time, posed);

@@ -24,8 +24,6 @@ class MetricStage {
   /// Resets the stage and reads the files of camera-info and mount (or a mount such as `height=..,pitch=..`);
   /// empty = none.
   std::optional<SettingsError> start(const std::string& camera_info, const std::string& mount);
-  /// Whether both were read.
-  bool is_calibrated() const { return camera_ && mount_; }
   /// Sets the size of the frames. When the calibration does not fit them there are no ranges, and the result
   /// is the reason as the rest of a sentence; otherwise it is empty.
   std::string fit(int width, int height);
@@ -54,8 +52,7 @@ class MetricStage {
 
   std::optional<metric::Camera> camera_;
   std::optional<metric::Mount> mount_;
-  bool fits_ = false;
-  metric::Camera frame_camera_; ///< for the frames that fit
+  std::optional<metric::Camera> frame_camera_; ///< for frames that both are there for, and that fit
   metric::FreeSpaceRanges ranges_;
   metric::HorizonMonitor monitor_;
   MetricEstimate result_;
