@@ -10,6 +10,21 @@
 #include "terrainseg/settings_table.hpp"
 
 namespace terrainseg {
+
+void put_regions(const std::vector<Rectangle>& regions, GValue* array) {
+  for (const Rectangle& r : regions) {
+    GValue inner = G_VALUE_INIT;
+    g_value_init(&inner, GST_TYPE_ARRAY);
+    for (int number : {r.x, r.y, r.width, r.height}) {
+      GValue value = G_VALUE_INIT;
+      g_value_init(&value, G_TYPE_INT);
+      g_value_set_int(&value, number);
+      gst_value_array_append_and_take_value(&inner, &value);
+    }
+    gst_value_array_append_and_take_value(array, &inner);
+  }
+}
+
 namespace {
 
 // ---- enumerations ----------------------------------------------------------------------------------------
@@ -54,9 +69,53 @@ GType stages_type() {
 
 // ---- the tables ------------------------------------------------------------------------------------------
 
-/// The element's own, which no preset touches.
+std::span<const Setting> rows() {
+  return setting_table();
+}
+
+guint stages_of(const Settings& settings) {
+  guint flags = 0, bit = 1;
+  for (const Setting& setting : rows())
+    if (setting.stage) {
+      flags |= setting.get(settings) ? bit : 0;
+      bit <<= 1;
+    }
+  return flags;
+}
+
+const Field<ElementSettings> stages_field = {
+    .spec =
+        [](const Property<ElementSettings>& p) {
+          return g_param_spec_flags(p.name, p.nick, p.blurb, stages_type(), stages_of(Settings{}), p.flags);
+        },
+    .get = [](const ElementSettings& s, GValue* value) { g_value_set_flags(value, stages_of(s.core)); }};
+const Field<ElementSettings> regions_field = {
+    .spec =
+        [](const Property<ElementSettings>& p) {
+          return gst_param_spec_array(p.name, p.nick, p.blurb, nullptr, p.flags);
+        },
+    .get = [](const ElementSettings& s, GValue* value) { put_regions(s.core.ignore_regions, value); }};
+
+/// The rows of own_table that are more than a field.
+enum Special : guint { special_preset, special_stages, special_window_rect, special_ignore_regions };
+
+/// The element's own.
 constexpr auto drawing = overlay_rows<&ElementSettings::drawing>();
 const Property<ElementSettings> own_table[] = {
+    {"preset", "Preset",
+     "Chooses the pipeline and the values of all settings that are not set explicitly (not of drawing, "
+     "ranges and files)",
+     property_playing, field<&ElementSettings::preset>("GstTerrainSegPreset", presets)},
+    {"stages", "Stages", "Stages of the default pipeline that run (not used with preset=paper)",
+     property_playing, stages_field},
+    {"window-rect", "Window rectangle",
+     "Training window as x,y,w,h in fractions of the frame, for frames of any size; empty = window-width, "
+     "window-height, window-bottom and window-x in pixels",
+     property_playing, field<&ElementSettings::window_rect>()},
+    {"ignore-regions", "Ignore regions",
+     "Rectangles <<x, y, width, height>, ...> in pixels to exclude from learning and scoring, such as a "
+     "bonnet or burnt-in text",
+     property_playing, regions_field},
     drawing[0],
     drawing[1],
     drawing[2],
@@ -100,26 +159,12 @@ const Property<ElementSettings> own_table[] = {
 #endif
 };
 
-std::span<const Setting> rows() {
-  return setting_table();
-}
-
-/// Ids in this order: the core's rows, these, the element's own.
-enum Special : guint {
-  special_preset,
-  special_stages,
-  special_window_rect,
-  special_ignore_regions,
-  specials
-};
+// Ids in this order: the core's rows from 1 on, the element's own.
 guint row_count() {
   return static_cast<guint>(rows().size());
 }
 guint id_of(Special special) {
   return row_count() + 1 + special;
-}
-guint first_own_id() {
-  return row_count() + 1 + specials;
 }
 bool is_row(guint id) {
   return id >= 1 && id <= row_count();
@@ -128,16 +173,8 @@ const Setting& row_of(guint id) {
   return rows()[id - 1];
 }
 const Field<ElementSettings>& own_of(guint id) {
-  return own_table[id - first_own_id()].field;
+  return own_table[id - row_count() - 1].field;
 }
-
-// Ids begin at 1, and a release of GStreamer with GstAnalytics has one property more.
-#define TERRAINSEG_SETTING(...) 1,
-constexpr int one_for_each_row[] = {
-#include "terrainseg/settings.def"
-};
-#undef TERRAINSEG_SETTING
-static_assert(std::size(one_for_each_row) + specials + std::size(own_table) < SettingsBook::capacity);
 
 /// By id; filled once, when the class is made.
 std::array<GParamSpec*, SettingsBook::capacity> specs;
@@ -201,16 +238,6 @@ std::int64_t kept(const Setting& setting, const GValue* value) {
   return g_value_get_int64(&number);
 }
 
-guint stages_of(const Settings& settings) {
-  guint flags = 0, bit = 1;
-  for (const Setting& setting : rows())
-    if (setting.stage) {
-      flags |= setting.get(settings) ? bit : 0;
-      bit <<= 1;
-    }
-  return flags;
-}
-
 // ---- ignore-regions --------------------------------------------------------------------------------------
 
 constexpr int longest_side = 32767;
@@ -247,48 +274,12 @@ constexpr const char* regions_rule =
 
 } // namespace
 
-void put_regions(const std::vector<Rectangle>& regions, GValue* array) {
-  for (const Rectangle& r : regions) {
-    GValue inner = G_VALUE_INIT;
-    g_value_init(&inner, GST_TYPE_ARRAY);
-    for (int number : {r.x, r.y, r.width, r.height}) {
-      GValue value = G_VALUE_INIT;
-      g_value_init(&value, G_TYPE_INT);
-      g_value_set_int(&value, number);
-      gst_value_array_append_and_take_value(&inner, &value);
-    }
-    gst_value_array_append_and_take_value(array, &inner);
-  }
-}
-
 // ---- the class -------------------------------------------------------------------------------------------
 
 void SettingsBook::install(GObjectClass* object_class) {
-  const auto add = [object_class](guint id, GParamSpec* spec) {
-    g_object_class_install_property(object_class, id, spec);
-  };
   for (guint i = 0; i < row_count(); ++i)
-    add(i + 1, spec_of(rows()[i]));
-  add(id_of(special_preset), g_param_spec_enum("preset", "Preset",
-                                               "Chooses the pipeline and the values of all settings that are "
-                                               "not set explicitly (not of drawing, ranges and files)",
-                                               choice_type("GstTerrainSegPreset", presets),
-                                               static_cast<int>(Preset::standard), property_playing));
-  add(id_of(special_stages),
-      g_param_spec_flags("stages", "Stages",
-                         "Stages of the default pipeline that run (not used with preset=paper)",
-                         stages_type(), stages_of(Settings{}), property_playing));
-  add(id_of(special_window_rect),
-      g_param_spec_string("window-rect", "Window rectangle",
-                          "Training window as x,y,w,h in fractions of the frame, for frames of any size; "
-                          "empty = window-width, window-height, window-bottom and window-x in pixels",
-                          nullptr, property_playing));
-  add(id_of(special_ignore_regions),
-      gst_param_spec_array("ignore-regions", "Ignore regions",
-                           "Rectangles <<x, y, width, height>, ...> in pixels to exclude from learning and "
-                           "scoring, such as a bonnet or burnt-in text",
-                           nullptr, property_playing));
-  install_table(object_class, first_own_id(), own_table);
+    g_object_class_install_property(object_class, i + 1, spec_of(rows()[i]));
+  install_table(object_class, row_count() + 1, own_table);
 
   guint count = 0;
   g_autofree GParamSpec** all = g_object_class_list_properties(object_class, &count);
@@ -298,7 +289,7 @@ void SettingsBook::install(GObjectClass* object_class) {
 }
 
 guint SettingsBook::last_id() {
-  return first_own_id() + static_cast<guint>(std::size(own_table)) - 1;
+  return row_count() + static_cast<guint>(std::size(own_table));
 }
 
 void SettingsBook::notify(gpointer object, const Ids& changed) {
@@ -325,7 +316,7 @@ std::array<double, SettingsBook::capacity> SettingsBook::shown() const {
                      ? as_set_[id]
                      : static_cast<double>(row.get(settings_.core)) / row.scale;
   }
-  values[id_of(special_preset)] = static_cast<double>(preset_);
+  values[id_of(special_preset)] = static_cast<double>(settings_.preset);
   values[id_of(special_stages)] = stages_of(settings_.core);
   return values;
 }
@@ -352,14 +343,19 @@ void SettingsBook::apply(guint id, const GValue* value, Layer layer) {
     if (row.kind == SettingKind::fraction)
       as_set_[id] = g_value_get_double(value);
     row.set(settings_.core, kept(row, value));
-  } else if (id == id_of(special_preset))
-    choose_preset(static_cast<Preset>(g_value_get_enum(value)));
-  else if (id == id_of(special_window_rect))
-    set_window_rect(g_value_get_string(value));
-  else if (id == id_of(special_ignore_regions))
-    set_ignore_regions(value);
-  else
-    own_of(id).set(settings_, value);
+  } else
+    store(id, value);
+}
+
+/// One of own_table, but not the stages.
+void SettingsBook::store(guint id, const GValue* value) {
+  if (id == id_of(special_ignore_regions))
+    return set_ignore_regions(value);
+  own_of(id).set(settings_, value);
+  if (id == id_of(special_preset))
+    choose_preset();
+  if (id == id_of(special_window_rect))
+    rect_error_ = parse_window_rect(settings_.window_rect, settings_.core.window_rect_q16);
 }
 
 void SettingsBook::apply_stages(guint flags, Layer layer) {
@@ -380,18 +376,12 @@ void SettingsBook::set_near_clear(bool clear) {
   explicit_.set(id_named("near-clear"));
 }
 
-void SettingsBook::choose_preset(Preset preset) {
-  preset_ = preset;
-  const Settings fresh = Settings::of(preset);
+void SettingsBook::choose_preset() {
+  const Settings fresh = Settings::of(settings_.preset);
   settings_.core.power_of_two_window = fresh.power_of_two_window;
   for (guint id = 1; id <= row_count(); ++id)
     if (!pinned().test(id))
       row_of(id).set(settings_.core, row_of(id).get(fresh));
-}
-
-void SettingsBook::set_window_rect(const char* text) {
-  window_rect_ = text ? text : "";
-  rect_error_ = parse_window_rect(window_rect_, settings_.core.window_rect_q16);
 }
 
 void SettingsBook::set_ignore_regions(const GValue* value) {
@@ -435,25 +425,17 @@ bool SettingsBook::unset(const char* name, Ids& changed) {
 void SettingsBook::give_back(guint id) {
   explicit_.reset(id);
   from_file_.reset(id);
-  const ElementSettings fresh;
   if (is_row(id)) {
-    row_of(id).set(settings_.core, row_of(id).get(Settings::of(preset_)));
-  } else if (id == id_of(special_preset)) {
-    choose_preset(Preset::standard);
+    row_of(id).set(settings_.core, row_of(id).get(Settings::of(settings_.preset)));
   } else if (id == id_of(special_stages)) {
     for (guint row = 1; row <= row_count(); ++row)
       if (row_of(row).stage)
         give_back(row);
-  } else if (id == id_of(special_window_rect)) {
-    set_window_rect(nullptr);
-  } else if (id == id_of(special_ignore_regions)) {
-    settings_.core.ignore_regions.clear();
-    regions_error_.reset();
   } else {
     g_auto(GValue) value = G_VALUE_INIT;
     g_value_init(&value, specs[id]->value_type);
-    own_of(id).get(fresh, &value);
-    own_of(id).set(settings_, &value);
+    g_param_value_set_default(specs[id], &value);
+    store(id, &value);
   }
 }
 
@@ -541,14 +523,6 @@ bool SettingsBook::get(guint id, GValue* value) const {
       g_value_set_double(value, shown()[id]);
     else
       g_value_transform(&number, value);
-  } else if (id == id_of(special_preset)) {
-    g_value_set_enum(value, static_cast<int>(preset_));
-  } else if (id == id_of(special_stages)) {
-    g_value_set_flags(value, stages_of(settings_.core));
-  } else if (id == id_of(special_window_rect)) {
-    g_value_set_string(value, window_rect_.empty() ? nullptr : window_rect_.c_str());
-  } else if (id == id_of(special_ignore_regions)) {
-    put_regions(settings_.core.ignore_regions, value);
   } else {
     own_of(id).get(settings_, value);
   }

@@ -38,6 +38,8 @@ SettingsFile read_settings_file(const std::string& path);
 /// Everything the streaming thread looks at, as one value that is copied when it changed.
 struct ElementSettings {
   Settings core;
+  Preset preset = Preset::standard;
+  std::string window_rect; ///< as it was set; the core has it in fixed point
   bool overlay = false;
   OverlaySettings drawing;
   bool post_messages = false;
@@ -95,19 +97,17 @@ class SettingsBook {
   Ids pinned() const { return explicit_ | from_file_; }
   void apply(guint id, const GValue* value, Layer layer);
   void apply_stages(guint flags, Layer layer);
-  void choose_preset(Preset preset);
+  void store(guint id, const GValue* value);
+  void choose_preset();
   void set_ignore_regions(const GValue* value);
-  void set_window_rect(const char* text);
   void give_back(guint id);
   std::optional<SettingsError> apply_entry(const SettingsFile::Entry& entry);
 
   ElementSettings settings_;
-  Preset preset_ = Preset::standard;
   Ids explicit_;                          ///< set by the user, whatever file and preset say
   Ids from_file_;                         ///< set by the settings file, whatever the preset says
   Ids told_;                              ///< by take_unused()
   std::array<double, capacity> as_set_{}; ///< fractions as they were set, which fixed point would round
-  std::string window_rect_;               ///< as it was set
   std::optional<SettingsError> regions_error_, rect_error_;
   std::uint64_t sequence_ = 1;
 };
