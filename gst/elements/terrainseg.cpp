@@ -95,17 +95,11 @@ GST_ELEMENT_REGISTER_DEFINE(terrainseg, "terrainseg", GST_RANK_NONE, gst_terrain
 
 namespace {
 
-GstTerrainSeg* self_of(gpointer object) {
-  return reinterpret_cast<GstTerrainSeg*>(object);
-}
 Shared& shared_of(gpointer object) {
-  return self_of(object)->state->shared;
+  return reinterpret_cast<GstTerrainSeg*>(object)->state->shared;
 }
 Streaming& streaming_of(gpointer object) {
-  return self_of(object)->state->streaming;
-}
-ColorSpace space_of(const GstVideoInfo& info) {
-  return {GST_VIDEO_INFO_IS_RGB(&info) != 0, colorimetry_of(info)};
+  return reinterpret_cast<GstTerrainSeg*>(object)->state->streaming;
 }
 
 // ---- properties and signals ------------------------------------------------------------------------------
@@ -348,7 +342,8 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
         report_interlaced(transform, ("interlace-mode=" + mode).c_str());
       return FALSE;
     }
-    const ColorSpace space = learning_space(s.settings.values().core, space_of(info));
+    const ColorSpace space =
+        learning_space(s.settings.values().core, {GST_VIDEO_INFO_IS_RGB(&info) != 0, colorimetry_of(info)});
     if (!check_terrain(transform, s, space, caps))
       return FALSE;
     s.shape_flaw = s.metres.fit(GST_VIDEO_INFO_WIDTH(&info), GST_VIDEO_INFO_HEIGHT(&info));

@@ -12,20 +12,17 @@
 namespace terrainseg {
 namespace {
 
-bool get(const GstStructure* fields, const char* name, int& value) {
-  return gst_structure_get_int(fields, name, &value);
-}
-
 void rescale_length(GstStructure* fields, const char* name, Axis axis) {
   int length = 0;
-  if (get(fields, name, length) && length > 0)
+  if (gst_structure_get_int(fields, name, &length) && length > 0)
     gst_structure_set(fields, name, G_TYPE_INT, axis.edge(length), nullptr);
 }
 
 void rescale_span(GstStructure* fields, const char* position_name, const char* length_name, Axis axis) {
   int position = 0, length = 0;
-  if (!get(fields, position_name, position) || !get(fields, length_name, length) || position < 0 ||
-      length < 0 || length > G_MAXINT - position)
+  if (!gst_structure_get(fields, position_name, G_TYPE_INT, &position, length_name, G_TYPE_INT, &length,
+                         nullptr) ||
+      position < 0 || length < 0 || length > G_MAXINT - position)
     return;
   const int start = axis.edge(position), end = axis.edge(position + length);
   gst_structure_set(fields, position_name, G_TYPE_INT, start, length_name, G_TYPE_INT, end - start, nullptr);
@@ -33,7 +30,7 @@ void rescale_span(GstStructure* fields, const char* position_name, const char* l
 
 void rescale_horizon(GstStructure* fields, Axis y) {
   int row = 0;
-  if (get(fields, "horizon-row", row) && row >= 0)
+  if (gst_structure_get_int(fields, "horizon-row", &row) && row >= 0)
     gst_structure_set(fields, "horizon-row", G_TYPE_INT, y.row(row), nullptr);
   double line = 0;
   if (gst_structure_get_double(fields, "vanishing-row", &line) && line >= 0)
@@ -57,7 +54,7 @@ void rescale_boundary(GstStructure* fields, int old_height, int new_height, Axis
 void rescale(GstStructure* fields, Axis x, Axis y) {
   rescale_horizon(fields, y);
   int old_height = 0;
-  if (!get(fields, "frame-height", old_height))
+  if (!gst_structure_get_int(fields, "frame-height", &old_height))
     return; // metres, truth, training and vetoed pixels do not contain rows
   rescale_length(fields, "frame-width", x);
   rescale_length(fields, "frame-height", y);

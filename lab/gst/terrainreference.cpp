@@ -23,7 +23,6 @@
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"
 #include "support/warnings.hpp"
-#include "support/window_request.hpp"
 #include "terrainseg/settings.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainreference_debug);

@@ -12,13 +12,21 @@
 namespace terrainseg {
 namespace {
 
+/// The caller notifies when the lock is free again.
+void set(GstElement* element, Shared& shared, const char* name, const GValue* value)
+    TERRAINSEG_REQUIRES(shared.mutex) {
+  const GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), name);
+  SettingsBook::Ids changed; // what the caller sets, and nothing else
+  shared.book.set(spec->param_id, value, changed);
+}
+
 const char* take_near(GstElement* element, Shared& shared, const GstStructure* fields) {
-  gboolean clear = FALSE;
-  if (!gst_structure_get_boolean(fields, "clear", &clear))
+  const GValue* clear = gst_structure_get_value(fields, "clear");
+  if (!clear || !G_VALUE_HOLDS_BOOLEAN(clear))
     return "it lacks the boolean field \"clear\"";
   {
     const Lock lock(shared.mutex);
-    shared.book.set_near_clear(clear);
+    set(element, shared, "near-clear", clear);
   }
   g_object_notify(G_OBJECT(element), "near-clear");
   return nullptr;
@@ -28,14 +36,6 @@ const char* take_near(GstElement* element, Shared& shared, const GstStructure* f
 bool is_first_pose_flaw(Shared& shared) {
   const Lock lock(shared.mutex);
   return shared.pose_flaw.first();
-}
-
-/// The caller notifies when the lock is free again.
-void set(GstElement* element, Shared& shared, const char* name, const GValue* value)
-    TERRAINSEG_REQUIRES(shared.mutex) {
-  const GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), name);
-  SettingsBook::Ids changed; // what the caller sets, and nothing else
-  shared.book.set(spec->param_id, value, changed);
 }
 
 void post_region(GstElement* element, const char* kind, const Rectangle& r, bool removed) {

@@ -12,7 +12,6 @@
 #include "elements/terrainseg/settings_book.hpp"
 #include "elements/terrainseg/shared.hpp"
 #include "support/warnings.hpp"
-#include "support/window_request.hpp"
 #include "terrainseg/segmenter.hpp"
 
 namespace terrainseg {
@@ -40,14 +39,6 @@ inline bool read_file(GstElement* element, Shared& shared) {
                        file.path.c_str(), reason.c_str()),
                       ("property settings-location, value \"%s\": %s", file.path.c_str(), reason.c_str()));
   return reason.empty();
-}
-
-inline void warn_unused(GstElement* element, const std::string& names, bool free_space) {
-  if (!names.empty())
-    GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
-                        ("Properties without effect: %s. The %s pipeline does not use them.", names.c_str(),
-                         free_space ? "default" : "paper's"),
-                        ("properties %s", names.c_str()));
 }
 
 /// A snapshot of the book, its window fitted to the frame, and what of it the segmenter has. Used by the
@@ -113,7 +104,11 @@ class FrameSettings {
     request_.reset(); // not fitted yet
     const std::string unused = shared.book.take_unused();
     lock.unlock();
-    warn_unused(element, unused, values_.core.free_space);
+    if (!unused.empty())
+      GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
+                          ("Properties without effect: %s. The %s pipeline does not use them.",
+                           unused.c_str(), values_.core.free_space ? "default" : "paper's"),
+                          ("properties %s", unused.c_str()));
     return error;
   }
   bool is_current(Shared& shared) const {

@@ -370,12 +370,6 @@ void SettingsBook::apply_stages(guint flags, Layer layer) {
     }
 }
 
-void SettingsBook::set_near_clear(bool clear) {
-  ++sequence_;
-  settings_.core.near_clear = clear;
-  explicit_.set(id_named("near-clear"));
-}
-
 void SettingsBook::choose_preset() {
   const Settings fresh = Settings::of(settings_.preset);
   settings_.core.power_of_two_window = fresh.power_of_two_window;
@@ -407,13 +401,12 @@ bool SettingsBook::unset(const char* name, Ids& changed) {
   const guint only = name ? id_named(name) : 0;
   if (name && !only)
     return false;
-  const SettingsBook before = *this;
+  Ids others = pinned();
   changed |= changed_by([&] {
     for (guint id = only ? only : 1; id <= (only ? only : last_id()); ++id)
       give_back(id);
   });
   // Properties without a number are notified if they had been set.
-  Ids others = before.pinned();
   for (guint id = 1; id <= row_count(); ++id)
     others.reset(id);
   if (only)

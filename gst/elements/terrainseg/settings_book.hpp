@@ -72,7 +72,6 @@ class SettingsBook {
   /// False when there is no such property. Other properties that changed with it are added to `changed`.
   bool set(guint id, const GValue* value, Ids& changed);
   bool get(guint id, GValue* value) const;
-  void set_near_clear(bool clear);
   /// Gives a property back to the preset as if it had never been set; nullptr = all of them. False when there
   /// is none of that name.
   bool unset(const char* name, Ids& changed);
