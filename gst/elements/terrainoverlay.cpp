@@ -5,7 +5,6 @@
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
 #include "support/metric_drawing.hpp"
-#include "support/metric_meta.hpp"
 #include "support/overlay_properties.hpp"
 #include "support/transform.hpp"
 #include "support/video_frame.hpp"

@@ -21,7 +21,6 @@
 #include "support/estimate_meta.hpp"
 #include "support/meta.hpp"
 #include "support/metric_drawing.hpp"
-#include "support/metric_meta.hpp"
 #include "support/pixel_metas.hpp"
 #include "support/times.hpp"
 #include "support/transform.hpp"

@@ -15,7 +15,6 @@
 #include "support/calibration_files.hpp"
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/metric_meta.hpp"
 
 namespace terrainseg {
 

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Attaches an estimate to a buffer as metadata, and reads it.
+// Attaches an estimate and the boundary in metres to a buffer as metadata, and reads them.
 #pragma once
 
 #include <gst/gst.h>
 #include <gst/video/video.h>
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
 
+#include "exchange/metric_estimate.hpp"
 #include "support/buffers.hpp"
 #include "support/video_frame.hpp"
 #include "terrainseg/estimate.hpp"
@@ -32,18 +34,26 @@ GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height);
 GstBuffer* new_boundary_buffer(std::span<const std::uint16_t> rows);
 OwnedBuffer boundary_buffer(SmallPool& pool, std::span<const std::uint16_t> rows);
 
+/// Metadata that was read. Any program can write metadata, so it is validated.
+class MetaReader {
+ public:
+  /// Returns false if the buffer has no metadata, or invalid metadata: see error().
+  explicit operator bool() const { return valid_; }
+  /// The error in the metadata; nullptr if there is no metadata or it is valid.
+  const char* error() const { return error_; }
+
+ protected:
+  bool valid_ = false;
+  const char* error_ = nullptr;
+};
+
 /// Reads the metadata of a buffer. Holds references to and mappings of mask, boundary and confidence map, so
 /// estimate() is valid until it is destroyed, even if the buffer is freed earlier.
-class EstimateReader {
+class EstimateReader : public MetaReader {
  public:
   /// Reads the estimate of the filter with that name; "" = the last attached one of any filter.
   explicit EstimateReader(GstBuffer* buffer, const char* source = "");
 
-  /// Returns false if the buffer has no metadata, or invalid metadata: see error(). Any program can write
-  /// metadata, so it is validated.
-  explicit operator bool() const { return valid_; }
-  /// The error in the metadata; nullptr if there is no metadata or it is valid.
-  const char* error() const { return error_; }
   const Estimate& estimate() const { return estimate_; }
   GstBuffer* mask() const { return mask_ ? mask_->buffer() : nullptr; } ///< nullptr without a mask
   GstBuffer* boundary() const { return boundary_.buffer(); }            ///< nullptr without a boundary
@@ -54,8 +64,37 @@ class EstimateReader {
   Estimate estimate_;
   std::optional<MappedMask> mask_, confidence_map_;
   ValueReader<std::uint16_t> boundary_;
-  bool valid_ = false;
-  const char* error_ = nullptr;
+};
+
+/// Attaches metres to buffers, with pooled memory.
+class MetricWriter {
+ public:
+  /// Attaches `metric` to `buffer` (writable). Replaces a meta of the same `instance`, which must be a static
+  /// string; "" = no name. Returns false if the meta is not registered or memory is exhausted.
+  bool attach(GstBuffer* buffer, const MetricEstimate& metric, const char* instance = "");
+  void drop() { pool_.drop(); }
+
+ private:
+  SmallPool pool_;
+};
+
+/// Reads the metres of a buffer. Holds references and mappings, so metric() is valid until it is destroyed,
+/// even if the buffer is freed earlier.
+class MetricReader : public MetaReader {
+ public:
+  /// Reads the metres of the filter with that name; "" = the last attached ones of any filter.
+  explicit MetricReader(GstBuffer* buffer, const char* source = "");
+
+  const MetricEstimate& metric() const { return metric_; }
+
+ private:
+  const char* read(const GstStructure* fields);
+  const char* read_ticks(const GstStructure* fields);
+  const char* map(ValueReader<float>& column, GstBuffer* buffer, std::span<const float>& values);
+
+  MetricEstimate metric_;
+  std::array<ValueReader<float>, 5> columns_; ///< ranges, bearings, low, high, and the ticks
+  std::array<RangeTick, most_ticks> ticks_{};
 };
 
 } // namespace terrainseg

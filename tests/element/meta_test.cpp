@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "harness.hpp"
-#include "support/metric_meta.hpp"
 
 namespace terrainseg::test {
 namespace {

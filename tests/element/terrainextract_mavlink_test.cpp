@@ -9,7 +9,6 @@
 
 #include "exchange/mavlink_stream.hpp"
 #include "outlet_harness.hpp"
-#include "support/metric_meta.hpp"
 
 namespace terrainseg::test {
 namespace {

@@ -11,7 +11,6 @@
 #include <utility>
 
 #include "exchange/json_lines.hpp"
-#include "support/metric_meta.hpp"
 
 namespace terrainseg::test {
 namespace {

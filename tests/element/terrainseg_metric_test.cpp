@@ -9,7 +9,6 @@
 #include <numbers>
 
 #include "harness.hpp"
-#include "support/metric_meta.hpp"
 #include "support/times.hpp"
 
 namespace terrainseg::test {

@@ -12,7 +12,6 @@
 
 #include "element_input.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/metric_meta.hpp"
 #include "support/precision_time.hpp"
 
 namespace terrainseg::fuzz {

@@ -15,7 +15,6 @@
 #include "element_input.hpp"
 #include "support/elements.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/metric_meta.hpp"
 
 namespace {
 
