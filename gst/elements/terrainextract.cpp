@@ -432,8 +432,7 @@ GstBuffer* make_unit(ExtractState& s, GstBuffer* frame, const EstimateReader& re
   if (s.output == Output::klv)
     return make_klv(s, frame, reader);
   s.line.clear();
-  const std::int64_t pts =
-      GST_BUFFER_PTS_IS_VALID(frame) ? static_cast<std::int64_t>(GST_BUFFER_PTS(frame)) : -1;
+  const auto pts = static_cast<std::int64_t>(GST_BUFFER_PTS(frame)); // none is -1
   const MetricReader metres(frame, s.settings.source.c_str());
   if (metres.error())
     warn_once(s, metres.error());

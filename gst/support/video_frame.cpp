@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "support/element.hpp"
+#include "terrainseg/estimate.hpp"
 
 namespace terrainseg {
 namespace {
@@ -38,8 +39,6 @@ ColorMatrix matrix_of(const GstVideoInfo& info) {
     return ColorMatrix::bt601;
   }
 }
-
-constexpr guint longest_side = 32767; // maximum side of the core
 
 } // namespace
 
@@ -238,8 +237,8 @@ MappedMask::MappedMask(GstBuffer* buffer) : buffer_(gst_buffer_ref(buffer)) {
   GstVideoInfo info;
   if (!layout || layout->format != GST_VIDEO_FORMAT_GRAY8)
     error_ = "the mask is not GRAY8 with a GstVideoMeta";
-  else if (layout->width < 1 || layout->height < 1 || layout->width > longest_side ||
-           layout->height > longest_side)
+  else if (layout->width < 1 || layout->height < 1 || layout->width > longest_picture_side ||
+           layout->height > longest_picture_side)
     error_ = "the mask's sides must be 1..32767";
   else if (layout->stride[0] < 0 || static_cast<guint>(layout->stride[0]) < layout->width)
     error_ = "the mask's rows overlap or run backwards";

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <charconv>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <utility>
 
 #include "exchange/bytes.hpp"
@@ -50,23 +50,19 @@ template <class Values, class Put> void put_list(std::string& out, const Values&
   end_list(out);
 }
 
+constexpr std::uint64_t powers_of_ten[] = {1, 10, 100, 1000, 10'000, 100'000, 1'000'000};
+
 /// value / 10^decimals without trailing zeros.
 void put_decimal(std::string& out, std::uint64_t value, int decimals) {
-  std::uint64_t one = 1;
-  for (int i = 0; i < decimals; ++i)
-    one *= 10;
+  const std::uint64_t one = powers_of_ten[decimals];
   put(out, value / one);
-  std::uint64_t rest = value % one;
-  if (rest == 0)
+  if (value % one == 0)
     return;
-  char digits[20];
-  int n = decimals;
-  for (int i = decimals - 1; i >= 0; --i, rest /= 10)
-    digits[i] = static_cast<char>('0' + rest % 10);
-  while (digits[n - 1] == '0')
-    --n;
-  out += '.';
-  out.append(digits, static_cast<std::size_t>(n));
+  const std::size_t point = out.size();
+  put(out, one + value % one); // the digit in front of the decimals becomes the point
+  out[point] = '.';
+  while (out.back() == '0')
+    out.pop_back();
 }
 
 /// A number with 8 fraction bits, rounded to a thousandth.
@@ -145,10 +141,7 @@ void put_motion(std::string& out, const Estimate& e) {
 }
 
 void put_real(std::string& out, double value, int decimals) {
-  double one = 1;
-  for (int i = 0; i < decimals; ++i)
-    one *= 10;
-  const long long fixed = std::llround(value * one);
+  const long long fixed = std::llround(value * static_cast<double>(powers_of_ten[decimals]));
   put_signed(out, fixed < 0, static_cast<std::uint64_t>(std::abs(fixed)), decimals);
 }
 
@@ -195,16 +188,13 @@ void put_metric(std::string& out, const MetricEstimate& m) {
 } // namespace
 
 std::string utc_text(std::uint64_t nanoseconds) {
-  using namespace std::chrono;
-  const std::uint64_t micro = nanoseconds / 1000;
-  const std::uint64_t in_day = micro % 86'400'000'000u;
-  const year_month_day date{sys_days{days{static_cast<int>(micro / 86'400'000'000u)}}};
+  const auto seconds = static_cast<std::time_t>(nanoseconds / 1'000'000'000);
+  std::tm date{};
+  ::gmtime_r(&seconds, &date);
   char text[40];
-  std::snprintf(text, sizeof text, "%04d-%02u-%02uT%02u:%02u:%02u.%06uZ", static_cast<int>(date.year()),
-                static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()),
-                static_cast<unsigned>(in_day / 3'600'000'000u),
-                static_cast<unsigned>(in_day / 60'000'000u % 60),
-                static_cast<unsigned>(in_day / 1'000'000u % 60), static_cast<unsigned>(in_day % 1'000'000u));
+  const std::size_t end = std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%S", &date);
+  std::snprintf(text + end, sizeof text - end, ".%06uZ",
+                static_cast<unsigned>(nanoseconds / 1000 % 1'000'000));
   return text;
 }
 

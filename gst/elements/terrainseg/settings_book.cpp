@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "support/properties.hpp"
+#include "terrainseg/estimate.hpp"
 #include "terrainseg/settings_table.hpp"
 
 namespace terrainseg {
@@ -240,8 +241,6 @@ std::int64_t kept(const Setting& setting, const GValue* value) {
 
 // ---- ignore-regions --------------------------------------------------------------------------------------
 
-constexpr int longest_side = 32767;
-
 bool integers(const GValue* array, std::vector<int>& numbers) {
   for (guint i = 0; i < gst_value_array_get_size(array); ++i) {
     const GValue* value = gst_value_array_get_value(array, i);
@@ -384,8 +383,8 @@ void SettingsBook::set_ignore_regions(const GValue* value) {
   bool good = numbers_of(value, numbers);
   for (std::size_t i = 0; good && i + 3 < numbers.size(); i += 4) {
     const Rectangle r{numbers[i], numbers[i + 1], numbers[i + 2], numbers[i + 3]};
-    good = r.x >= 0 && r.y >= 0 && !r.empty() && r.x <= longest_side && r.y <= longest_side &&
-           r.width <= longest_side && r.height <= longest_side;
+    good = r.x >= 0 && r.y >= 0 && !r.empty() && r.x <= longest_picture_side && r.y <= longest_picture_side &&
+           r.width <= longest_picture_side && r.height <= longest_picture_side;
     regions.push_back(r);
   }
   regions_error_.reset();
