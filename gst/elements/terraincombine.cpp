@@ -117,15 +117,12 @@ struct CombineState {
   std::optional<Clock::time_point> warned TERRAINSEG_GUARDED_BY(mutex); ///< of a unit that was rejected
   GstFlowReturn flow TERRAINSEG_GUARDED_BY(mutex) = GST_FLOW_FLUSHING;  ///< of the last push
 
-  GstSegment video_segment; ///< the video's chain
-  GstSegment meta_segment;  ///< the units' chain
-  KlvUnit checked;          ///< the units' chain
-  UnitAttacher attacher;    ///< the task
+  GstSegment video_segment = in_time(); ///< the video's chain
+  GstSegment meta_segment = in_time();  ///< the units' chain
+  KlvUnit checked;                      ///< the units' chain
+  UnitAttacher attacher;                ///< the task
 
-  CombineState() noexcept {
-    gst_segment_init(&video_segment, GST_FORMAT_TIME);
-    gst_segment_init(&meta_segment, GST_FORMAT_TIME);
-  }
+  CombineState() noexcept = default;
   Clock::duration latency() const { return std::chrono::milliseconds(settings.latency_ms); }
   /// Why nothing more is taken; OK when it is.
   GstFlowReturn state_of_flow() const TERRAINSEG_REQUIRES(mutex) {
@@ -550,7 +547,7 @@ GstFlowReturn video_event(GstPad* pad, GstObject* parent, GstEvent* event) {
     return flow_of(pushed);
   }
   case GST_EVENT_FLUSH_STOP: {
-    gst_segment_init(&s.video_segment, GST_FORMAT_TIME);
+    s.video_segment = in_time();
     const gboolean pushed = gst_pad_push_event(s.src, event);
     flush_video(s, false);
     if (GST_PAD_IS_ACTIVE(s.src))
@@ -722,7 +719,7 @@ gboolean meta_event(GstPad*, GstObject* parent, GstEvent* event) {
     flush_meta(s, true);
     break;
   case GST_EVENT_FLUSH_STOP:
-    gst_segment_init(&s.meta_segment, GST_FORMAT_TIME);
+    s.meta_segment = in_time();
     flush_meta(s, false);
     break;
   case GST_EVENT_SEGMENT:
@@ -830,8 +827,8 @@ GstStateChangeReturn change_state(GstElement* element, GstStateChange transition
       GST_ELEMENT_CLASS(gst_terrain_combine_parent_class)->change_state(element, transition);
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
     s.attacher.drop();
-    gst_segment_init(&s.video_segment, GST_FORMAT_TIME);
-    gst_segment_init(&s.meta_segment, GST_FORMAT_TIME);
+    s.video_segment = in_time();
+    s.meta_segment = in_time();
   }
   return result;
 }
@@ -895,21 +892,19 @@ static void gst_terrain_combine_init(GstTerrainCombine* self) {
   gst_pad_set_event_full_function(s.sink, video_event);
   gst_pad_set_query_function(s.sink, video_query);
   gst_pad_set_activatemode_function(s.sink, video_activate);
-  gst_pad_set_iterate_internal_links_function(s.sink, internal_links);
   GST_PAD_SET_PROXY_CAPS(s.sink);
-  gst_element_add_pad(GST_ELEMENT(self), s.sink);
   s.meta = gst_pad_new_from_static_template(&meta_template, "meta");
   gst_pad_set_chain_function(s.meta, meta_chain);
   gst_pad_set_event_function(s.meta, meta_event);
   gst_pad_set_query_function(s.meta, meta_query);
   gst_pad_set_activatemode_function(s.meta, meta_activate);
-  gst_pad_set_iterate_internal_links_function(s.meta, internal_links);
-  gst_element_add_pad(GST_ELEMENT(self), s.meta);
   s.src = gst_pad_new_from_static_template(&src_template, "src");
   gst_pad_set_activatemode_function(s.src, src_activate);
   gst_pad_set_event_function(s.src, src_event);
   gst_pad_set_query_function(s.src, src_query);
-  gst_pad_set_iterate_internal_links_function(s.src, internal_links);
   GST_PAD_SET_PROXY_CAPS(s.src);
-  gst_element_add_pad(GST_ELEMENT(self), s.src);
+  for (GstPad* pad : {s.sink, s.meta, s.src}) {
+    gst_pad_set_iterate_internal_links_function(pad, internal_links);
+    gst_element_add_pad(GST_ELEMENT(self), pad);
+  }
 }

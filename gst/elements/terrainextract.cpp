@@ -95,28 +95,24 @@ const Property<ExtractSettings> table[] = {
 struct ExtractState {
   GstElement* element = nullptr;
   GstPad *sink = nullptr, *src = nullptr;
-  Video video;                      // streaming
-  GstSegment segment;               // streaming
-  bool negotiated = false;          // streaming
-  Output output = Output::gray;     // streaming
-  GstVideoInfo picture;             // streaming; of the GRAY8 output
-  bool video_meta_welcome = false;  // streaming; downstream reads GstVideoMeta, any stride will do
-  SmallPool pictures;               // streaming; pictures that are not the mask's own memory
-  GstEvent* held_segment = nullptr; // streaming; waits for the caps
-  Once<> unreadable, unmeasured;    // streaming
-  MetadataWatch metadata;           // streaming
-  MaskScaler scaler;                // streaming
-  KlvEncoder klv;                   // streaming
-  UasPlatform place;                // streaming; what klv-position says
-  std::string place_text;           // streaming; the klv-position that was read
-  std::string line;                 // streaming
-  MavlinkStream mavlink;            // streaming
-  ExtractSettings settings;         // under the object lock
+  Video video;                       // streaming
+  GstSegment segment = in_time();    // streaming
+  bool negotiated = false;           // streaming
+  Output output = Output::gray;      // streaming
+  GstVideoInfo picture = no_video(); // streaming; of the GRAY8 output
+  bool video_meta_welcome = false;   // streaming; downstream reads GstVideoMeta, any stride will do
+  SmallPool pictures;                // streaming; pictures that are not the mask's own memory
+  GstEvent* held_segment = nullptr;  // streaming; waits for the caps
+  Once<> unreadable, unmeasured;     // streaming
+  MetadataWatch metadata;            // streaming
+  MaskScaler scaler;                 // streaming
+  KlvEncoder klv;                    // streaming
+  UasPlatform place;                 // streaming; what klv-position says
+  std::string place_text;            // streaming; the klv-position that was read
+  std::string line;                  // streaming
+  MavlinkStream mavlink;             // streaming
+  ExtractSettings settings;          // under the object lock
 
-  ExtractState() noexcept {
-    gst_video_info_init(&picture);
-    gst_segment_init(&segment, GST_FORMAT_TIME);
-  }
   ~ExtractState() { reset(); }
   void reset() {
     pictures.drop();
@@ -308,10 +304,8 @@ GstBuffer* share_mask(ExtractState& s, GstBuffer* mask) {
   if (!picture)
     return nullptr;
   gst_buffer_add_parent_buffer_meta(picture, mask);
-  gsize offset[GST_VIDEO_MAX_PLANES] = {layout->offset[0]};
-  gint stride[GST_VIDEO_MAX_PLANES] = {layout->stride[0]};
-  gst_buffer_add_video_meta_full(picture, GST_VIDEO_FRAME_FLAG_NONE, GST_VIDEO_FORMAT_GRAY8, layout->width,
-                                 layout->height, 1, offset, stride);
+  describe_mask(picture, static_cast<int>(layout->width), static_cast<int>(layout->height), layout->stride[0],
+                layout->offset[0]);
   return picture;
 }
 
@@ -572,7 +566,7 @@ gboolean sink_event(GstPad* pad, GstObject* parent, GstEvent* event) {
     return TRUE;
   }
   case GST_EVENT_FLUSH_STOP:
-    gst_segment_init(&s.segment, GST_FORMAT_TIME);
+    s.segment = in_time();
     gst_clear_event(&s.held_segment);
     s.mavlink.restart();
     break;

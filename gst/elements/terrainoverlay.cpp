@@ -31,12 +31,10 @@ const Property<OverlayElementSettings> table[] = {drawing[0], drawing[1], drawin
 /// Everything behind the instance.
 struct OverlayState {
   OverlayElementSettings settings; // object lock
-  GstVideoInfo info;               // streaming
+  GstVideoInfo info = no_video();  // streaming
   Once<> damaged;                  // streaming
   MetadataWatch metadata;          // streaming
   MetricDrawing drawing;           // streaming
-
-  OverlayState() noexcept { gst_video_info_init(&info); }
 };
 
 } // namespace terrainseg

@@ -21,8 +21,8 @@ namespace terrainseg {
 struct SceneSourceState {
   scene::Settings settings; // object lock
 
-  GstVideoInfo info;        // written by streaming under the object lock, which others read under
-  scene::Settings rendered; // streaming; what the renderer was made for
+  GstVideoInfo info = no_video(); // written by streaming under the object lock, which others read under
+  scene::Settings rendered;       // streaming; what the renderer was made for
   std::unique_ptr<scene::Renderer> renderer; // streaming
   std::uint64_t frame = 0;                   // streaming; number of the next frame
   std::uint64_t first_frame = 0;             // streaming; since the frame rate is what it is
@@ -30,8 +30,6 @@ struct SceneSourceState {
   bool reverse = false;                      // streaming; `frame` is one more than the next
   bool skipped = false;                      // streaming; the next buffer is a discontinuity
   GstClockTimeDiff punctual = G_MAXINT64;    // streaming; least lateness of a live frame
-
-  SceneSourceState() noexcept { gst_video_info_init(&info); }
 
   bool still() const { return GST_VIDEO_INFO_FPS_N(&info) == 0; }
   /// When frame n is shown; valid only with a frame rate.
@@ -208,7 +206,7 @@ gboolean start(GstBaseSrc* source) {
   s.reverse = s.skipped = false;
   s.punctual = G_MAXINT64;
   ObjectLock lock(source);
-  gst_video_info_init(&s.info);
+  s.info = no_video();
   return TRUE;
 }
 

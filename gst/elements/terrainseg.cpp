@@ -32,7 +32,7 @@ namespace terrainseg {
 /// What the streaming thread alone touches, or others while there is none.
 struct Streaming {
   FrameSettings settings;
-  GstVideoInfo info;
+  GstVideoInfo info = no_video();
   std::optional<ColorSpace> space; ///< of the caps
   std::string stream_id;
   bool fresh = true; ///< no frame since the start
@@ -63,8 +63,6 @@ struct Streaming {
 struct ElementState {
   Shared shared;
   Streaming streaming;
-
-  ElementState() noexcept { gst_video_info_init(&streaming.info); }
 };
 
 } // namespace terrainseg

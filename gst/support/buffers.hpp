@@ -97,7 +97,8 @@ template <class Number> void write_values(std::span<const Number> values, guint8
   }
 }
 
-/// `buffer` with these values, which fill it; nullptr if there is no buffer, or it cannot be written to.
+/// `buffer`, new or from a pool, with these values, which fill it; nullptr if there is no buffer, or it
+/// cannot be written to.
 template <class Number> OwnedBuffer filled(OwnedBuffer buffer, std::span<const Number> values) {
   const MappedBuffer bytes(buffer.get(), GST_MAP_WRITE);
   if (!bytes)
@@ -128,7 +129,6 @@ template <class Number> class ValueReader {
   /// Whether the buffer ends with a whole value.
   bool is_whole() const { return bytes_->size() % sizeof(Number) == 0; }
   std::span<const Number> values() const { return values_; }
-  GstBuffer* buffer() const { return buffer_.get(); }
 
  private:
   OwnedBuffer buffer_;

@@ -140,12 +140,11 @@ bool attach(GstBuffer* buffer, const Estimate& e, GstBuffer* mask, GstBuffer* bo
   return true;
 }
 
-GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height) {
-  // Rows without padding, because programs may read a mask as width * height bytes.
-  gsize offset[GST_VIDEO_MAX_PLANES] = {};
-  gint stride[GST_VIDEO_MAX_PLANES] = {width};
+GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height, int stride, gsize offset) {
+  gsize offsets[GST_VIDEO_MAX_PLANES] = {offset};
+  gint strides[GST_VIDEO_MAX_PLANES] = {stride == 0 ? width : stride};
   return gst_buffer_add_video_meta_full(buffer, GST_VIDEO_FRAME_FLAG_NONE, GST_VIDEO_FORMAT_GRAY8, width,
-                                        height, 1, offset, stride);
+                                        height, 1, offsets, strides);
 }
 
 GstBuffer* new_mask_buffer(int width, int height) {
@@ -157,10 +156,6 @@ GstBuffer* new_mask_buffer(int width, int height) {
 
 GstBuffer* new_boundary_buffer(std::span<const std::uint16_t> rows) {
   return filled(OwnedBuffer(gst_buffer_new_allocate(nullptr, rows.size() * 2, nullptr)), rows).release();
-}
-
-OwnedBuffer boundary_buffer(SmallPool& pool, std::span<const std::uint16_t> rows) {
-  return filled(pool.acquire(rows.size() * 2), rows);
 }
 
 EstimateReader::EstimateReader(GstBuffer* buffer, const char* source) {

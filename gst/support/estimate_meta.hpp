@@ -28,11 +28,11 @@ bool attach(GstBuffer* buffer, const Estimate& estimate, GstBuffer* mask, GstBuf
 /// Returns a new, uninitialised GRAY8 buffer of `width` x `height` with a GstVideoMeta and rows without
 /// padding, for attach(); nullptr if memory is exhausted.
 GstBuffer* new_mask_buffer(int width, int height);
-/// Adds the GstVideoMeta of a mask without row padding to `buffer`, which has width * height bytes.
-GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height);
-/// Returns a buffer with these rows, new or from a pool, for attach(); nullptr if memory is exhausted.
+/// Adds the GstVideoMeta of a mask to `buffer`. Stride 0 = rows without padding, because programs may read a
+/// mask as width * height bytes.
+GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height, int stride = 0, gsize offset = 0);
+/// Returns a buffer with these rows for attach(); nullptr if memory is exhausted.
 GstBuffer* new_boundary_buffer(std::span<const std::uint16_t> rows);
-OwnedBuffer boundary_buffer(SmallPool& pool, std::span<const std::uint16_t> rows);
 
 /// Metadata that was read. Any program can write metadata, so it is validated.
 class MetaReader {
@@ -56,7 +56,6 @@ class EstimateReader : public MetaReader {
 
   const Estimate& estimate() const { return estimate_; }
   GstBuffer* mask() const { return mask_ ? mask_->buffer() : nullptr; } ///< nullptr without a mask
-  GstBuffer* boundary() const { return boundary_.buffer(); }            ///< nullptr without a boundary
 
  private:
   const char* read(const GstStructure* fields);

@@ -13,6 +13,13 @@
 
 namespace terrainseg {
 
+/// A segment in time that no peer has sent yet.
+inline GstSegment in_time() noexcept {
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  return segment;
+}
+
 /// GST_CLOCK_TIME_NONE if the segment is in bytes or frames, which have no stream time.
 inline GstClockTime stream_time_of(const GstSegment& segment, GstClockTime timestamp) {
   return segment.format == GST_FORMAT_TIME ? gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, timestamp)

@@ -47,10 +47,6 @@ std::optional<PixelFormat> pixel_format_of(GstVideoFormat format) {
   return found == std::end(formats) ? std::nullopt : std::optional(static_cast<PixelFormat>(found - formats));
 }
 
-GstVideoFormat gst_format_of(PixelFormat format) {
-  return formats[static_cast<int>(format)];
-}
-
 bool read_video_info(GstVideoInfo& info, const GstCaps* caps) {
   if (!gst_video_info_from_caps(&info, caps))
     return false;

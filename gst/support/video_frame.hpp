@@ -22,10 +22,15 @@
 
 namespace terrainseg {
 
+/// Of no format and size.
+inline GstVideoInfo no_video() noexcept {
+  GstVideoInfo info;
+  gst_video_info_init(&info);
+  return info;
+}
+
 /// Returns nothing for a format that is not in TERRAINSEG_VIDEO_CAPS.
 std::optional<PixelFormat> pixel_format_of(GstVideoFormat format);
-/// The reverse; tests use it to run all formats.
-GstVideoFormat gst_format_of(PixelFormat format);
 
 /// Adds pads `sink` and `src` for those formats, in either memory.
 void add_video_pad_templates(GstElementClass* element_class);

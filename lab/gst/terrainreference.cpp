@@ -313,7 +313,9 @@ struct Buffers {
 /// Mask and boundary in buffers that can travel; empty when there is no memory.
 Buffers buffers_of(ReferenceState& s, const Estimate& estimate) {
   const GrayView& mask = estimate.mask;
-  Buffers made{s.masks.acquire(mask.width, mask.height), boundary_buffer(s.boundaries, estimate.boundary)};
+  const auto rows = estimate.boundary;
+  Buffers made{s.masks.acquire(mask.width, mask.height),
+               filled(s.boundaries.acquire(rows.size_bytes()), rows)};
   GstMapInfo map;
   if (!made.mask || !made.boundary || !gst_buffer_map(made.mask.get(), &map, GST_MAP_WRITE))
     return {};

@@ -20,6 +20,14 @@
 
 namespace terrainseg::test {
 
+/// The reverse of pixel_format_of().
+inline GstVideoFormat gst_format_of(PixelFormat format) {
+  int i = 0;
+  while (pixel_format_of(static_cast<GstVideoFormat>(i)) != format)
+    ++i;
+  return static_cast<GstVideoFormat>(i);
+}
+
 inline const char* format_name(int format) {
   return gst_video_format_to_string(gst_format_of(static_cast<PixelFormat>(format)));
 }

@@ -23,7 +23,7 @@ using Harness = test::Owned<GstHarness>;
 
 GstVideoInfo info_of(PixelFormat format, int width, int height) {
   GstVideoInfo info;
-  gst_video_info_set_format(&info, gst_format_of(format), width, height);
+  gst_video_info_set_format(&info, test::gst_format_of(format), width, height);
   info.fps_n = 30;
   info.fps_d = 1;
   return info;

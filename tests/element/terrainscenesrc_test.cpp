@@ -126,7 +126,7 @@ TEST(TerrainSceneSrc, DefaultCaps) {
 TEST(TerrainSceneSrc, EveryFormatWithItsTruth) {
   for (int f = 0; f < pixel_format_count; ++f) {
     const std::string caps = std::string("video/x-raw,width=75,height=43,framerate=25/1,format=") +
-                             gst_video_format_to_string(gst_format_of(static_cast<PixelFormat>(f)));
+                             gst_video_format_to_string(test::gst_format_of(static_cast<PixelFormat>(f)));
     const Harness h = source(caps.c_str(), "num-buffers", 2);
     gst_util_set_object_arg(G_OBJECT(h->element), "scene", f % 2 ? "trail" : "plain");
     gst_harness_play(h.get());

@@ -188,7 +188,8 @@ TEST(Terrainseg, MasksAndBoundariesComeFromAPool) {
     const auto out = rig.step();
     const EstimateReader reader(out.get());
     masks.insert(memory_of(reader.mask()));
-    boundaries.insert(memory_of(reader.boundary()));
+    boundaries.insert(
+        memory_of(gst_terrain_seg_meta_get_boundary(gst_buffer_get_terrain_seg_structure(out.get()))));
   }
   EXPECT_LE(masks.size(), 3u);
   EXPECT_LE(boundaries.size(), 3u);

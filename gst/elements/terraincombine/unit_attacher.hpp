@@ -19,10 +19,9 @@ namespace terrainseg {
 
 class UnitAttacher {
  public:
-  UnitAttacher() noexcept { gst_video_info_init(&info_); }
   void set_video(GstCaps* caps) {
     if (!gst_video_info_from_caps(&info_, caps))
-      gst_video_info_init(&info_);
+      info_ = no_video();
   }
   /// Decodes the unit for attach(). What is wrong with it, or an empty text.
   std::string decode(GstBuffer* klv) {
@@ -47,7 +46,8 @@ class UnitAttacher {
       fit(e, {e.frame_width, width}, {e.frame_height, height});
 
     const OwnedBuffer mask = masks_.acquire(e.mask.width, e.mask.height);
-    const OwnedBuffer boundary = e.boundary.empty() ? nullptr : boundary_buffer(boundaries_, e.boundary);
+    const OwnedBuffer boundary =
+        e.boundary.empty() ? nullptr : filled(boundaries_.acquire(e.boundary.size_bytes()), e.boundary);
     if (!boundary && !e.boundary.empty())
       return frame;
     {
@@ -95,7 +95,7 @@ class UnitAttacher {
     e.frame_height = y.to;
   }
 
-  GstVideoInfo info_;
+  GstVideoInfo info_ = no_video();
   KlvUnit unit_;
   MaskPool masks_;
   SmallPool boundaries_;
