@@ -17,9 +17,14 @@ GST_DEBUG_CATEGORY_STATIC(terrainscenesrc_debug);
 
 namespace terrainseg {
 
+struct SceneSourceSettings {
+  scene::Settings scene;
+  bool is_live = false;
+};
+
 /// Everything behind the instance.
 struct SceneSourceState {
-  scene::Settings settings; // object lock
+  SceneSourceSettings settings; // object lock
 
   GstVideoInfo info = no_video(); // written by streaming under the object lock, which others read under
   scene::Settings rendered;       // streaming; what the renderer was made for
@@ -93,34 +98,28 @@ constexpr Choice motions[] = {
     {"bumpy", "Over rough ground: the horizon pitches and rolls"},
     {"still", "The rover stands still"},
 };
-const Property<scene::Settings> table[] = {
+const Property<SceneSourceSettings> table[] = {
     {"scene", "Scene", "Kind of place that the rover drives through", property_playing,
-     field<&scene::Settings::kind>("GstTerrainSceneSrcScene", scenes)},
+     field<&SceneSourceSettings::scene, &scene::Settings::kind>("GstTerrainSceneSrcScene", scenes)},
     {"light", "Light", "Kind of light, and stability of exposure and white balance", property_playing,
-     field<&scene::Settings::light>("GstTerrainSceneSrcLight", lights)},
+     field<&SceneSourceSettings::scene, &scene::Settings::light>("GstTerrainSceneSrcLight", lights)},
     {"motion", "Motion", "How the rover moves; each frame advances the world by 1/30 s at any frame rate",
-     property_playing, field<&scene::Settings::motion>("GstTerrainSceneSrcMotion", motions)},
+     property_playing,
+     field<&SceneSourceSettings::scene, &scene::Settings::motion>("GstTerrainSceneSrcMotion", motions)},
     {"seed", "Seed", "Seed of the place: each number gives a different road, trail, corridor or plain",
-     property_playing, field<&scene::Settings::seed>(0, G_MAXUINT32)},
+     property_playing, field<&SceneSourceSettings::scene, &scene::Settings::seed>(0, G_MAXUINT32)},
     {"obstacles", "Obstacles", "Share of the possible obstacle positions that have an obstacle, in percent",
-     property_playing, field<&scene::Settings::obstacles>(0, 100)},
+     property_playing, field<&SceneSourceSettings::scene, &scene::Settings::obstacles>(0, 100)},
     {"wet", "Wet", "Add puddles that mirror sky and objects; their true label is ground", property_playing,
-     field<&scene::Settings::wet>()},
+     field<&SceneSourceSettings::scene, &scene::Settings::wet>()},
+    {"is-live", "Is live",
+     "Produce frames in real time like a camera; frames are dropped if downstream is too slow",
+     property_before_start, field<&SceneSourceSettings::is_live>()},
 };
-constexpr guint id_is_live = std::size(table) + 1;
 
 void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  if (id == id_is_live)
-    gst_base_src_set_live(GST_BASE_SRC(object), g_value_get_boolean(value));
-  else
-    set_in_table<GstTerrainSceneSrc, table>(object, id, value, spec);
-}
-
-void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  if (id == id_is_live)
-    g_value_set_boolean(value, gst_base_src_is_live(GST_BASE_SRC(object)));
-  else
-    get_in_table<GstTerrainSceneSrc, table>(object, id, value, spec);
+  set_in_table<GstTerrainSceneSrc, table>(object, id, value, spec);
+  gst_base_src_set_live(GST_BASE_SRC(object), locked_copy(object, state_of(object).settings).is_live);
 }
 
 // ---- negotiation -----------------------------------------------------------------------------------------
@@ -323,7 +322,7 @@ void set_truth(GstStructure* truth, GstBuffer* labels, int horizon, const scene:
 
 /// Renders the next frame. False after an error was posted.
 bool render(GstBaseSrc* source, SceneSourceState& s, std::uint64_t number, GstBuffer* buffer) {
-  const scene::Settings wanted = locked_copy(source, s.settings);
+  const scene::Settings wanted = locked_copy(source, s.settings).scene;
   const int width = GST_VIDEO_INFO_WIDTH(&s.info), height = GST_VIDEO_INFO_HEIGHT(&s.info);
   if (!s.renderer || wanted != s.rendered) {
     s.renderer.reset();
@@ -398,15 +397,7 @@ static void gst_terrain_scene_src_class_init(GstTerrainSceneSrcClass* klass) {
   init_class<GstTerrainSceneSrc, gst_terrain_scene_src_parent_class, table>(
       klass, {"Rover scene source", "Source/Video",
               "Renders a moving rover's view, with the true label of every pixel as metadata"});
-  auto* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = set_property;
-  object_class->get_property = get_property;
-  g_object_class_install_property(
-      object_class, id_is_live,
-      g_param_spec_boolean(
-          "is-live", "Is live",
-          "Produce frames in real time like a camera; frames are dropped if downstream is too slow", FALSE,
-          property_before_start));
+  G_OBJECT_CLASS(klass)->set_property = set_property;
   static GstStaticPadTemplate pad =
       GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
   gst_element_class_add_static_pad_template(GST_ELEMENT_CLASS(klass), &pad);
