@@ -32,7 +32,6 @@
 #include "support/buffers.hpp"
 #include "support/element.hpp"
 #include "support/mutex.hpp"
-#include "support/precision_time.hpp"
 #include "support/times.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terraincombine_debug);
@@ -70,6 +69,11 @@ using Queue = std::list<Item>;
 /// Largest number of waiting frames and events; events alone (GAP) count too, to limit the memory.
 constexpr std::size_t most_items = 4096;
 
+/// Half a frame: nearer to it than to its neighbours. `duration` 0 = unknown.
+Time half_of(Time duration) {
+  return duration > 0 ? std::min(duration / 2, most_tolerance) : default_tolerance;
+}
+
 /// Whether the queue has as much video as a frame may wait. `frame_duration` 0 = unknown.
 bool is_full(const Queue& queue, Time latency, Time frame_duration) {
   if (queue.size() >= most_items)
@@ -86,8 +90,7 @@ bool is_full(const Queue& queue, Time latency, Time frame_duration) {
   if (frames < 3)
     return false;
   // Time stamps that stand still must not fill the memory: at most twice the frames that the rate allows.
-  const Time half_frame =
-      frame_duration > 0 ? std::min(frame_duration / 2, most_tolerance) : default_tolerance;
+  const Time half_frame = half_of(frame_duration);
   return first == never || last == never || last - first > latency ||
          frames * half_frame > latency + 4 * half_frame;
 }
@@ -213,6 +216,14 @@ Time running_time(const GstSegment& segment, GstClockTime position) {
   return sign > 0 ? static_cast<Time>(time) : -static_cast<Time>(time);
 }
 
+/// Of a frame; 0 when it does not say.
+Time duration_of(const GstBuffer* frame) {
+  const GstClockTime duration = GST_BUFFER_DURATION(frame);
+  return GST_CLOCK_TIME_IS_VALID(duration)
+             ? static_cast<Time>(std::min<GstClockTime>(duration, 2 * most_tolerance))
+             : 0;
+}
+
 /// Of a frame; 0 when the caps do not say.
 Time duration_of(const GstVideoInfo& info) {
   if (GST_VIDEO_INFO_FPS_N(&info) <= 0 || GST_VIDEO_INFO_FPS_D(&info) <= 0)
@@ -241,25 +252,7 @@ void reject(CombineState& s, const char* kind, const std::string& error) {
                       ("%s", error.c_str()));
 }
 
-void tell_silence(CombineState& s, const std::string& reason) {
-  if (reason.empty())
-    return;
-  GST_ELEMENT_WARNING(
-      s.element, STREAM, FAILED,
-      ("No KLV unit matched the last %u frames: %s.", Matcher::silence_frames, reason.c_str()),
-      ("%s", reason.c_str()));
-}
-
 // ---- the task --------------------------------------------------------------------------------------------
-
-/// Half a frame: nearer to this frame than to its neighbours.
-Time tolerance_of(const GstVideoInfo& info, GstBuffer* frame) {
-  if (GST_BUFFER_DURATION_IS_VALID(frame) && GST_BUFFER_DURATION(frame) > 0)
-    return static_cast<Time>(
-        std::min(GST_BUFFER_DURATION(frame) / 2, static_cast<GstClockTime>(most_tolerance)));
-  const Time duration = duration_of(info);
-  return duration > 0 ? std::min(duration / 2, most_tolerance) : default_tolerance;
-}
 
 /// What the two upstreams say together.
 struct Upstream {
@@ -335,7 +328,8 @@ std::optional<Taken> take_next(CombineState& s) {
       return std::nullopt;
     }
     frame = s.queue.front().frame;
-    frame.tolerance = tolerance_of(s.attacher.video(), GST_BUFFER(s.queue.front().object.get()));
+    const Time duration = duration_of(GST_BUFFER(s.queue.front().object.get()));
+    frame.tolerance = half_of(duration > 0 ? duration : duration_of(s.attacher.video()));
     if (!wait_for_unit(s, lock, frame, s.queue.front().arrival, unit))
       return std::nullopt;
     ++s.frames_left;
@@ -364,8 +358,11 @@ void push_frame(CombineState& s, Taken taken) {
   }
   GST_LOG_OBJECT(s.element, "%s: %" GST_PTR_FORMAT, matched ? "with its unit" : "without a unit",
                  printable(frame.get()));
-  if (gst_pad_is_linked(s.meta))
-    tell_silence(s, reason);
+  if (!reason.empty() && gst_pad_is_linked(s.meta))
+    GST_ELEMENT_WARNING(
+        s.element, STREAM, FAILED,
+        ("No KLV unit matched the last %u frames: %s.", Matcher::silence_frames, reason.c_str()),
+        ("%s", reason.c_str()));
   if (matched)
     frame.reset(s.attacher.attach(frame.release()));
   const GstFlowReturn flow = gst_pad_push(s.src, frame.release());
@@ -442,9 +439,8 @@ GstFlowReturn take_frame(CombineState& s, GstBuffer* frame) {
   s.wait_for_task(lock, &CombineState::takes_frames);
   if (s.state_of_flow() != GST_FLOW_OK)
     return s.state_of_flow();
-  if (GST_BUFFER_DURATION_IS_VALID(frame) && GST_BUFFER_DURATION(frame) > 0)
-    s.frame_duration = static_cast<Time>(
-        std::min(GST_BUFFER_DURATION(frame), static_cast<GstClockTime>(2 * most_tolerance)));
+  if (const Time duration = duration_of(frame); duration > 0)
+    s.frame_duration = duration;
   s.matcher.expect_frame(times.time, times.stamp.has_value(), s.frame_duration);
   item.front().arrival = Clock::now();
   s.queue.splice(s.queue.end(), item);

@@ -16,7 +16,6 @@
 #include "support/buffers.hpp"
 #include "support/element.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/precision_time.hpp"
 #include "support/times.hpp"
 #include "support/warnings.hpp"
 

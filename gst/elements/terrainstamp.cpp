@@ -10,7 +10,7 @@
 #include "exchange/precision_stamp.hpp"
 #include "support/buffers.hpp"
 #include "support/element.hpp"
-#include "support/precision_time.hpp"
+#include "support/times.hpp"
 #include "support/warnings.hpp"
 
 GST_DEBUG_CATEGORY_STATIC(terrainstamp_debug);

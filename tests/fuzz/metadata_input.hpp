@@ -12,7 +12,7 @@
 
 #include "element_input.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/precision_time.hpp"
+#include "support/times.hpp"
 
 namespace terrainseg::fuzz {
 

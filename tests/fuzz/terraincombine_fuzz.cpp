@@ -10,7 +10,7 @@
 #include "metadata_input.hpp"
 #include "support/elements.hpp"
 #include "support/estimate_meta.hpp"
-#include "support/precision_time.hpp"
+#include "support/times.hpp"
 
 namespace {
 
