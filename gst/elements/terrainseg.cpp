@@ -129,22 +129,20 @@ const Field<Shared>* field_of(guint id) {
   return id > SettingsBook::last_id() ? &table[id - SettingsBook::last_id() - 1].field : nullptr;
 }
 
-void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+void set_property(GObject* object, guint id, const GValue* value, GParamSpec*) {
   guarded(object, [&] {
     Shared& shared = shared_of(object);
     if (const Field<Shared>* own = field_of(id))
       return own->set(shared, value);
     SettingsBook::Ids changed;
     Lock lock(shared.mutex);
-    const bool known = shared.book.set(id, value, changed);
+    shared.book.set(id, value, changed);
     lock.unlock();
-    if (!known)
-      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
     SettingsBook::notify(object, changed);
   });
 }
 
-void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
+void get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
   guarded(object, [&] {
     Shared& shared = shared_of(object);
     const Field<Shared>* own = field_of(id);
@@ -153,8 +151,7 @@ void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
     if (own)
       return own->get(shared, value);
     const Lock lock(shared.mutex);
-    if (!shared.book.get(id, value))
-      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+    shared.book.get(id, value);
   });
 }
 

@@ -90,22 +90,14 @@ template <class Base, class State> struct Instance {
 };
 
 /// Sets and gets the properties of `table`, whose ids begin at 1: fields of the member `settings` of the
-/// state, under the object lock.
+/// state, under the object lock. GObject passes ids that are installed, and of writable ones alone to set.
 template <class Self, const auto& table>
-void set_in_table(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  if (id > std::size(table) || !table[id - 1].field.set) {
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-    return;
-  }
+void set_in_table(GObject* object, guint id, const GValue* value, GParamSpec*) {
   const ObjectLock lock(object);
   table[id - 1].field.set(reinterpret_cast<Self*>(object)->state->settings, value);
 }
 template <class Self, const auto& table>
-void get_in_table(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  if (id > std::size(table)) {
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-    return;
-  }
+void get_in_table(GObject* object, guint id, GValue* value, GParamSpec*) {
   const auto& field = table[id - 1].field;
   if (field.make)
     return g_value_take_boxed(value, field.make(object));

@@ -168,7 +168,7 @@ guint id_of(Special special) {
   return row_count() + 1 + special;
 }
 bool is_row(guint id) {
-  return id >= 1 && id <= row_count();
+  return id <= row_count();
 }
 const Setting& row_of(guint id) {
   return rows()[id - 1];
@@ -299,11 +299,8 @@ void SettingsBook::notify(gpointer object, const Ids& changed) {
 
 // ---- setting ---------------------------------------------------------------------------------------------
 
-bool SettingsBook::set(guint id, const GValue* value, Ids& changed) {
-  if (id < 1 || id > last_id())
-    return false;
+void SettingsBook::set(guint id, const GValue* value, Ids& changed) {
   changed |= changed_by([&] { apply(id, value, Layer::user); });
-  return true;
 }
 
 /// What users read of the rows, the preset and the stages, by id.
@@ -504,21 +501,15 @@ std::optional<SettingsError> SettingsBook::apply_entry(const SettingsFile::Entry
 
 // ---- getting ---------------------------------------------------------------------------------------------
 
-bool SettingsBook::get(guint id, GValue* value) const {
-  if (id < 1 || id > last_id())
-    return false;
-  if (is_row(id)) {
-    GValue number = G_VALUE_INIT;
-    g_value_init(&number, G_TYPE_INT64);
-    g_value_set_int64(&number, row_of(id).get(settings_.core));
-    if (row_of(id).kind == SettingKind::fraction)
-      g_value_set_double(value, shown()[id]);
-    else
-      g_value_transform(&number, value);
-  } else {
-    own_of(id).get(settings_, value);
-  }
-  return true;
+void SettingsBook::get(guint id, GValue* value) const {
+  if (!is_row(id))
+    return own_of(id).get(settings_, value);
+  if (row_of(id).kind == SettingKind::fraction)
+    return g_value_set_double(value, shown()[id]);
+  GValue number = G_VALUE_INIT;
+  g_value_init(&number, G_TYPE_INT64);
+  g_value_set_int64(&number, row_of(id).get(settings_.core));
+  g_value_transform(&number, value);
 }
 
 std::optional<SettingsError> SettingsBook::error() const {

@@ -69,9 +69,9 @@ class SettingsBook {
   /// Tells that properties changed. Not with the object lock held.
   static void notify(gpointer object, const Ids& changed);
 
-  /// False when there is no such property. Other properties that changed with it are added to `changed`.
-  bool set(guint id, const GValue* value, Ids& changed);
-  bool get(guint id, GValue* value) const;
+  /// Other properties that changed with it are added to `changed`.
+  void set(guint id, const GValue* value, Ids& changed);
+  void get(guint id, GValue* value) const;
   /// Gives a property back to the preset as if it had never been set; nullptr = all of them. False when there
   /// is none of that name.
   bool unset(const char* name, Ids& changed);
