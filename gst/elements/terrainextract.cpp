@@ -429,7 +429,7 @@ GstBuffer* make_unit(ExtractState& s, GstBuffer* frame, const EstimateReader& re
   const MetricReader metres(frame, s.settings.source.c_str());
   if (metres.error())
     warn_once(s, metres.error());
-  append_json_line(s.line, reader.estimate(), pts, locked_copy(s.element, s.settings).json_mask,
+  append_json_line(s.line, reader.estimate(), pts, locked_copy(s.element, s.settings.json_mask),
                    {metres ? &metres.metric() : nullptr, utc_of(frame)});
   return copy_of({reinterpret_cast<const std::uint8_t*>(s.line.data()), s.line.size()}).release();
 }

@@ -119,7 +119,7 @@ const Property<SceneSourceSettings> table[] = {
 
 void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
   set_in_table<GstTerrainSceneSrc, table>(object, id, value, spec);
-  gst_base_src_set_live(GST_BASE_SRC(object), locked_copy(object, state_of(object).settings).is_live);
+  gst_base_src_set_live(GST_BASE_SRC(object), locked_copy(object, state_of(object).settings.is_live));
 }
 
 // ---- negotiation -----------------------------------------------------------------------------------------
@@ -322,7 +322,7 @@ void set_truth(GstStructure* truth, GstBuffer* labels, int horizon, const scene:
 
 /// Renders the next frame. False after an error was posted.
 bool render(GstBaseSrc* source, SceneSourceState& s, std::uint64_t number, GstBuffer* buffer) {
-  const scene::Settings wanted = locked_copy(source, s.settings).scene;
+  const scene::Settings wanted = locked_copy(source, s.settings.scene);
   const int width = GST_VIDEO_INFO_WIDTH(&s.info), height = GST_VIDEO_INFO_HEIGHT(&s.info);
   if (!s.renderer || wanted != s.rendered) {
     s.renderer.reset();

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <tuple>
 #include <utility>
 
 #include "exchange/bytes.hpp"
@@ -169,17 +170,13 @@ void put_metric(std::string& out, const MetricEstimate& m) {
   put_reals(out, "high", m.high, millimetres, m.range_max);
   out += "\"free\": ";
   put_list(out, m.ranges, [&](float range) { out += std::isinf(range) ? "true" : "false"; });
-  struct Number {
-    const char* name;
-    double value;
-    int decimals;
-  };
-  for (const Number& n :
+  using Number = std::tuple<const char*, double, int>;
+  for (const auto& [name, value, decimals] :
        {Number{"height", m.height, millimetres}, Number{"pitch", m.pitch, microradians},
         Number{"roll", m.roll, microradians}, Number{"yaw", m.yaw, microradians},
         Number{"range_min", m.range_min, millimetres}, Number{"range_max", m.range_max, millimetres}}) {
-    out.append(", \"").append(n.name).append("\": ");
-    put_real(out, n.value, n.decimals);
+    out.append(", \"").append(name).append("\": ");
+    put_real(out, value, decimals);
   }
   out.append(", \"posed\": ").append(m.flags & metric_flag_pose ? "true" : "false");
   out.append(", \"horizon_off\": ").append(m.flags & metric_flag_horizon ? "true" : "false").append("}");
