@@ -74,13 +74,15 @@ template <class S> struct Property {
   Field<S> field;
 };
 
-/// The functions of GObject for values that are no enumeration and no text.
+/// The functions of GObject for values that are no text.
 template <auto make_spec, auto get_value, auto set_value> struct Functions {
   static constexpr auto spec = make_spec;
   static constexpr auto get = get_value;
   static constexpr auto set = set_value;
 };
-template <class Value> struct ValueFunctions;
+/// Of enumerations.
+template <class Value>
+struct ValueFunctions : Functions<g_param_spec_enum, g_value_get_enum, g_value_set_enum> {};
 template <>
 struct ValueFunctions<bool> : Functions<g_param_spec_boolean, g_value_get_boolean, g_value_set_boolean> {};
 template <> struct ValueFunctions<int> : Functions<g_param_spec_int, g_value_get_int, g_value_set_int> {};
@@ -108,32 +110,27 @@ template <auto... path> constexpr Field<OwnerOf<path...>> field(double low = 0, 
   Field<S> made;
   made.low = low;
   made.high = high;
-  if constexpr (std::is_enum_v<Value>) {
-    made.spec = [](const Property<S>& p) {
-      const S standard;
-      const Value value = member<path...>(standard);
-      return g_param_spec_enum(p.name, p.nick, p.blurb, choice_type(p.field.type, p.field.choices),
-                               static_cast<int>(value), p.flags);
-    };
-    made.set = [](S& s, const GValue* value) {
-      member<path...>(s) = static_cast<Value>(g_value_get_enum(value));
-    };
-    made.get = [](const S& s, GValue* value) {
-      const Value kept = member<path...>(s);
-      g_value_set_enum(value, static_cast<int>(kept));
-    };
-  } else if constexpr (std::is_arithmetic_v<Value>) {
+  if constexpr (std::is_enum_v<Value> || std::is_arithmetic_v<Value>) {
     using Functions = ValueFunctions<Value>;
     made.spec = [](const Property<S>& p) {
       const S standard;
-      if constexpr (std::is_same_v<Value, bool>)
-        return g_param_spec_boolean(p.name, p.nick, p.blurb, member<path...>(standard), p.flags);
+      const Value value = member<path...>(standard);
+      if constexpr (std::is_enum_v<Value>)
+        return Functions::spec(p.name, p.nick, p.blurb, choice_type(p.field.type, p.field.choices),
+                               static_cast<int>(value), p.flags);
+      else if constexpr (std::is_same_v<Value, bool>)
+        return Functions::spec(p.name, p.nick, p.blurb, value, p.flags);
       else
         return Functions::spec(p.name, p.nick, p.blurb, static_cast<Value>(p.field.low),
-                               static_cast<Value>(p.field.high), member<path...>(standard), p.flags);
+                               static_cast<Value>(p.field.high), value, p.flags);
     };
-    made.set = [](S& s, const GValue* value) { member<path...>(s) = Functions::get(value); };
-    made.get = [](const S& s, GValue* value) { Functions::set(value, member<path...>(s)); };
+    made.set = [](S& s, const GValue* value) {
+      member<path...>(s) = static_cast<Value>(Functions::get(value));
+    };
+    made.get = [](const S& s, GValue* value) {
+      const Value kept = member<path...>(s);
+      Functions::set(value, static_cast<decltype(Functions::get(value))>(kept));
+    };
   } else {
     made.spec = [](const Property<S>& p) {
       return g_param_spec_string(p.name, p.nick, p.blurb, nullptr, p.flags);
