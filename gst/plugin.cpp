@@ -8,16 +8,10 @@
 namespace {
 
 gboolean plugin_init(GstPlugin* plugin) {
-  if (!terrainseg::register_metas())
-    return FALSE;
-  gboolean registered = TRUE;
-  registered &= GST_ELEMENT_REGISTER(terrainseg, plugin);
-  registered &= GST_ELEMENT_REGISTER(terrainextract, plugin);
-  registered &= GST_ELEMENT_REGISTER(terraincombine, plugin);
-  registered &= GST_ELEMENT_REGISTER(terrainoverlay, plugin);
-  registered &= GST_ELEMENT_REGISTER(terrainscenesrc, plugin);
-  registered &= GST_ELEMENT_REGISTER(terrainstamp, plugin);
-  return registered;
+  return terrainseg::register_metas() && GST_ELEMENT_REGISTER(terrainseg, plugin) &&
+         GST_ELEMENT_REGISTER(terrainextract, plugin) && GST_ELEMENT_REGISTER(terraincombine, plugin) &&
+         GST_ELEMENT_REGISTER(terrainoverlay, plugin) && GST_ELEMENT_REGISTER(terrainscenesrc, plugin) &&
+         GST_ELEMENT_REGISTER(terrainstamp, plugin);
 }
 
 } // namespace
