@@ -432,25 +432,18 @@ void SettingsBook::give_back(guint id) {
 
 SettingsFile read_settings_file(const std::string& path) {
   constexpr const char* group = "terrainseg";
-  SettingsFile file;
-  file.path = path;
+  SettingsFile file{path, {}, {}};
   g_autoptr(GKeyFile) keys = g_key_file_new();
   g_autoptr(GError) problem = nullptr;
-  if (!g_key_file_load_from_file(keys, path.c_str(), G_KEY_FILE_NONE, &problem)) {
-    file.error = problem->message;
-    return file;
-  }
+  if (!g_key_file_load_from_file(keys, path.c_str(), G_KEY_FILE_NONE, &problem))
+    return {path, {}, problem->message};
   g_auto(GStrv) names = g_key_file_get_keys(keys, group, nullptr, nullptr);
-  if (!names) {
-    file.error = std::string("it has no group [") + group + "]";
-    return file;
-  }
+  if (!names)
+    return {path, {}, std::string("it has no group [") + group + "]"};
   for (gchar** name = names; *name; ++name) {
     g_autofree gchar* value = g_key_file_get_string(keys, group, *name, &problem);
-    if (!value) {
-      file.error = problem->message;
-      return file;
-    }
+    if (!value)
+      return {path, {}, problem->message};
     file.entries.push_back({*name, value});
   }
   return file;
