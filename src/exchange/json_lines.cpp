@@ -56,14 +56,16 @@ constexpr std::uint64_t powers_of_ten[] = {1, 10, 100, 1000, 10'000, 100'000, 1'
 /// value / 10^decimals without trailing zeros.
 void put_decimal(std::string& out, std::uint64_t value, int decimals) {
   const std::uint64_t one = powers_of_ten[decimals];
-  put(out, value / one);
-  if (value % one == 0)
-    return;
-  const std::size_t point = out.size();
-  put(out, one + value % one); // the digit in front of the decimals becomes the point
-  out[point] = '.';
-  while (out.back() == '0')
-    out.pop_back();
+  char digits[48];
+  char* end = std::to_chars(digits, digits + 24, value / one).ptr;
+  if (const std::uint64_t rest = value % one; rest != 0) {
+    char* const point = end;
+    end = std::to_chars(point, point + 24, one + rest).ptr; // its first digit becomes the point
+    *point = '.';
+    while (end[-1] == '0')
+      --end;
+  }
+  out.append(digits, end);
 }
 
 /// A number with 8 fraction bits, rounded to a thousandth.
