@@ -61,22 +61,22 @@ struct SinkSettings {
   double near_distance = 0.5;
 };
 
-/// A published topic: its property and its name.
+/// The property with the name of a published topic.
 struct TopicProperty {
   Topic topic;
-  const char *stem, *nick, *what, *default_name;
+  const char *stem, *nick, *what;
 };
 constexpr TopicProperty topics[] = {
-    {Topic::scan, "scan", "Scan topic", "LaserScan", "terrain/scan"},
-    {Topic::points, "points", "Points topic", "PointCloud2", "terrain/points"},
-    {Topic::grid, "grid", "Grid topic", "OccupancyGrid", "terrain/grid"},
-    {Topic::mask, "mask", "Mask topic", "Image (mono8) of the mask", "terrain/mask"},
-    {Topic::camera_info, "camera-info", "Camera info topic", "CameraInfo", "camera/camera_info"},
-    {Topic::video, "video", "Video topic", "CompressedVideo (H.264)", "camera/video"},
-    {Topic::picture, "picture", "Picture topic", "CompressedImage (JPEG)", "camera/image/compressed"},
-    {Topic::tf, "tf", "Transform topic", "TFMessage with the attitude at the frame", "/tf"},
-    {Topic::tf_static, "tf-static", "Static transform topic", "TFMessage of the mount", "/tf_static"},
-    {Topic::diagnostics, "diagnostics", "Diagnostics topic", "DiagnosticArray", "/diagnostics"},
+    {Topic::scan, "scan", "Scan topic", "LaserScan"},
+    {Topic::points, "points", "Points topic", "PointCloud2"},
+    {Topic::grid, "grid", "Grid topic", "OccupancyGrid"},
+    {Topic::mask, "mask", "Mask topic", "Image (mono8) of the mask"},
+    {Topic::camera_info, "camera-info", "Camera info topic", "CameraInfo"},
+    {Topic::video, "video", "Video topic", "CompressedVideo (H.264)"},
+    {Topic::picture, "picture", "Picture topic", "CompressedImage (JPEG)"},
+    {Topic::tf, "tf", "Transform topic", "TFMessage with the attitude at the frame"},
+    {Topic::tf_static, "tf-static", "Static transform topic", "TFMessage of the mount"},
+    {Topic::diagnostics, "diagnostics", "Diagnostics topic", "DiagnosticArray"},
 };
 static_assert(std::size(topics) == topic_count);
 
@@ -105,7 +105,7 @@ struct Ros2State {
 
   Ros2State() noexcept { // the names are short strings and need no allocation
     for (std::size_t i = 0; i < topic_count; ++i)
-      names[i] = topics[i].default_name;
+      names[i] = recording::topic_kinds[i].name;
   }
 };
 
@@ -486,7 +486,7 @@ void install_topics(GObjectClass* object_class) {
     const std::string blurb = std::string("Name of the topic of the ") + topic.what + ", none = not sent";
     g_object_class_install_property(
         object_class, first_topic_id + i,
-        g_param_spec_string(name.c_str(), topic.nick, blurb.c_str(), topic.default_name,
+        g_param_spec_string(name.c_str(), topic.nick, blurb.c_str(), recording::topic_kinds[i].name,
                             static_cast<GParamFlags>(G_PARAM_READWRITE | GST_PARAM_MUTABLE_READY)));
   }
 }

@@ -57,16 +57,6 @@ bool is_new(const DiagnosticStatus& a, const DiagnosticStatus& b) {
 
 } // namespace
 
-MessageType type_of(Topic topic) {
-  constexpr const char* types[topic_count] = {
-      "sensor_msgs/LaserScan",       "sensor_msgs/PointCloud2",
-      "nav_msgs/OccupancyGrid",      "sensor_msgs/Image",
-      "sensor_msgs/CameraInfo",      "foxglove_msgs/CompressedVideo",
-      "sensor_msgs/CompressedImage", "tf2_msgs/TFMessage",
-      "tf2_msgs/TFMessage",          "diagnostic_msgs/DiagnosticArray"};
-  return message_type(types[static_cast<std::size_t>(topic)]);
-}
-
 /// Sends what `content` returns, if the topic is needed.
 template <class Content>
 bool TerrainMessages::send(MessageOutlet& out, Topic topic, const Header& header, Content content) {

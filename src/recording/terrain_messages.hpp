@@ -47,7 +47,25 @@ enum class Topic : std::uint8_t {
   diagnostics
 };
 inline constexpr std::size_t topic_count = 10;
-MessageType type_of(Topic topic);
+/// A topic's usual name, to which a vehicle's prefix may be added unless it begins with a slash, and its
+/// type, package/Name.
+struct TopicKind {
+  const char *name, *type;
+};
+inline constexpr TopicKind topic_kinds[topic_count] = {
+    {"terrain/scan", "sensor_msgs/LaserScan"},
+    {"terrain/points", "sensor_msgs/PointCloud2"},
+    {"terrain/grid", "nav_msgs/OccupancyGrid"},
+    {"terrain/mask", "sensor_msgs/Image"},
+    {"camera/camera_info", "sensor_msgs/CameraInfo"},
+    {"camera/video", "foxglove_msgs/CompressedVideo"},
+    {"camera/image/compressed", "sensor_msgs/CompressedImage"},
+    {"/tf", "tf2_msgs/TFMessage"},
+    {"/tf_static", "tf2_msgs/TFMessage"},
+    {"/diagnostics", "diagnostic_msgs/DiagnosticArray"}};
+inline MessageType type_of(Topic topic) {
+  return message_type(topic_kinds[static_cast<std::size_t>(topic)].type);
+}
 
 /// Receives the messages.
 class MessageOutlet {

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <new>
 #include <stdexcept>
+#include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include "exchange/bytes.hpp"
@@ -31,59 +33,52 @@ enum Opcode : std::uint8_t {
   op_data_end = 0x0f,
 };
 
-/// A record in `out`; the destructor fills in its length.
-class Record {
- public:
-  Record(Bytes& out, Opcode opcode) : out_(out) {
-    out_.push_back(opcode);
-    at_ = out_.size();
-    put_integer(out_, std::uint64_t{0});
-  }
-  ~Record() { set_length(at_, 8); }
-  Record(const Record&) = delete;
-  Record& operator=(const Record&) = delete;
+/// Writes the number of bytes that follow a length of `size` bytes at `at`.
+void set_length(Bytes& out, std::size_t at, std::size_t size) {
+  std::uint64_t length = out.size() - at - size;
+  for (std::size_t i = 0; i < size; ++i, length >>= 8)
+    out[at + i] = static_cast<std::uint8_t>(length);
+}
 
-  template <class Integer> void integer(Integer value) { put_integer(out_, value); }
-  void string(std::string_view text) {
-    integer(static_cast<std::uint32_t>(text.size()));
-    append(out_, bytes_of(text));
+/// Appends an integer, a text after its length, bytes, or a list of pairs after its length in bytes.
+template <class Field> void put_field(Bytes& out, const Field& field) {
+  if constexpr (std::is_integral_v<Field>) {
+    put_integer(out, field);
+  } else if constexpr (std::is_convertible_v<const Field&, std::string_view>) {
+    const std::string_view text = field;
+    put_integer(out, static_cast<std::uint32_t>(text.size()));
+    append(out, bytes_of(text));
+  } else if constexpr (std::is_same_v<Field, ByteView>) {
+    append(out, field);
+  } else {
+    const std::size_t at = out.size();
+    put_integer(out, std::uint32_t{0});
+    for (const auto& [key, value] : field) {
+      put_field(out, key);
+      put_field(out, value);
+    }
+    set_length(out, at, 4);
   }
-  void bytes(ByteView data) { append(out_, data); }
-  /// A list of the elements that `items` appends, after its length in bytes.
-  template <class Items> void list(Items items) {
-    const std::size_t at = out_.size();
-    integer(std::uint32_t{0});
-    items();
-    set_length(at, 4);
-  }
+}
 
- private:
-  void set_length(std::size_t at, std::size_t size) {
-    std::uint64_t length = out_.size() - at - size;
-    for (std::size_t i = 0; i < size; ++i, length >>= 8)
-      out_[at + i] = static_cast<std::uint8_t>(length);
-  }
-  Bytes& out_;
-  std::size_t at_;
-};
+/// Appends a record of these fields.
+template <class... Fields> void put_record(Bytes& out, Opcode opcode, const Fields&... fields) {
+  out.push_back(opcode);
+  const std::size_t at = out.size();
+  put_integer(out, std::uint64_t{0});
+  (put_field(out, fields), ...);
+  set_length(out, at, 8);
+}
 
-/// Recordings have no /tf_static: /tf contains the transforms of the mount with every frame too.
-struct Channel {
-  Topic topic;
-  const char* name;
-};
-constexpr Channel recorded[] = {{Topic::scan, "/terrain/scan"},
-                                {Topic::points, "/terrain/points"},
-                                {Topic::grid, "/terrain/grid"},
-                                {Topic::mask, "/terrain/mask"},
-                                {Topic::camera_info, "/camera/camera_info"},
-                                {Topic::video, "/camera/video"},
-                                {Topic::picture, "/camera/image/compressed"},
-                                {Topic::tf, "/tf"},
-                                {Topic::diagnostics, "/diagnostics"}};
+// Each channel has its own schema with the same number.
 
-McapWriter::Channel channel_of(const char* topic, MessageType type) {
-  return {topic, "cdr", type.name, "ros2msg", std::move(type.text), {{"offered_qos_profiles", ""}}, 0};
+void put_schema(Bytes& out, std::uint16_t number, const MessageType& type) {
+  put_record(out, op_schema, number, type.name, "ros2msg", type.text);
+}
+
+void put_channel(Bytes& out, std::uint16_t number, const std::string& topic) {
+  const std::map<std::string, std::string> metadata = {{"offered_qos_profiles", ""}};
+  put_record(out, op_channel, number, number, topic, "cdr", metadata);
 }
 
 /// A text in double quotes.
@@ -104,14 +99,12 @@ std::string quoted_yaml(const std::string& text) {
 
 } // namespace
 
-McapWriter::McapWriter(ByteSink sink, const std::string& profile, const std::string& library)
+McapWriter::McapWriter(ByteSink sink)
     : sink_(std::move(sink)), compressor_(ZSTD_createCCtx(), ZSTD_freeCCtx) {
   if (!compressor_)
     throw std::bad_alloc();
   append(header_, magic);
-  Record record(header_, op_header);
-  record.string(profile);
-  record.string(library);
+  put_record(header_, op_header, "ros2", "terrainseg"); // profile, library
 }
 
 McapWriter::~McapWriter() = default;
@@ -127,55 +120,24 @@ bool McapWriter::put(ByteView bytes) {
   return sink_(bytes);
 }
 
-std::uint16_t McapWriter::add_channel(Channel channel) {
-  channels_.push_back(std::move(channel));
+std::uint16_t McapWriter::add_channel(std::string topic, MessageType type) {
+  channels_.push_back({std::move(topic), std::move(type)});
   return static_cast<std::uint16_t>(channels_.size());
-}
-
-/// Writes schema and channel. Each channel has its own schema with the same number.
-void McapWriter::append_schema(Bytes& out, std::uint16_t number) const {
-  const Channel& channel = channels_[number - 1U];
-  Record record(out, op_schema);
-  record.integer(number);
-  record.string(channel.schema);
-  record.string(channel.schema_encoding);
-  record.string(channel.schema_text);
-}
-
-void McapWriter::append_channel(Bytes& out, std::uint16_t number) const {
-  const Channel& channel = channels_[number - 1U];
-  Record record(out, op_channel);
-  record.integer(number);
-  record.integer(number);
-  record.string(channel.topic);
-  record.string(channel.encoding);
-  record.list([&] {
-    for (const auto& [key, value] : channel.metadata) {
-      record.string(key);
-      record.string(value);
-    }
-  });
 }
 
 bool McapWriter::write(std::uint16_t number, std::uint64_t time, ByteView data) {
   Channel& channel = channels_.at(number - 1U);
   if (channel.messages == 0) {
-    append_schema(chunk_, number);
-    append_channel(chunk_, number);
+    put_schema(chunk_, number, channel.type);
+    put_channel(chunk_, number, channel.topic);
   }
   chunk_start_ = indexes_.empty() ? time : std::min(chunk_start_, time);
   chunk_end_ = indexes_.empty() ? time : std::max(chunk_end_, time);
   start_time_ = messages_ == 0 ? time : std::min(start_time_, time);
   end_time_ = messages_ == 0 ? time : std::max(end_time_, time);
   indexes_[number].emplace_back(time, chunk_.size());
-  {
-    Record record(chunk_, op_message);
-    record.integer(number);
-    record.integer(static_cast<std::uint32_t>(channel.messages));
-    record.integer(time); // when it was recorded
-    record.integer(time); // when it was published
-    record.bytes(data);
-  }
+  // The times: when it was recorded, and when it was published.
+  put_record(chunk_, op_message, number, static_cast<std::uint32_t>(channel.messages), time, time, data);
   ++channel.messages;
   ++messages_;
   if (chunk_.size() >= chunk_bytes || chunk_end_ - chunk_start_ >= chunk_nanoseconds)
@@ -195,20 +157,10 @@ ByteView McapWriter::compress() {
 bool McapWriter::write_indexes(ChunkIndex& chunk) {
   const std::uint64_t begin = position_;
   for (auto& [number, index] : indexes_) {
-    std::stable_sort(index.begin(), index.end(),
-                     [](const auto& a, const auto& b) { return a.first < b.first; });
+    std::ranges::stable_sort(index, {}, &Index::value_type::first);
     chunk.index_positions[number] = position_;
     record_.clear();
-    {
-      Record record(record_, op_message_index);
-      record.integer(number);
-      record.list([&, &entries = index] {
-        for (const auto& [time, offset] : entries) {
-          record.integer(time);
-          record.integer(offset);
-        }
-      });
-    }
+    put_record(record_, op_message_index, number, index);
     if (!put(record_))
       return false;
   }
@@ -217,22 +169,14 @@ bool McapWriter::write_indexes(ChunkIndex& chunk) {
 }
 
 bool McapWriter::flush() {
-  if (indexes_.empty())
-    return header_.empty() || put({});
-  const ByteView records = compress();
-  record_.clear();
-  {
-    Record record(record_, op_chunk);
-    record.integer(chunk_start_);
-    record.integer(chunk_end_);
-    record.integer(std::uint64_t{chunk_.size()});
-    record.integer(crc32(chunk_));
-    record.string("zstd");
-    record.integer(std::uint64_t{records.size()});
-    record.bytes(records);
-  }
   if (!header_.empty() && !put({}))
     return false;
+  if (indexes_.empty())
+    return true;
+  const ByteView records = compress();
+  record_.clear();
+  put_record(record_, op_chunk, chunk_start_, chunk_end_, std::uint64_t{chunk_.size()}, crc32(chunk_), "zstd",
+             std::uint64_t{records.size()}, records);
   ChunkIndex chunk{chunk_start_, chunk_end_, position_, record_.size(), 0, records.size(), chunk_.size(), {}};
   if (!put(record_) || !write_indexes(chunk))
     return false;
@@ -242,95 +186,51 @@ bool McapWriter::flush() {
   return true;
 }
 
-void McapWriter::append_statistics(Bytes& out) const {
-  const auto used = static_cast<std::uint32_t>(
-      std::count_if(channels_.begin(), channels_.end(), [](const Channel& c) { return c.messages > 0; }));
-  Record record(out, op_statistics);
-  record.integer(messages_);
-  record.integer(static_cast<std::uint16_t>(used)); // schemas
-  record.integer(used);                             // channels
-  record.integer(std::uint32_t{0});                 // attachments
-  record.integer(std::uint32_t{0});                 // metadata records
-  record.integer(static_cast<std::uint32_t>(chunk_indexes_.size()));
-  record.integer(start_time_);
-  record.integer(end_time_);
-  record.list([&] {
-    for (std::size_t i = 0; i < channels_.size(); ++i)
-      if (channels_[i].messages > 0) {
-        record.integer(static_cast<std::uint16_t>(i + 1));
-        record.integer(channels_[i].messages);
-      }
-  });
-}
-
-void McapWriter::append_chunk_indexes(Bytes& out) const {
-  for (const ChunkIndex& chunk : chunk_indexes_) {
-    Record record(out, op_chunk_index);
-    record.integer(chunk.start_time);
-    record.integer(chunk.end_time);
-    record.integer(chunk.position);
-    record.integer(chunk.length);
-    record.list([&] {
-      for (const auto& [number, position] : chunk.index_positions) {
-        record.integer(number);
-        record.integer(position);
-      }
-    });
-    record.integer(chunk.index_length);
-    record.string("zstd");
-    record.integer(chunk.compressed);
-    record.integer(chunk.uncompressed);
-  }
-}
-
 bool McapWriter::finish() {
   if (!flush())
     return false;
   record_.clear();
-  {
-    Record end(record_, op_data_end);
-    end.integer(data_crc_);
-  }
+  put_record(record_, op_data_end, data_crc_);
   if (!put(record_))
     return false;
 
+  Bytes schemas, channels, statistics, chunk_indexes;
+  std::map<std::uint16_t, std::uint64_t> messages; // by channel
+  for (std::uint16_t number = 1; const Channel& channel : channels_) {
+    if (channel.messages > 0) {
+      put_schema(schemas, number, channel.type);
+      put_channel(channels, number, channel.topic);
+      messages[number] = channel.messages;
+    }
+    ++number;
+  }
+  const auto used = static_cast<std::uint32_t>(messages.size());
+  constexpr std::uint32_t attachments = 0, metadata_records = 0;
+  put_record(statistics, op_statistics, messages_, static_cast<std::uint16_t>(used), used, attachments,
+             metadata_records, static_cast<std::uint32_t>(chunk_indexes_.size()), start_time_, end_time_,
+             messages);
+  for (const ChunkIndex& chunk : chunk_indexes_)
+    put_record(chunk_indexes, op_chunk_index, chunk.start_time, chunk.end_time, chunk.position, chunk.length,
+               chunk.index_positions, chunk.index_length, "zstd", chunk.compressed, chunk.uncompressed);
+
   const std::uint64_t begin = position_;
-  Bytes summary;
-  struct Group {
-    Opcode opcode;
-    std::uint64_t begin, end;
+  Bytes summary, offsets;
+  const auto add_group = [&](Opcode opcode, const Bytes& records) {
+    if (records.empty())
+      return;
+    put_record(offsets, op_summary_offset, static_cast<std::uint8_t>(opcode), begin + summary.size(),
+               std::uint64_t{records.size()});
+    append(summary, records);
   };
-  std::vector<Group> groups;
-  const auto group = [&](Opcode opcode, auto fill) {
-    const std::uint64_t from = begin + summary.size();
-    fill();
-    if (const std::uint64_t to = begin + summary.size(); to > from)
-      groups.push_back({opcode, from, to});
-  };
-  const auto each_used_channel = [&](void (McapWriter::*append_it)(Bytes&, std::uint16_t) const) {
-    for (std::size_t i = 0; i < channels_.size(); ++i)
-      if (channels_[i].messages > 0)
-        (this->*append_it)(summary, static_cast<std::uint16_t>(i + 1));
-  };
-  group(op_schema, [&] { each_used_channel(&McapWriter::append_schema); });
-  group(op_channel, [&] { each_used_channel(&McapWriter::append_channel); });
-  group(op_statistics, [&] { append_statistics(summary); });
-  group(op_chunk_index, [&] { append_chunk_indexes(summary); });
-  const std::uint64_t offsets = begin + summary.size();
-  for (const Group& each : groups) {
-    Record record(summary, op_summary_offset);
-    record.integer(static_cast<std::uint8_t>(each.opcode));
-    record.integer(each.begin);
-    record.integer(each.end - each.begin);
-  }
-  {
-    Record footer(summary, op_footer);
-    footer.integer(begin);
-    footer.integer(offsets);
-    footer.integer(std::uint32_t{0});
-  }
+  add_group(op_schema, schemas);
+  add_group(op_channel, channels);
+  add_group(op_statistics, statistics);
+  add_group(op_chunk_index, chunk_indexes);
+  const std::uint64_t offsets_begin = begin + summary.size();
+  append(summary, offsets);
   // The checksum is the last field of the footer and covers everything before it, including the record's
   // length.
+  put_record(summary, op_footer, begin, offsets_begin, std::uint32_t{0});
   constexpr std::size_t crc_size = 4;
   const std::uint32_t crc = crc32(ByteView(summary).first(summary.size() - crc_size));
   summary.resize(summary.size() - crc_size);
@@ -339,14 +239,16 @@ bool McapWriter::finish() {
   return put(summary);
 }
 
+/// Recordings have no /tf_static: /tf contains the transforms of the mount with every frame too.
 TerrainRecording::TerrainRecording(ByteSink sink, MessageOptions options)
-    : messages_(std::move(options)), writer_(std::move(sink), "ros2", "terrainseg") {
-  const auto channel = [&](Topic topic) -> std::uint16_t& {
-    return channels_[static_cast<std::size_t>(topic)];
-  };
-  for (const auto& [topic, name] : recorded)
-    channel(topic) = writer_.add_channel(channel_of(name, type_of(topic)));
-  channel(Topic::tf_static) = channel(Topic::tf);
+    : messages_(std::move(options)), writer_(std::move(sink)) {
+  for (std::size_t i = 0; i < topic_count; ++i) {
+    const std::string name = topic_kinds[i].name;
+    channels_[i] = static_cast<Topic>(i) == Topic::tf_static
+                       ? channels_[static_cast<std::size_t>(Topic::tf)]
+                       : writer_.add_channel(name.starts_with('/') ? name : "/" + name,
+                                             message_type(topic_kinds[i].type));
+  }
 }
 
 std::string TerrainRecording::bag_metadata(const std::string& name) const {
@@ -360,7 +262,7 @@ std::string TerrainRecording::bag_metadata(const std::string& name) const {
   for (const McapWriter::Channel& channel : writer_.channels())
     if (channel.messages > 0)
       text +=
-          "    - topic_metadata:\n        name: " + channel.topic + "\n        type: " + channel.schema +
+          "    - topic_metadata:\n        name: " + channel.topic + "\n        type: " + channel.type.name +
           "\n        serialization_format: cdr\n        offered_qos_profiles: \"\"\n      message_count: " +
           std::to_string(channel.messages) + "\n";
   const std::string quoted = quoted_yaml(name);

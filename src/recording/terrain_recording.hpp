@@ -27,23 +27,19 @@ class McapWriter {
  public:
   struct Channel {
     std::string topic;
-    std::string encoding;        ///< of the messages, such as cdr
-    std::string schema;          ///< name of the message type, such as sensor_msgs/msg/LaserScan
-    std::string schema_encoding; ///< such as ros2msg
-    std::string schema_text;
-    std::map<std::string, std::string> metadata;
+    MessageType type;
     std::uint64_t messages = 0; ///< written so far
   };
   /// A chunk ends with the message that exceeds this size or duration.
   static constexpr std::size_t chunk_bytes = 1 << 20;
   static constexpr std::uint64_t chunk_nanoseconds = 1'000'000'000;
 
-  McapWriter(ByteSink sink, const std::string& profile, const std::string& library);
+  explicit McapWriter(ByteSink sink);
   ~McapWriter();
 
   /// Adds a channel and returns its number for write(). It is written to the file, with its schema, with its
   /// first message.
-  std::uint16_t add_channel(Channel channel);
+  std::uint16_t add_channel(std::string topic, MessageType type);
   /// Adds a message. `time` is in nanoseconds; times may be in any order.
   [[nodiscard]] bool write(std::uint16_t channel, std::uint64_t time, ByteView data);
   /// Ends the chunk, so that all messages so far are in the file.
@@ -64,10 +60,6 @@ class McapWriter {
     std::map<std::uint16_t, std::uint64_t> index_positions;
   };
   bool put(ByteView bytes);
-  void append_schema(Bytes& out, std::uint16_t channel) const;
-  void append_channel(Bytes& out, std::uint16_t channel) const;
-  void append_statistics(Bytes& out) const;
-  void append_chunk_indexes(Bytes& out) const;
   ByteView compress();
   bool write_indexes(ChunkIndex& chunk);
 

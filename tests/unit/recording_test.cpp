@@ -266,9 +266,7 @@ ReadFile read_file(const Bytes& bytes) {
   return file;
 }
 
-McapWriter::Channel plain_channel(const std::string& topic) {
-  return {topic, "cdr", "pkg/msg/Name", "ros2msg", "uint8 a\n", {{"offered_qos_profiles", ""}}, 0};
-}
+const MessageType plain_type = {"pkg/msg/Name", "uint8 a\n"};
 
 /// A writer into memory that is full at `room` bytes.
 struct Disk {
@@ -306,10 +304,9 @@ TEST(Cdr, OccupancyGridHasTheGoldenBytes) {
 
 TEST(McapWriter, GivesBackWhatWasWritten) {
   Disk disk;
-  McapWriter writer(disk.sink(), "ros2", "test");
-  const std::uint16_t a = writer.add_channel(plain_channel("/a")),
-                      b = writer.add_channel(plain_channel("/b"));
-  writer.add_channel(plain_channel("/silent"));
+  McapWriter writer(disk.sink());
+  const std::uint16_t a = writer.add_channel("/a", plain_type), b = writer.add_channel("/b", plain_type);
+  writer.add_channel("/silent", plain_type);
   std::mt19937 random(7);
   std::vector<ReadMessage> expected;
   std::map<std::uint16_t, std::uint32_t> sequence;
@@ -337,8 +334,8 @@ TEST(McapWriter, GivesBackWhatWasWritten) {
 
 TEST(McapWriter, AnEmptyRecordingIsAFile) {
   Disk disk;
-  McapWriter writer(disk.sink(), "ros2", "test");
-  writer.add_channel(plain_channel("/a"));
+  McapWriter writer(disk.sink());
+  writer.add_channel("/a", plain_type);
   ASSERT_TRUE(writer.finish());
   const ReadFile file = read_file(disk.bytes);
   EXPECT_TRUE(file.whole);
@@ -349,8 +346,8 @@ TEST(McapWriter, AnEmptyRecordingIsAFile) {
 TEST(McapWriter, AFullDiskLeavesAReadablePrefix) {
   const Bytes data(1000, 5);
   const auto fill = [&](Disk& disk) {
-    McapWriter writer(disk.sink(), "ros2", "test");
-    const std::uint16_t channel = writer.add_channel(plain_channel("/a"));
+    McapWriter writer(disk.sink());
+    const std::uint16_t channel = writer.add_channel("/a", plain_type);
     for (std::uint64_t i = 0; i < 100; ++i)
       if (!writer.write(channel, i * 100'000'000, data))
         return false;
