@@ -156,16 +156,13 @@ SinkState& state_of(gpointer object) {
 // ---- the file --------------------------------------------------------------------------------------------
 
 void report(SinkState& s, const FileProblem& problem, bool opening) {
-  const char* end = problem.text.empty() || problem.text.back() != '.' ? "." : "";
-  if (problem.error == ENOSPC || problem.error == EDQUOT)
-    GST_ELEMENT_ERROR(s.element, RESOURCE, NO_SPACE_LEFT, ("%s%s", problem.text.c_str(), end),
-                      ("errno %d", problem.error));
-  else if (opening)
-    GST_ELEMENT_ERROR(s.element, RESOURCE, OPEN_WRITE, ("%s%s", problem.text.c_str(), end),
-                      ("errno %d", problem.error));
-  else
-    GST_ELEMENT_ERROR(s.element, RESOURCE, WRITE, ("%s%s", problem.text.c_str(), end),
-                      ("errno %d", problem.error));
+  const bool full = problem.error == ENOSPC || problem.error == EDQUOT;
+  const GstResourceError code = full      ? GST_RESOURCE_ERROR_NO_SPACE_LEFT
+                                : opening ? GST_RESOURCE_ERROR_OPEN_WRITE
+                                          : GST_RESOURCE_ERROR_WRITE;
+  gst_element_message_full(s.element, GST_MESSAGE_ERROR, GST_RESOURCE_ERROR, code,
+                           g_strconcat(problem.text.c_str(), problem.text.ends_with('.') ? "" : ".", nullptr),
+                           g_strdup_printf("errno %d", problem.error), __FILE__, GST_FUNCTION, __LINE__);
 }
 
 bool open_recording(SinkState& s) {
@@ -216,8 +213,7 @@ bool finish(SinkState& s) {
   const std::string name = s.file.name();
   std::string metadata = s.recording->bag_metadata(name.empty() ? "terrain.mcap" : name);
   s.recording.reset();
-  const auto problem = s.file.finish(metadata);
-  if (problem) {
+  if (const auto problem = s.file.finish(metadata)) {
     report(s, *problem, false);
     return false;
   }
