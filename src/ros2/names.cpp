@@ -68,25 +68,15 @@ std::string description_of(const std::string& name, const std::string& fields) {
 constexpr std::uint32_t last_domain = 232; // larger domains would use ports above 65535
 
 std::string escaped(const std::string& text) {
-  gchar* safe = g_markup_escape_text(text.c_str(), -1);
-  std::string copy = safe;
-  g_free(safe);
-  return copy;
+  g_autofree gchar* safe = g_markup_escape_text(text.c_str(), -1);
+  return safe;
 }
 
-std::optional<DiscoveryRange> range_of(const std::string& word) {
-  constexpr struct {
-    const char* word;
-    DiscoveryRange range;
-  } words[] = {{"OFF", DiscoveryRange::off},
-               {"LOCALHOST", DiscoveryRange::localhost},
-               {"SUBNET", DiscoveryRange::subnet},
-               {"SYSTEM_DEFAULT", DiscoveryRange::system_default}};
-  for (const auto& known : words)
-    if (word == known.word)
-      return known.range;
-  return std::nullopt;
-}
+const std::map<std::string_view, DiscoveryRange> ranges = {
+    {"OFF", DiscoveryRange::off},
+    {"LOCALHOST", DiscoveryRange::localhost},
+    {"SUBNET", DiscoveryRange::subnet},
+    {"SYSTEM_DEFAULT", DiscoveryRange::system_default}};
 
 } // namespace
 
@@ -146,11 +136,8 @@ std::string type_hash(const recording::MessageType& type) {
     referenced += (referenced.empty() ? "" : ", ") + description;
   const std::string json =
       "{\"type_description\": " + main + ", \"referenced_type_descriptions\": [" + referenced + "]}";
-  gchar* sum = g_compute_checksum_for_data(G_CHECKSUM_SHA256, reinterpret_cast<const guchar*>(json.data()),
-                                           json.size());
-  std::string hash = std::string("RIHS01_") + sum;
-  g_free(sum);
-  return hash;
+  g_autofree gchar* sum = g_compute_checksum_for_string(G_CHECKSUM_SHA256, json.c_str(), -1);
+  return std::string("RIHS01_") + sum;
 }
 
 std::optional<Discovery> discovery_from(const char* (*get)(const char* name), std::string& error) {
@@ -173,25 +160,22 @@ std::optional<Discovery> discovery_from(const char* (*get)(const char* name), st
     return std::nullopt;
   }
   if (!range.empty()) {
-    const auto known = range_of(range);
-    if (!known) {
+    const auto known = ranges.find(range);
+    if (known == ranges.end()) {
       error = "ROS_AUTOMATIC_DISCOVERY_RANGE is \"" + range +
               "\": it must be OFF, LOCALHOST, SUBNET or SYSTEM_DEFAULT";
       return std::nullopt;
     }
-    found.range = *known;
+    found.range = known->second;
   } else if (only == "0") {
     found.range = DiscoveryRange::subnet;
   }
   if (only == "1")
     found.range = DiscoveryRange::localhost;
-  std::string peers = value("ROS_STATIC_PEERS");
-  for (std::size_t at = 0; at < peers.size();) {
-    const std::size_t end = std::min(peers.find(';', at), peers.size());
-    if (end > at)
-      found.peers.push_back(peers.substr(at, end - at));
-    at = end + 1;
-  }
+  std::istringstream peers(value("ROS_STATIC_PEERS"));
+  for (std::string peer; std::getline(peers, peer, ';');)
+    if (!peer.empty())
+      found.peers.push_back(peer);
   return found;
 }
 

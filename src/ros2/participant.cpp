@@ -151,16 +151,6 @@ const ddsi_sertype_ops& type_operations() {
   return operations;
 }
 
-/// Writes a complete message with its 4-byte encapsulation header. Returns 0 or an error code of DDS.
-dds_return_t write_raw(dds_entity_t writer, const RawTopic& topic, recording::ByteView message) {
-  RawData* data = new_data(topic.type, SDK_DATA, message.size());
-  if (!data)
-    return DDS_RETCODE_OUT_OF_RESOURCES;
-  std::copy(message.begin(), message.end(), data->bytes());
-  // NOLINTNEXTLINE(clang-analyzer-unix.Malloc): dds_writecdr takes the reference
-  return dds_writecdr(writer, data);
-}
-
 std::string failed(const std::string& what, dds_return_t code) {
   return what + ": " + dds_strretcode(code);
 }
@@ -266,17 +256,15 @@ Participant::~Participant() {
 
 Writer::Writer(const Participant& participant, const std::string& topic, const recording::MessageType& type,
                Durability durability, int depth)
-    : Endpoint(participant, dds_topic(topic), type.name) {
-  open(participant, durability, depth, user_data_of(type));
-}
+    : Writer(participant, dds_topic(topic), type.name, user_data_of(type), durability, depth) {}
 
 Writer::Writer(const Participant& participant)
-    : Endpoint(participant, "ros_discovery_info", "rmw_dds_common/msg/ParticipantEntitiesInfo") {
-  open(participant, Durability::transient_local, 1, "");
-}
+    : Writer(participant, "ros_discovery_info", "rmw_dds_common/msg/ParticipantEntitiesInfo", "",
+             Durability::transient_local, 1) {}
 
-void Writer::open(const Participant& participant, Durability durability, int depth,
-                  const std::string& user_data) {
+Writer::Writer(const Participant& participant, const std::string& topic, const std::string& type,
+               const std::string& user_data, Durability durability, int depth)
+    : Endpoint(participant, topic, type) {
   const Qos qos(dds_create_qos());
   dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, DDS_MSECS(5));
   dds_qset_durability(qos.get(), durability == Durability::transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL
@@ -308,7 +296,11 @@ void Endpoint::close() {
 }
 
 bool Writer::write(recording::ByteView message) {
-  const bool taken = write_raw(entity_, topic_, message) == DDS_RETCODE_OK;
+  RawData* data = new_data(topic_.type, SDK_DATA, message.size());
+  if (data)
+    std::copy(message.begin(), message.end(), data->bytes());
+  // NOLINTNEXTLINE(clang-analyzer-unix.Malloc): dds_writecdr takes the reference
+  const bool taken = data && dds_writecdr(entity_, data) == DDS_RETCODE_OK;
   ++(taken ? written_ : dropped_);
   return taken;
 }

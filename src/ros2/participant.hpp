@@ -89,7 +89,9 @@ class Writer : public Endpoint {
   std::uint64_t dropped() const { return dropped_; }
 
  private:
-  void open(const Participant& participant, Durability durability, int depth, const std::string& user_data);
+  /// Names of DDS.
+  Writer(const Participant& participant, const std::string& topic, const std::string& type,
+         const std::string& user_data, Durability durability, int depth);
 
   std::atomic<std::uint32_t> readers_ = 0;
   std::atomic<std::uint64_t> written_ = 0, dropped_ = 0;
