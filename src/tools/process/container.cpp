@@ -4,7 +4,6 @@
 #include <gst/gst.h>
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cstring>
 #include <fstream>
@@ -16,55 +15,71 @@ namespace {
 
 constexpr std::uint64_t longest_index = 256 << 20; ///< bytes of a moov or moof box
 
+using Field = std::vector<std::uint8_t>;
+using Content = std::span<const std::uint8_t>;
+
+bool begins(Content bytes, std::string_view text) {
+  return bytes.size() >= text.size() && std::memcmp(bytes.data(), text.data(), text.size()) == 0;
+}
+
+/// `count` bytes from `at` on; 0 past the end.
+std::uint64_t number(Content bytes, std::size_t at, std::size_t count, bool little = false) {
+  std::uint64_t value = 0;
+  if (at > bytes.size() || bytes.size() - at < count)
+    return 0;
+  for (std::size_t i = 0; i < count; ++i)
+    value = value << 8 | bytes[at + (little ? count - 1 - i : i)];
+  return value;
+}
+
 /// Reads the bytes of a box in order; returns zeros past the end.
 class Bytes {
  public:
-  Bytes(const std::uint8_t* data, std::size_t size, std::uint64_t position)
-      : data_(data), size_(size), position_(position) {}
-  std::uint64_t number(int bytes) {
-    std::uint64_t value = 0;
-    for (int i = 0; i < bytes; ++i)
-      value = value << 8 | (at_ < size_ ? data_[at_] : 0), ++at_;
+  /// `position` in the file is that of the first byte.
+  Bytes(Content content, std::uint64_t position) : rest_(content), position_(position) {}
+  std::uint64_t number(std::size_t bytes) {
+    const std::uint64_t value = process::number(rest_, 0, bytes);
+    skip(bytes);
     return value;
   }
-  std::int32_t signed32() { return static_cast<std::int32_t>(static_cast<std::uint32_t>(number(4))); }
-  void skip(std::size_t bytes) { at_ += bytes; }
-  bool ended() const { return at_ >= size_; }
-  std::vector<std::uint8_t> rest() const { return {data_ + std::min(at_, size_), data_ + size_}; }
-  std::size_t left() const { return ended() ? 0 : size_ - at_; }
-  std::uint64_t position() const { return position_ + at_; } ///< in the file
+  std::int32_t signed32() { return static_cast<std::int32_t>(number(4)); }
+  void skip(std::size_t bytes) {
+    bytes = std::min(bytes, rest_.size());
+    rest_ = rest_.subspan(bytes);
+    position_ += bytes;
+  }
+  Content rest() const { return rest_; }
+  std::uint64_t position() const { return position_; }
 
   struct Box;
   /// Reads the next box; its type is empty at the end or when the bytes are not a box.
   Box next();
 
  private:
-  const std::uint8_t* data_;
-  std::size_t size_, at_ = 0;
+  Content rest_;
   std::uint64_t position_;
 };
 
 struct Bytes::Box {
   std::string type;
-  Bytes content{nullptr, 0, 0};
+  Bytes content{{}, 0};
 };
 
 Bytes::Box Bytes::next() {
-  if (left() < 8)
-    return {};
-  const std::size_t begin = at_;
-  std::uint64_t length = number(4);
+  const Bytes begin = *this;
   Box box;
+  std::uint64_t length = number(4);
   for (int i = 0; i < 4; ++i)
     box.type += static_cast<char>(number(1));
   if (length == 1)
     length = number(8);
   else if (length == 0)
-    length = size_ - begin;
-  if (length < at_ - begin || length > size_ - begin)
+    length = begin.rest_.size();
+  const std::uint64_t head = position_ - begin.position_;
+  if (begin.rest_.size() < 8 || length < head || length > begin.rest_.size())
     return {};
-  box.content = Bytes(data_ + at_, static_cast<std::size_t>(begin + length - at_), position());
-  at_ = begin + static_cast<std::size_t>(length);
+  box.content = Bytes(rest_.first(static_cast<std::size_t>(length - head)), position_);
+  skip(box.content.rest_.size());
   return box;
 }
 
@@ -92,7 +107,7 @@ struct Tables {
 
 template <typename Value> void read_runs(Bytes bytes, std::vector<std::pair<std::uint64_t, Value>>& runs) {
   bytes.skip(4);
-  for (std::uint64_t left = bytes.number(4); left > 0 && !bytes.ended(); --left) {
+  for (std::uint64_t left = bytes.number(4); left > 0 && !bytes.rest().empty(); --left) {
     const std::uint64_t count = bytes.number(4);
     runs.emplace_back(count, static_cast<Value>(bytes.signed32()));
   }
@@ -101,7 +116,7 @@ template <typename Value> void read_runs(Bytes bytes, std::vector<std::pair<std:
 void read_edit_list(Bytes bytes, Tables& tables) {
   const bool wide = tables.wide = bytes.number(4) >> 24 == 1;
   tables.list_at = bytes.position();
-  for (std::uint64_t left = bytes.number(4); left > 0 && !bytes.ended(); --left) {
+  for (std::uint64_t left = bytes.number(4); left > 0 && !bytes.rest().empty(); --left) {
     Tables::Entry entry{};
     entry.duration = bytes.number(wide ? 8 : 4);
     entry.begin = wide ? static_cast<std::int64_t>(bytes.number(8)) : bytes.signed32();
@@ -151,8 +166,6 @@ void read_track(const Bytes& content, Tables& tables) {
     }
   });
 }
-
-using Field = std::vector<std::uint8_t>;
 
 Field joined(std::initializer_list<Field> fields) {
   Field all;
@@ -231,15 +244,18 @@ void put_together(Tables& tables, const Movie& movie) {
     show_all(tables, movie, track);
 }
 
-/// Reads a box of the file; empty when it is too long or cannot be read.
-std::vector<std::uint8_t> load(std::ifstream& file, std::uint64_t begin, std::uint64_t length) {
-  if (length > longest_index)
-    return {};
-  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(length));
+/// Reads bytes of the file; zeros past its end.
+Field load(std::ifstream& file, std::uint64_t begin, std::uint64_t length) {
+  Field bytes(static_cast<std::size_t>(length));
   file.clear();
   file.seekg(static_cast<std::streamoff>(begin));
   file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(length));
-  return file ? bytes : std::vector<std::uint8_t>();
+  return bytes;
+}
+
+/// The longest beginning that tells a container or has the length of a box.
+Field head_at(std::ifstream& file, std::uint64_t position) {
+  return load(file, position, 16);
 }
 
 /// Calls `visit` with the tables of each video track and with its movie.
@@ -285,8 +301,8 @@ Field changed(const Bytes& content, const Change& change) {
       return;
     if (is("mdia"))
       out = joined({out, change.edits});
-    Field inside = box.content.rest();
-    const bool wide = !inside.empty() && inside[0] == 1;
+    Field inside(box.content.rest().begin(), box.content.rest().end());
+    const bool wide = number(inside, 0, 1) == 1;
     if (is("moov") || is("trak") || is("mdia") || is("minf") || is("stbl"))
       inside = changed(box.content, change);
     else if (is("mvhd"))
@@ -295,7 +311,7 @@ Field changed(const Bytes& content, const Change& change) {
       put(inside, wide ? 28 : 20, change.length, wide ? 8 : 4);
     for (const int width : {4, 8}) // tables of the frames' positions
       for (std::size_t at = 8; is(width == 4 ? "stco" : "co64") && at + width <= inside.size(); at += width)
-        put(inside, at, Bytes(&inside[at], width, 0).number(width) + change.shift, width);
+        put(inside, at, number(inside, at, width) + change.shift, width);
     out = joined({out, field_of(8 + inside.size(), 4), text_field(box.type), inside});
   });
   return out;
@@ -319,42 +335,12 @@ void read_fragment(const Bytes& content, std::vector<IsoTrack>& tracks) {
   });
 }
 
-using Head = std::array<unsigned char, 16>;
-
-using Content = std::span<const std::uint8_t>;
-
-bool begins(Content bytes, std::string_view text) {
-  return bytes.size() >= text.size() && std::memcmp(bytes.data(), text.data(), text.size()) == 0;
-}
-
-/// `count` bytes from `at` on; 0 past the end.
-std::uint64_t number(Content bytes, std::size_t at, std::size_t count, bool little = false) {
-  std::uint64_t value = 0;
-  if (at > bytes.size() || bytes.size() - at < count)
-    return 0;
-  for (std::size_t i = 0; i < count; ++i)
-    value = value << 8 | bytes[at + (little ? count - 1 - i : i)];
-  return value;
-}
-
-/// 16 bytes from `position`, zeros past the end.
-Head head_at(std::ifstream& file, std::uint64_t position) {
-  Head head{};
-  file.clear();
-  file.seekg(static_cast<std::streamoff>(position));
-  file.read(reinterpret_cast<char*>(head.data()), head.size());
-  return head;
-}
-
-bool is_tag(const unsigned char* bytes, const char* tag) {
-  return std::memcmp(bytes, tag, 4) == 0;
-}
-
-/// Consecutive top-level boxes.
-std::uint64_t iso_media_end(std::ifstream& file, std::uint64_t size) {
+/// Calls `visit` with type, position and length of each top-level box. Returns the end of the last one.
+template <typename Visit>
+std::uint64_t each_top_box(std::ifstream& file, std::uint64_t size, const Visit& visit) {
   std::uint64_t position = 0;
   while (position + 8 <= size) {
-    const Head box = head_at(file, position);
+    const Field box = head_at(file, position);
     if (!std::all_of(&box[4], &box[8], [](char letter) { return g_ascii_isprint(letter); }))
       break;
     std::uint64_t length = number(box, 0, 4);
@@ -364,6 +350,7 @@ std::uint64_t iso_media_end(std::ifstream& file, std::uint64_t size) {
       length = number(box, 8, 8);
     if (length < 8 || length > UINT64_MAX - position)
       break;
+    visit(std::string(&box[4], &box[8]), position, length);
     position += length;
   }
   return position;
@@ -373,8 +360,8 @@ std::uint64_t iso_media_end(std::ifstream& file, std::uint64_t size) {
 std::uint64_t riff_end(std::ifstream& file, std::uint64_t size) {
   std::uint64_t position = 0;
   while (position + 12 <= size) {
-    const Head chunk = head_at(file, position);
-    if (!is_tag(&chunk[0], "RIFF"))
+    const Field chunk = head_at(file, position);
+    if (!begins(chunk, "RIFF"))
       break;
     const std::uint64_t length = number(chunk, 4, 4, true);
     if (length == 0 || length == 0xffffffff) // not finished by the recorder
@@ -386,7 +373,7 @@ std::uint64_t riff_end(std::ifstream& file, std::uint64_t size) {
 
 /// Position after the EBML element at `position`; `size` if its length is unknown or invalid.
 std::uint64_t ebml_end(std::ifstream& file, std::uint64_t position, std::uint64_t size) {
-  const Head head = head_at(file, position);
+  const Field head = head_at(file, position);
   const int length = std::countl_zero(head[4]) + 1; // bytes of the number that follows
   if (length > 8)
     return size;
@@ -399,7 +386,7 @@ std::uint64_t matroska_end(std::ifstream& file, std::uint64_t size) {
   const std::uint64_t segment = ebml_end(file, 0, size);
   if (segment + 12 > size)
     return segment;
-  const Head head = head_at(file, segment);
+  const Field head = head_at(file, segment);
   return number(head, 0, 4) == 0x18538067 ? ebml_end(file, segment, size) : size;
 }
 
@@ -478,10 +465,9 @@ std::optional<std::uint64_t> IsoTrack::shown_at(std::uint64_t media_time) const 
 }
 
 Field shown_from(const Field& movie, std::uint64_t start) {
-  const Bytes all(movie.data(), movie.size(), 0);
-  Bytes at = all;
+  const Bytes all(movie, 0);
   Change change;
-  each_video(at.next().content, [&](const Tables& tables, const Movie& of) {
+  each_video(Bytes(all).next().content, [&](const Tables& tables, const Movie& of) {
     const IsoTrack& track = tables.track;
     if (track.times.empty())
       return;
@@ -509,28 +495,18 @@ std::vector<IsoTrack> iso_video_tracks(const std::filesystem::path& path) {
   std::error_code error;
   const std::uint64_t size = std::filesystem::file_size(path, error);
   std::vector<IsoTrack> tracks;
-  std::uint64_t position = 0;
-  while (!error && file && position + 8 <= size) {
-    const Field head = load(file, position, std::min<std::uint64_t>(16, size - position));
-    Bytes bytes(head.data(), head.size(), position);
-    std::uint64_t length = bytes.number(4);
-    const std::uint64_t type = bytes.number(4);
-    if (length == 1)
-      length = bytes.number(8);
-    constexpr std::uint64_t moov = 0x6d6f6f76, moof = 0x6d6f6f66;
-    if (length < 8 || length > size - position)
-      break;
-    if (type == moov || type == moof) {
-      const Field box = load(file, position, length);
-      Bytes all(box.data(), box.size(), position);
-      if (Bytes::Box content = all.next(); type == moov)
-        each_video(content.content,
-                   [&tracks](Tables& tables, const Movie&) { tracks.push_back(std::move(tables.track)); });
-      else
-        read_fragment(content.content, tracks);
-    }
-    position += length;
-  }
+  if (error || !file)
+    return tracks;
+  each_top_box(file, size, [&](const std::string& type, std::uint64_t position, std::uint64_t length) {
+    if ((type != "moov" && type != "moof") || length > std::min(longest_index, size - position))
+      return;
+    const Field box = load(file, position, length);
+    const Bytes content = Bytes(box, position).next().content;
+    if (type == "moof")
+      return read_fragment(content, tracks);
+    each_video(content,
+               [&tracks](Tables& tables, const Movie&) { tracks.push_back(std::move(tables.track)); });
+  });
   for (IsoTrack& track : tracks)
     track.trimmed =
         !track.edits.empty() && track.fragment_frames == 0 && track.shown_frames() < track.times.size();
@@ -543,11 +519,11 @@ std::optional<std::uint64_t> missing_length(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   if (error || !file || size < 16)
     return std::nullopt;
-  const Head head = head_at(file, 0);
+  const Field head = head_at(file, 0);
   std::uint64_t end = size;
-  if (is_tag(&head[4], "ftyp"))
-    end = iso_media_end(file, size);
-  else if (is_tag(&head[0], "RIFF"))
+  if (begins(Content(head).subspan(4), "ftyp"))
+    end = each_top_box(file, size, [](const auto&...) {});
+  else if (begins(head, "RIFF"))
     end = riff_end(file, size);
   else if (number(head, 0, 4) == 0x1a45dfa3)
     end = matroska_end(file, size);
@@ -556,16 +532,16 @@ std::optional<std::uint64_t> missing_length(const std::filesystem::path& path) {
 
 bool tells_duration(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
-  const Head head = head_at(file, 0);
-  return (is_tag(&head[0], "RIFF") && is_tag(&head[8], "AVI ")) || number(head, 0, 4) == 0x1a45dfa3 ||
-         is_tag(&head[0], "FLV\x01");
+  const Field head = head_at(file, 0);
+  return (begins(head, "RIFF") && begins(Content(head).subspan(8), "AVI ")) ||
+         number(head, 0, 4) == 0x1a45dfa3 || begins(head, "FLV\x01");
 }
 
 bool lacks_end_mark(const std::filesystem::path& path) {
   constexpr char end_mark = 0x3b;
   std::ifstream file(path, std::ios::binary);
-  const Head head = head_at(file, 0);
-  if (!is_tag(&head[0], "GIF8"))
+  const Field head = head_at(file, 0);
+  if (!begins(head, "GIF8"))
     return false;
   file.clear();
   file.seekg(-1, std::ios::end);
