@@ -49,27 +49,19 @@ struct Word {
 
 /// Parses the arguments; throws UsageError.
 inline void parse(GOptionContext* context, const std::vector<std::string>& words, const char* name) {
-  GStrvBuilder* builder = g_strv_builder_new();
+  g_autoptr(GStrvBuilder) builder = g_strv_builder_new();
   g_strv_builder_add(builder, name);
   for (const std::string& word : words)
     g_strv_builder_add(builder, word.c_str());
-  char** strv = g_strv_builder_end(builder);
-  g_strv_builder_unref(builder);
-  GError* error = nullptr;
-  g_option_context_parse_strv(context, &strv, &error);
-  g_strfreev(strv);
-  if (error) {
-    const std::string text = error->message;
-    g_error_free(error);
-    throw UsageError(text);
-  }
+  g_auto(GStrv) strv = g_strv_builder_end(builder);
+  g_autoptr(GError) error = nullptr;
+  if (!g_option_context_parse_strv(context, &strv, &error))
+    throw UsageError(error->message);
 }
 
 inline std::string help_of(GOptionContext* context) {
-  char* text = g_option_context_get_help(context, TRUE, nullptr);
-  std::string help = text;
-  g_free(text);
-  return help;
+  g_autofree char* text = g_option_context_get_help(context, TRUE, nullptr);
+  return text;
 }
 
 } // namespace terrainseg::tools

@@ -27,30 +27,21 @@ std::string_view next(std::string_view& text, char mark) {
   return part;
 }
 
-[[noreturn]] void raise(GError* error) {
-  const std::string text = error->message;
-  g_error_free(error);
-  throw std::runtime_error(text);
-}
-
 } // namespace
 
 std::string read_file(const std::string& path) {
-  gchar* bytes = nullptr;
+  g_autofree gchar* bytes = nullptr;
   gsize size = 0;
-  GError* error = nullptr;
+  g_autoptr(GError) error = nullptr;
   if (!g_file_get_contents(path.c_str(), &bytes, &size, &error))
-    raise(error);
-  const std::string text(bytes, size);
-  g_free(bytes);
-  // NOLINTNEXTLINE(performance-no-automatic-move)
-  return text;
+    throw std::runtime_error(error->message);
+  return {bytes, size};
 }
 
 void write_file(const std::string& path, const std::string& bytes) {
-  GError* error = nullptr;
+  g_autoptr(GError) error = nullptr;
   if (!g_file_set_contents(path.c_str(), bytes.data(), static_cast<gssize>(bytes.size()), &error))
-    raise(error);
+    throw std::runtime_error(error->message);
 }
 
 metric::Camera read_camera(const std::string& path) {
