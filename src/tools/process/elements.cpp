@@ -94,12 +94,11 @@ void point_to_own_plugin() {
     if (!fs::is_regular_file(candidate / plugin_file, error))
       continue;
     std::string path = fs::canonical(candidate, error).string();
-    if (const char* given = g_getenv("GST_PLUGIN_PATH_1_0"); given && *given)
-      g_setenv("GST_PLUGIN_PATH_1_0", (std::string(given) + ":" + path).c_str(), TRUE);
-    else if (const char* plain = g_getenv("GST_PLUGIN_PATH"); plain && *plain)
-      g_setenv("GST_PLUGIN_PATH", (std::string(plain) + ":" + path).c_str(), TRUE);
-    else
-      g_setenv("GST_PLUGIN_PATH", path.c_str(), TRUE);
+    const char* versioned = g_getenv("GST_PLUGIN_PATH_1_0");
+    const char* name = versioned && *versioned ? "GST_PLUGIN_PATH_1_0" : "GST_PLUGIN_PATH";
+    if (const char* given = g_getenv(name); given && *given)
+      path.insert(0, std::string(given) + ":");
+    g_setenv(name, path.c_str(), TRUE);
     return;
   }
 }

@@ -33,10 +33,6 @@ constexpr int reading_errors_that_pass[] = {EACCES, EPERM, EKEYEXPIRED};
 
 constexpr int errno_end = 134; ///< above all errors of Linux
 
-template <std::size_t count> bool has(const int (&errors)[count], int error) {
-  return std::find(errors, errors + count, error) != errors + count;
-}
-
 enum class Side { reader, decoder, output, filter };
 
 /// The cause of an error of GStreamer's RESOURCE domain.
@@ -63,12 +59,14 @@ Cause cause_of(const GError* error, Side side) {
   return side == Side::reader || side == Side::decoder ? Cause::damaged : Cause::unsupported;
 }
 
-/// Whether a reading element stopped without its own error (such as souphttpsrc when refused).
-bool source_gave_up(GstMessage* message) {
+/// The result of the last buffer of an element that stopped without its own error.
+int flow_in(GstMessage* message) {
   const GstStructure* details = nullptr;
   gst_message_parse_error_details(message, &details);
   int flow = GST_FLOW_OK;
-  return details && gst_structure_get_int(details, "flow-return", &flow) && flow == GST_FLOW_ERROR;
+  if (details)
+    gst_structure_get_int(details, "flow-return", &flow);
+  return flow;
 }
 
 /// The errno whose text ends a message: GStreamer's sinks report it only there.
@@ -109,8 +107,7 @@ std::string format_of(GstObject* element) {
 }
 
 void trim(std::string& text) {
-  while (!text.empty() && (text.back() == '\n' || text.back() == ' '))
-    text.pop_back();
+  text.erase(text.find_last_not_of("\n ") + 1);
 }
 
 /// The text of a message for users, and the debug detail without source locations.
@@ -155,21 +152,20 @@ std::string unknown_codec(const GstStructure* type) {
 }
 
 bool is_installed(const char* plugin) {
-  GstPlugin* found = gst_registry_find_plugin(gst_registry_get(), plugin);
-  if (found)
-    gst_object_unref(found);
+  g_autoptr(GstPlugin) found = gst_registry_find_plugin(gst_registry_get(), plugin);
   return found != nullptr;
 }
 
 } // namespace
 
 Cause cause_of_writing(int error) {
-  return has(errors_that_pass, error) ? Cause::disk : Cause::unwritable;
+  return std::ranges::count(errors_that_pass, error) > 0 ? Cause::disk : Cause::unwritable;
 }
 
 Cause cause_of_reading(int error) {
-  const bool passes = has(errors_that_pass, error) || has(reading_errors_that_pass, error);
-  return passes ? Cause::missing : Cause::unsupported;
+  const auto passes =
+      std::ranges::count(errors_that_pass, error) + std::ranges::count(reading_errors_that_pass, error);
+  return passes > 0 ? Cause::missing : Cause::unsupported;
 }
 
 Cause cause_of_reading(const GError* error) {
@@ -186,7 +182,7 @@ Fault cannot(const std::string& what, const std::string& path, int error) {
 Cause cause_in_source(GstMessage* message) {
   const bool reads =
       GST_IS_ELEMENT(message->src) && GST_OBJECT_FLAG_IS_SET(message->src, GST_ELEMENT_FLAG_SOURCE);
-  if (reads && source_gave_up(message))
+  if (reads && flow_in(message) == GST_FLOW_ERROR) // such as souphttpsrc when refused
     return Cause::missing;
   return cause_of(error_in(message).get(), reads ? Side::reader : Side::decoder);
 }
@@ -224,10 +220,7 @@ bool says_nothing(GstMessage* message) {
 
 std::string giving_up(GstMessage* message) {
   std::string text = factory_of(message->src) + " gave up";
-  const GstStructure* details = nullptr;
-  gst_message_parse_error_details(message, &details);
-  int flow = GST_FLOW_OK;
-  if (details && gst_structure_get_int(details, "flow-return", &flow) && flow == GST_FLOW_NOT_NEGOTIATED)
+  if (flow_in(message) == GST_FLOW_NOT_NEGOTIATED)
     if (const std::string format = format_of(message->src); !format.empty())
       return text + ": no element after it accepts " + format;
   const auto [said, detail_of_it] = said_in(message);
@@ -240,9 +233,8 @@ std::string giving_up(GstMessage* message) {
 }
 
 void listen_to_the_log(const std::vector<std::string>& arguments) {
-  const bool asked_for = std::any_of(arguments.begin(), arguments.end(), [](const std::string& argument) {
-    return argument.starts_with("--gst-debug");
-  });
+  const bool asked_for = std::ranges::any_of(
+      arguments, [](const std::string& argument) { return argument.starts_with("--gst-debug"); });
   if (asked_for || g_getenv("GST_DEBUG"))
     return;
   gst_debug_remove_log_function(gst_debug_log_default);

@@ -8,8 +8,8 @@
 #include <chrono>
 #include <clocale>
 #include <condition_variable>
+#include <deque>
 #include <exception>
-#include <memory>
 #include <mutex>
 #include <numeric>
 #include <string_view>
@@ -126,15 +126,11 @@ class Batch {
   Batch(const Options& options, std::vector<Input> inputs, Manifest& manifest,
         std::vector<std::string> arguments)
       : options_(options), manifest_(manifest), inputs_(std::move(inputs)), arguments_(std::move(arguments)),
-        display_(options.quiet), begin_(Clock::now()) {
-    for (std::size_t i = 0; i < inputs_.size(); ++i)
-      works_.push_back(std::make_unique<Work>());
-  }
+        works_(inputs_.size()), display_(options.quiet), begin_(Clock::now()) {}
 
   Exit run();
 
  private:
-  void start_workers(std::vector<std::thread>& threads);
   enum class Phase { waiting, running, done, skipped };
   struct Work {
     Progress progress;
@@ -150,8 +146,8 @@ class Batch {
   Manifest& manifest_;
   const std::vector<Input> inputs_;
   const std::vector<std::string> arguments_;
-  std::vector<std::unique_ptr<Work>> works_;
-  std::mutex mutex_; ///< guards phases, next_, tally_, done_, the display and the output
+  std::deque<Work> works_; ///< of the inputs
+  std::mutex mutex_;       ///< guards phases, next_, tally_, done_, the display and the output
   std::condition_variable changed_;
   std::size_t next_ = 0;
   Tally tally_;
@@ -214,7 +210,7 @@ void Batch::work() {
   while (next_ < inputs_.size() && interruptions == 0) {
     const std::size_t index = next_++;
     const Input& input = inputs_[index];
-    Work& work = *works_[index];
+    Work& work = works_[index];
     work.phase = Phase::running;
     lock.unlock();
     const Outcome outcome = outcome_of(input, worker, work.progress);
@@ -240,7 +236,7 @@ void Batch::show() {
   int running = 0, running_permille = 0, done_permille = 0, to_do = 0;
   bool known = true;
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
-    const Work& work = *works_[i];
+    const Work& work = works_[i];
     all_frames += work.progress.frames;
     if (work.phase != Phase::skipped)
       ++to_do;
@@ -265,33 +261,24 @@ void Batch::show() {
   display_.show(moment);
 }
 
-/// Starts up to `jobs` threads; continues with fewer if the system allows no more.
-void Batch::start_workers(std::vector<std::thread>& threads) {
-  const std::size_t count = std::min<std::size_t>(static_cast<std::size_t>(options_.jobs), inputs_.size());
-  threads.reserve(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::lock_guard lock(mutex_);
-    try {
-      threads.emplace_back([this] { work(); });
-      ++working_threads_;
-    } catch (const std::system_error& error) {
-      complain(std::string("no thread for a job: ") + error.what());
-      break;
-    }
-  }
-}
-
+/// Starts up to `jobs` threads, or fewer if the system allows no more, and shows their progress.
 Exit Batch::run() {
   std::vector<std::thread> threads;
-  start_workers(threads);
-  {
-    std::unique_lock lock(mutex_);
-    while (working_threads_ > 0) {
-      changed_.wait_for(lock, std::chrono::duration<double>(display_.interval()));
-      show();
+  std::unique_lock lock(mutex_);
+  try {
+    while (threads.size() < std::min(static_cast<std::size_t>(options_.jobs), inputs_.size())) {
+      threads.emplace_back([this] { work(); });
+      ++working_threads_;
     }
-    display_.clear();
+  } catch (const std::system_error& error) {
+    complain(std::string("no thread for a job: ") + error.what());
   }
+  while (working_threads_ > 0) {
+    changed_.wait_for(lock, std::chrono::duration<double>(display_.interval()));
+    show();
+  }
+  display_.clear();
+  lock.unlock();
   for (std::thread& thread : threads)
     thread.join();
   if (!options_.quiet && inputs_.size() > 1)

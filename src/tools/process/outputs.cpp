@@ -122,15 +122,12 @@ bool AtomicFile::flush() {
 void AtomicFile::commit(const fs::path& path) {
   if (flush() && fsync(fd_) != 0 && errno != EINVAL) // EINVAL: a special file, which needs no fsync
     failure_ = errno;
+  const bool written = failure_ == 0;
+  if (written && rename(part_path_.c_str(), path.c_str()) != 0)
+    failure_ = errno;
   if (failure_ != 0) {
-    const int error = failure_;
     discard();
-    throw cannot("write", path.string(), error);
-  }
-  if (rename(part_path_.c_str(), path.c_str()) != 0) {
-    const int error = errno;
-    discard();
-    throw cannot("rename to", path.string(), error);
+    throw cannot(written ? "rename to" : "write", path.string(), failure_);
   }
   close(fd_);
   fd_ = -1;
