@@ -194,9 +194,9 @@ void draw_grid(cv::Mat& picture, const Camera& camera, const Mount& mount,
     draw_point(pen, camera, mount, point);
 }
 
-PictureSize size_of_picture(const std::string& path) {
-  const cv::Mat picture = read_picture(path);
-  return {picture.cols, picture.rows};
+Camera fitted_to_picture(const Camera& camera, const std::string& path) {
+  const cv::Size size = read_picture(path).size();
+  return fitted(camera, size.width, size.height);
 }
 
 void draw_over(const std::string& frame, const metric::Camera& camera, const metric::Mount& mount,

@@ -123,11 +123,6 @@ void draw(const std::string& frame, const metric::Camera& camera, const metric::
               picture.c_str());
 }
 
-metric::Camera fitted_to(const metric::Camera& camera, const std::string& frame) {
-  const PictureSize size = size_of_picture(frame);
-  return fitted(camera, size.width, size.height);
-}
-
 void write(const std::string& path, const std::string& content) {
   write_file(path, content);
   std::printf("%s: written\n", path.c_str());
@@ -234,8 +229,8 @@ int run_mount(const Arguments& arguments) {
     points.push_back(used([&] { return parse_point(text); }));
   if (file.text)
     try {
-      for (const MeasuredPoint& point : parse_points(read_file(file.value())))
-        points.push_back(point);
+      const auto more = parse_points(read_file(file.value()));
+      points.insert(points.end(), more.begin(), more.end());
     } catch (const std::runtime_error& error) {
       throw std::runtime_error(file.value() + ": " + error.what());
     }
@@ -251,7 +246,7 @@ int run_mount(const Arguments& arguments) {
 
   metric::Camera camera = read_camera(lens.value());
   if (!frame.value().empty())
-    camera = fitted_to(camera, frame.value());
+    camera = fitted_to_picture(camera, frame.value());
   const MountFit fit = fit_mount(camera, points, known);
   print_fit(fit, points);
   write(out.value("mount.yaml"), metric::mount_file(fit.mount));
@@ -308,7 +303,7 @@ int run_check(const Arguments& arguments) {
   const metric::Mount mount = read_mount_argument(mount_text.value());
   const bool agrees = lines.empty() || check_recording(lines, camera, mount);
   if (!picture.value().empty())
-    draw(frame.value(), fitted_to(camera, frame.value()), mount, {}, picture.value());
+    draw(frame.value(), fitted_to_picture(camera, frame.value()), mount, {}, picture.value());
   return agrees ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 

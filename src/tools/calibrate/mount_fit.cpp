@@ -247,26 +247,17 @@ class Search {
 /// All local minima about as good as the best, ordered by height.
 std::vector<Search::Found> candidates(const Search& search, std::span<const MeasuredPoint> points,
                                       const Known& known, double one_row) {
+  if (known.height)
+    return {search.from(*known.height)};
+  const auto [near, far] = std::ranges::minmax_element(points, {}, &MeasuredPoint::distance);
   std::vector<Search::Found> found;
-  if (known.height) {
-    found.push_back(search.from(*known.height));
-    return found;
-  }
-  const auto [near, far] =
-      std::minmax_element(points.begin(), points.end(), [](const MeasuredPoint& a, const MeasuredPoint& b) {
-        return a.distance < b.distance;
-      });
   const double low = std::log(near->distance / 50), high = std::log(far->distance * 10);
   for (int i = 0; i < starts; ++i)
     found.push_back(search.from(std::exp(low + (high - low) * i / (starts - 1))));
-  double best = std::numeric_limits<double>::infinity();
-  for (const Search::Found& f : found)
-    best = std::min(best, search.root_mean_square(f));
+  const double best = search.root_mean_square(*std::ranges::min_element(found, {}, &Search::Found::cost));
   std::erase_if(found,
                 [&](const Search::Found& f) { return search.root_mean_square(f) > best + one_row / 2; });
-  std::sort(found.begin(), found.end(), [](const Search::Found& a, const Search::Found& b) {
-    return a.at[log_height] < b.at[log_height];
-  });
+  std::ranges::sort(found, {}, [](const Search::Found& f) { return f.at[log_height]; });
   return found;
 }
 
@@ -282,13 +273,12 @@ void check_points(std::span<const MeasuredPoint> points, const Known& known) {
 
 /// The point with the largest deviation from the others.
 std::string suspect(const MountFit& fit, std::span<const MeasuredPoint> points) {
-  std::size_t worst = 0;
-  for (std::size_t i = 1; i < points.size(); ++i)
-    if (std::abs(fit.residuals[i].rows) > std::abs(fit.residuals[worst].rows))
-      worst = i;
-  char off[64];
-  std::snprintf(off, sizeof off, " is off by %.0f rows", std::abs(fit.residuals[worst].rows));
-  return name_of(worst, points[worst]) + off;
+  const auto off = [](const Residual& residual) { return std::abs(residual.rows); };
+  const auto worst = std::ranges::max_element(fit.residuals, {}, off);
+  const auto index = static_cast<std::size_t>(worst - fit.residuals.begin());
+  char text[64];
+  std::snprintf(text, sizeof text, " is off by %.0f rows", off(*worst));
+  return name_of(index, points[index]) + text;
 }
 
 /// The residuals of the points for a mount.
@@ -363,9 +353,7 @@ std::optional<MountFit> fit_with(const std::vector<int>& free, const Camera& cam
 
 MountFit fit_mount(const metric::Camera& camera, std::span<const MeasuredPoint> points, const Known& known) {
   check_points(points, known);
-  std::vector<int> free{pitch};
-  if (!known.height)
-    free.insert(free.begin(), log_height);
+  std::vector<int> free = known.height ? std::vector<int>{pitch} : std::vector<int>{log_height, pitch};
   // Roll is fitted if there are enough points and they determine it. If the height is free too, one more
   // point than unknowns is needed, because each of the two possible heights would have its own roll.
   const std::size_t for_roll = free.size() + (known.height ? 1 : 2);

@@ -17,7 +17,7 @@ namespace {
 Calibration calibrate_from_folder(const std::string& /*folder*/, const Board& /*board*/, bool /*fisheye*/) {
   refuse();
 }
-PictureSize size_of_picture(const std::string& /*path*/) {
+metric::Camera fitted_to_picture(const metric::Camera& /*camera*/, const std::string& /*path*/) {
   refuse();
 }
 void draw_over(const std::string& /*frame*/, const metric::Camera& /*camera*/, const metric::Mount& /*mount*/,

@@ -31,11 +31,8 @@ struct Calibration {
 /// there are no pictures, pictures of several sizes, fewer than five views, or no OpenCV in this build.
 Calibration calibrate_from_folder(const std::string& folder, const Board& board, bool fisheye);
 
-struct PictureSize {
-  int width = 0, height = 0;
-};
-
-PictureSize size_of_picture(const std::string& path);
+/// fitted() for the size of a picture file.
+metric::Camera fitted_to_picture(const metric::Camera& camera, const std::string& path);
 
 /// Reads `frame`, draws the grid for a camera of that size and writes `picture` (.png or .jpg).
 void draw_over(const std::string& frame, const metric::Camera& camera, const metric::Mount& mount,
