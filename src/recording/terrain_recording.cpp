@@ -8,7 +8,6 @@
 #include <stdexcept>
 #include <string_view>
 #include <type_traits>
-#include <utility>
 
 #include "exchange/bytes.hpp"
 

@@ -4,7 +4,6 @@
 #include <glib.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <charconv>
 #include <map>
 #include <sstream>

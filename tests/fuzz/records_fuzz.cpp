@@ -69,7 +69,7 @@ void check_record(const std::string& text) {
   input.label = input.stem = "a";
   input.path = folder() / "a";
   static const Options options = options_for_one_output();
-  const bool complete = is_complete(naming, input, options);
+  const bool complete = is_complete(input, options);
   require(!complete || read_origin(naming.record()).has_value() || text.find("place") == text.npos);
 }
 

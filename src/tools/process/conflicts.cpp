@@ -11,6 +11,7 @@
 
 #include "tools/process/handles.hpp"
 #include "tools/process/manifest.hpp"
+#include "tools/process/outputs.hpp"
 
 namespace terrainseg::process {
 namespace {
@@ -44,7 +45,8 @@ std::string folded(const fs::path& path) {
 }
 
 /// All names that the outputs of an input may get, temporary and final.
-std::vector<fs::path> written_paths(const Naming& naming, const Options& options) {
+std::vector<fs::path> written_paths(const Input& input, const Options& options) {
+  const Naming naming(options, input);
   std::vector<fs::path> paths = {naming.record(), naming.record(true)};
   for (const Output kind : options.outputs())
     for (const bool partial : {false, true})
@@ -102,9 +104,9 @@ class InputFiles {
 };
 
 /// Conflicts of one input's outputs with the other inputs' outputs.
-std::optional<std::string> clash_of(const Input& input, const Naming& naming, const Options& options,
-                                    const InputFiles& files, std::map<std::string, const Input*>& claimed) {
-  for (const fs::path& path : written_paths(naming, options)) {
+std::optional<std::string> clash_of(const Input& input, const Options& options, const InputFiles& files,
+                                    std::map<std::string, const Input*>& claimed) {
+  for (const fs::path& path : written_paths(input, options)) {
     const std::string key = folded(path);
     if (const std::string* victim = files.at(path, key))
       return "the output " + path.string() + " of " + input.label + " would replace the input " + *victim +
@@ -118,10 +120,6 @@ std::optional<std::string> clash_of(const Input& input, const Naming& naming, co
 
 } // namespace
 
-Naming naming_of(const Options& options, const Input& input) {
-  return Naming(options.output_dir, options.name.value_or(input.stem));
-}
-
 std::vector<std::string> find_conflicts(const std::vector<Input>& inputs, const Options& options) {
   const InputFiles files(inputs);
   std::map<std::string, const Input*> claimed;
@@ -129,10 +127,9 @@ std::vector<std::string> find_conflicts(const std::vector<Input>& inputs, const 
   for (const Input& input : inputs) {
     if (!input.problem.empty()) // no outputs
       continue;
-    const Naming naming = naming_of(options, input);
-    auto conflict = clash_of(input, naming, options, files, claimed);
+    auto conflict = clash_of(input, options, files, claimed);
     if (!conflict)
-      conflict = foreign_files(naming, input, options);
+      conflict = foreign_files(input, options);
     if (conflict)
       conflicts.push_back(*conflict);
   }
@@ -152,7 +149,7 @@ void refuse_long_names(std::vector<Input>& inputs, const Options& options) {
   for (Input& input : inputs) {
     if (!input.problem.empty())
       continue;
-    for (const fs::path& path : written_paths(naming_of(options, input), options)) {
+    for (const fs::path& path : written_paths(input, options)) {
       bool fits = path.native().size() < PATH_MAX;
       for (const fs::path& part : path)
         fits = fits && part.native().size() <= most;
@@ -165,7 +162,8 @@ void refuse_long_names(std::vector<Input>& inputs, const Options& options) {
   }
 }
 
-std::optional<std::string> foreign_files(const Naming& naming, const Input& input, const Options& options) {
+std::optional<std::string> foreign_files(const Input& input, const Options& options) {
+  const Naming naming(options, input);
   std::optional<Identity> identity; // computed only if needed, because it reads the file
   for (const bool partial : {false, true}) {
     std::optional<fs::path> there;

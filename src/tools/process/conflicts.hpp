@@ -8,12 +8,8 @@
 
 #include "tools/process/inputs.hpp"
 #include "tools/process/options.hpp"
-#include "tools/process/outputs.hpp"
 
 namespace terrainseg::process {
-
-/// The outputs of an input, with the name that the options choose.
-Naming naming_of(const Options& options, const Input& input);
 
 /// Returns a line with both names for each conflict in the whole batch: an output that is an input (by path,
 /// symbolic link or hard link); two inputs whose outputs have the same name, also if only upper and lower
@@ -23,8 +19,8 @@ std::vector<std::string> find_conflicts(const std::vector<Input>& inputs, const 
 /// Sets a permanent problem for inputs whose output names the file system does not accept.
 void refuse_long_names(std::vector<Input>& inputs, const Options& options);
 
-/// Returns why the existing files of these names must not be replaced; nothing if there are none, or if their
-/// record says that they were made from this input.
-std::optional<std::string> foreign_files(const Naming& naming, const Input& input, const Options& options);
+/// Returns why the existing files of its outputs' names must not be replaced; nothing if there are none, or
+/// if their record says that they were made from this input.
+std::optional<std::string> foreign_files(const Input& input, const Options& options);
 
 } // namespace terrainseg::process

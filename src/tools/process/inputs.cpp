@@ -15,7 +15,6 @@
 #include <utility>
 
 #include "exchange/counted.hpp"
-#include "tools/process/faults.hpp"
 #include "tools/process/handles.hpp"
 #include "tools/process/options.hpp"
 

@@ -170,7 +170,7 @@ void Batch::report(const Input& input, const Outcome& outcome) {
                 number_text("%.1f", record.fps()).c_str(),
                 number_text("%.2f", record.filter_milliseconds).c_str(),
                 number_text("%.1f", 100 * record.traversable()).c_str(),
-                naming_of(options_, input).record(partial).string().c_str());
+                Naming(options_, input).record(partial).string().c_str());
   std::fflush(stdout);
   if (!options_.quiet)
     for (const std::string& warning : record.warnings)
@@ -184,18 +184,17 @@ void Batch::report(const Input& input, const Outcome& outcome) {
   if (partial)
     complain(input.label + ": " + record.problem + "; what could be decoded, " +
              counted(record.frames, "frame") + ", is kept as " +
-             naming_of(options_, input).record(true).stem().stem().string() + ".*");
+             Naming(options_, input).record(true).stem().stem().string() + ".*");
   if (outcome.kind == Outcome::Kind::failed)
     complain(input.label + ": " + record.problem);
 }
 
 Outcome Batch::outcome_of(const Input& input, Worker& worker, Progress& progress) const {
-  const Naming naming = naming_of(options_, input);
-  if (options_.resume && input.problem.empty() && is_complete(naming, input, options_))
+  if (options_.resume && input.problem.empty() && is_complete(input, options_))
     return {Outcome::Kind::skipped, {}};
   Outcome outcome;
   try {
-    outcome = worker.process(input, naming, options_, progress, interruptions);
+    outcome = worker.process(input, options_, progress, interruptions);
   } catch (const std::exception& error) {
     outcome.record.problem = error.what();
     outcome.record.cause = Cause::resources;

@@ -9,8 +9,6 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "tools/process/conflicts.hpp"
-
 namespace terrainseg::process {
 namespace {
 
@@ -194,7 +192,7 @@ std::string Manifest::line(const Options& options, const Input& input, const Out
   const Record& record = outcome.record;
   const bool skipped = outcome.kind == Outcome::Kind::skipped;
   const bool whole = skipped || outcome.kind == Outcome::Kind::complete;
-  const Naming naming = naming_of(options, input);
+  const Naming naming(options, input);
   ordered_json json;
   json["input"] = input.label;
   json["status"] = names[static_cast<int>(outcome.kind)];

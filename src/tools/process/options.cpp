@@ -9,9 +9,7 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
-#include <optional>
 #include <sstream>
-#include <string_view>
 
 #include "tools/command_line.hpp"
 #include "tools/process/handles.hpp"

@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -215,7 +214,8 @@ std::optional<Origin> read_origin(const fs::path& record) {
   }
 }
 
-bool is_complete(const Naming& naming, const Input& input, const Options& options) {
+bool is_complete(const Input& input, const Options& options) {
+  const Naming naming(options, input);
   const nlohmann::json json = read_record(naming.record());
   try {
     if (!json.at("complete").get<bool>() || json.at("version") != TERRAINSEG_VERSION ||
@@ -277,7 +277,7 @@ void OutputFiles::open() {
     throw cannot("make the folder of", naming_.record().string(), error.value());
   summary_.open(naming_.record());
   // Another run may have processed another input with this name since the batch was checked.
-  if (auto problem = foreign_files(naming_, input_, options_))
+  if (auto problem = foreign_files(input_, options_))
     throw Fault{Cause::unwritable, *problem};
   for (const Output kind : options_.outputs()) {
     const fs::path path = naming_.output(kind);

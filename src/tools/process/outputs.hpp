@@ -56,6 +56,8 @@ class Naming {
  public:
   Naming(std::filesystem::path folder, std::string stem)
       : folder_(std::move(folder)), stem_(std::move(stem)) {}
+  Naming(const Options& options, const Input& input)
+      : Naming(options.output_dir, options.name.value_or(input.stem)) {}
   std::filesystem::path output(Output kind, bool partial = false) const;
   std::filesystem::path record(bool partial = false) const;
 
@@ -124,7 +126,7 @@ std::string describe(const Options& options, const Input& input);
 
 /// Whether the record of an earlier run says that these outputs of this input are complete and were made with
 /// these settings, and the files exist with the recorded sizes.
-bool is_complete(const Naming& naming, const Input& input, const Options& options);
+bool is_complete(const Input& input, const Options& options);
 
 /// Creates the folder and writes a test file. Throws Fault; Cause::disk: temporary (full disk, no memory).
 void prepare_folder(const std::filesystem::path& folder);
@@ -133,8 +135,8 @@ void prepare_folder(const std::filesystem::path& folder);
 /// Throws Fault.
 class OutputFiles {
  public:
-  OutputFiles(const Input& input, const Naming& naming, const Options& options)
-      : input_(input), naming_(naming), options_(options) {}
+  OutputFiles(const Input& input, const Options& options)
+      : input_(input), options_(options), naming_(options, input) {}
 
   void open();
   AtomicFile& operator[](Output kind) { return files_[static_cast<std::size_t>(kind)]; }
@@ -151,8 +153,8 @@ class OutputFiles {
   void remove_partial() const;
 
   const Input& input_;
-  const Naming& naming_;
   const Options& options_;
+  const Naming naming_;
   /// Folders of outputs with several files; removed if they become empty.
   struct Folders {
     std::vector<std::filesystem::path> all;

@@ -3,9 +3,6 @@
 
 #include <gst/pbutils/missing-plugins.h>
 
-#include <algorithm>
-#include <chrono>
-
 #include "exchange/counted.hpp"
 #include "tools/process/container.hpp"
 #include "tools/process/frames.hpp"
@@ -398,7 +395,7 @@ Outcome Run::conclude() {
 
 } // namespace
 
-Outcome process(const Input& input, const Naming& naming, const Options& options, Progress& progress,
+Outcome process(const Input& input, const Options& options, Progress& progress,
                 const std::atomic<int>& interrupted) {
   Record record;
   record.input = input.label;
@@ -409,7 +406,7 @@ Outcome process(const Input& input, const Naming& naming, const Options& options
     record.place = input.place();
     record.identity = input.identity();
     record.settings = describe(options, input);
-    OutputFiles files(input, naming, options);
+    OutputFiles files(input, options);
     files.open();
     Run run(input, options, files, record, progress, std::move(state));
     run.build();

@@ -41,9 +41,9 @@ struct Progress {
   std::atomic<std::uint64_t> answers{0};
 };
 
-/// Processes an input and writes the files of `naming`, or their partial variants if the input is damaged.
+/// Processes an input and writes its outputs, or their partial variants if the input is damaged.
 /// Blocks until done. May be called in several threads. `interrupted` stops it early.
-Outcome process(const Input& input, const Naming& naming, const Options& options, Progress& progress,
+Outcome process(const Input& input, const Options& options, Progress& progress,
                 const std::atomic<int>& interrupted);
 
 } // namespace terrainseg::process

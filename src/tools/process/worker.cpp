@@ -22,7 +22,6 @@
 #include <utility>
 
 #include "exchange/write_all.hpp"
-#include "tools/process/conflicts.hpp"
 
 extern char** environ;
 
@@ -124,7 +123,8 @@ Outcome lost(const Input& input, const Options& options, const Fault& fault) {
 
 /// Removes the unfinished files of a crashed worker. Opening a file takes its lock, and deletes it at the
 /// end.
-void remove_parts(const Naming& naming, const Options& options) {
+void remove_parts(const Input& input, const Options& options) {
+  const Naming naming(options, input);
   AtomicFile record;
   try {
     record.open(naming.record());
@@ -178,7 +178,7 @@ void Line::work_on() {
     lock.unlock();
     Outcome outcome;
     try {
-      outcome = process(input, naming_of(options_, input), options_, progress, interrupted_);
+      outcome = process(input, options_, progress, interrupted_);
     } catch (const std::exception& error) {
       outcome = lost(input, options_, {Cause::resources, error.what()});
     }
@@ -321,16 +321,16 @@ std::optional<Outcome> Worker::ask(const Input& input, Progress& progress,
   return std::nullopt;
 }
 
-Outcome Worker::process(const Input& input, const Naming& naming, const Options& options, Progress& progress,
+Outcome Worker::process(const Input& input, const Options& options, Progress& progress,
                         const std::atomic<int>& interrupted) {
   for (;;) {
     const bool used = pid_ >= 0;
     if (!input.problem.empty() || (!used && !start()))
-      return process::process(input, naming, options, progress, interrupted);
+      return process::process(input, options, progress, interrupted);
     if (auto outcome = ask(input, progress, interrupted))
       return *outcome;
     const int status = stop();
-    remove_parts(naming, options);
+    remove_parts(input, options);
     const Fault loss = loss_of(status, input.kind == Input::Kind::file);
     if (used && !interrupted && loss.cause != Cause::stalled) { // an earlier input may have caused the crash
       progress.frames = 0;

@@ -30,7 +30,7 @@ class Worker {
   Worker& operator=(const Worker&) = delete;
 
   /// Runs process() of pipeline.hpp in the worker; in this process if none can be started.
-  Outcome process(const Input& input, const Naming& naming, const Options& options, Progress& progress,
+  Outcome process(const Input& input, const Options& options, Progress& progress,
                   const std::atomic<int>& interrupted);
 
  private:
