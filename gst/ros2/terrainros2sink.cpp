@@ -194,23 +194,16 @@ void take_near(Ros2State& s, std::optional<bool> clear) {
     push_upstream(s, gst_structure_new("terrainseg-near", "clear", G_TYPE_BOOLEAN, *clear, nullptr));
 }
 
-/// Creates a reader for a topic that is set. `take` runs in a thread of DDS. On an error it returns false and
-/// sets `error`.
+/// Creates a reader for a topic that is set. `take` runs in a thread of DDS.
 template <class Take>
-bool read(Ros2State& s, std::unique_ptr<ros2::Reader>& reader, const std::string& name, const char* type,
-          std::string& error, Take take) {
-  if (const std::string flaw = ros2::flaw_of_name(name); !flaw.empty()) {
-    error = "\"" + name + "\" is not a topic name: " + flaw;
-    return false;
-  }
-  reader = std::make_unique<ros2::Reader>(
+std::unique_ptr<ros2::Reader> read(Ros2State& s, const std::string& name, const char* type, Take take) {
+  ros2::check_name(name);
+  return std::make_unique<ros2::Reader>(
       *s.participant, name, recording::message_type(type), recording::longest_input,
       [&s, take](recording::ByteView bytes) { guarded(s.element, [&] { take(bytes); }); });
-  error = reader->error();
-  return error.empty();
 }
 
-bool read_poses(Ros2State& s, const SinkSettings& set, std::string& error) {
+void read_poses(Ros2State& s, const SinkSettings& set) {
   struct Kind {
     const char* type;
     std::optional<recording::Attitude> (*decode)(recording::ByteView);
@@ -219,54 +212,46 @@ bool read_poses(Ros2State& s, const SinkSettings& set, std::string& error) {
                             {"geometry_msgs/PoseStamped", recording::decode_pose_stamped},
                             {"sensor_msgs/Imu", recording::decode_imu}};
   const Kind& kind = kinds[static_cast<std::size_t>(set.pose)];
-  return set.pose_topic.empty() ||
-         read(s, s.poses, ros2::full_name(set.name_space, set.pose_topic), kind.type, error,
-              [&s, decode = kind.decode](recording::ByteView bytes) { take_pose(s, decode(bytes)); });
+  if (!set.pose_topic.empty())
+    s.poses = read(s, ros2::full_name(set.name_space, set.pose_topic), kind.type,
+                   [&s, decode = kind.decode](recording::ByteView bytes) { take_pose(s, decode(bytes)); });
 }
 
-bool read_near(Ros2State& s, const SinkSettings& set, std::string& error) {
+void read_near(Ros2State& s, const SinkSettings& set) {
   if (set.near_topic.empty())
-    return true;
+    return;
   const std::string name = ros2::full_name(set.name_space, set.near_topic);
   if (set.near == NearType::boolean)
-    return read(s, s.near, name, "std_msgs/Bool", error,
-                [&s](recording::ByteView bytes) { take_near(s, recording::decode_bool(bytes)); });
-  return read(s, s.near, name, "sensor_msgs/Range", error,
-              [&s, distance = set.near_distance](recording::ByteView bytes) {
-                const auto range = recording::decode_range(bytes);
-                take_near(s, range ? std::optional(*range > distance) : std::nullopt);
-              });
+    s.near = read(s, name, "std_msgs/Bool",
+                  [&s](recording::ByteView bytes) { take_near(s, recording::decode_bool(bytes)); });
+  else
+    s.near =
+        read(s, name, "sensor_msgs/Range", [&s, distance = set.near_distance](recording::ByteView bytes) {
+          const auto range = recording::decode_range(bytes);
+          take_near(s, range ? std::optional(*range > distance) : std::nullopt);
+        });
 }
 
 // ---- the topics ------------------------------------------------------------------------------------------
 
-bool report(Ros2State& s, const std::string& error) {
-  GST_ELEMENT_ERROR(s.element, RESOURCE, FAILED, ("%s.", error.c_str()), (nullptr));
-  return false;
-}
-
-bool open_topic(Ros2State& s, Topic topic, std::string& error) {
+void open_topic(Ros2State& s, Topic topic) {
   std::string name;
   {
     ObjectLock lock(s.element);
     const char* chosen = s.names[static_cast<std::size_t>(topic)].c_str();
     if (!*chosen || s.outlet->writer(topic))
-      return true;
+      return;
     name = ros2::full_name(s.settings.name_space, chosen);
   }
-  return s.outlet->open(topic, name, error);
+  s.outlet->open(topic, name);
 }
 
 /// Announces the topics as those of a node.
-bool announce(Ros2State& s, const SinkSettings& set, std::string& error) {
+void announce(Ros2State& s, const SinkSettings& set) {
   if (set.distribution == Distribution::none)
-    return true;
-  if (!s.node) {
+    return;
+  if (!s.node)
     s.node = std::make_unique<ros2::Writer>(*s.participant);
-    error = s.node->error();
-    if (!error.empty())
-      return false;
-  }
   std::vector<dds_entity_t> readers;
   for (const auto* reader : {s.poses.get(), s.near.get()})
     if (reader)
@@ -274,7 +259,6 @@ bool announce(Ros2State& s, const SinkSettings& set, std::string& error) {
   s.node->write(ros2::participant_entities(*s.participant, set.distribution == Distribution::humble ? 24 : 16,
                                            set.name_space.empty() ? "/" : ros2::full_name("", set.name_space),
                                            set.node_name, readers, s.outlet->entities()));
-  return true;
 }
 
 SinkSettings settings_of(Ros2State& s) {
@@ -292,12 +276,12 @@ void close_topics(Ros2State& s) {
   s.messages.reset();
 }
 
-/// Creates everything that depends on the settings; the caller holds the mutex. Returns false after an error.
-bool make_topics(Ros2State& s, const SinkSettings& set, const ros2::Discovery& discovery,
-                 recording::MessageOptions options, std::string& error) {
-  s.participant = ros2::Participant::join(discovery, set.distribution != Distribution::none, error);
-  if (!s.participant)
-    return false;
+/// Creates everything that depends on the settings.
+void make_topics(Ros2State& s, const SinkSettings& set, recording::MessageOptions options) {
+  const auto get = +[](const char* name) -> const char* { return std::getenv(name); };
+  const ros2::Discovery discovery = ros2::discovery_from(get);
+  const std::lock_guard lock(s.mutex);
+  s.participant = std::make_unique<ros2::Participant>(discovery, set.distribution != Distribution::none);
   s.outlet = std::make_unique<ros2::Outlet>(*s.participant);
   std::vector<Topic> wanted = {Topic::scan, Topic::points, Topic::grid, Topic::mask, Topic::diagnostics};
   if (options.camera)
@@ -306,9 +290,21 @@ bool make_topics(Ros2State& s, const SinkSettings& set, const ros2::Discovery& d
     wanted.insert(wanted.end(), {Topic::tf, Topic::tf_static});
   s.messages.emplace(std::move(options));
   for (const Topic topic : wanted)
-    if (!open_topic(s, topic, error))
-      return false;
-  return read_poses(s, set, error) && read_near(s, set, error) && announce(s, set, error);
+    open_topic(s, topic);
+  read_poses(s, set);
+  read_near(s, set);
+  announce(s, set);
+}
+
+/// Runs `body`. Posts what it throws as an error, when the mutex is free: a handler may read `stats`.
+template <class Body> bool reported(Ros2State& s, Body body) {
+  try {
+    body();
+    return true;
+  } catch (const ros2::Problem& problem) {
+    GST_ELEMENT_ERROR(s.element, RESOURCE, FAILED, ("%s.", problem.what()), (nullptr));
+    return false;
+  }
 }
 
 bool open_topics(Ros2State& s) {
@@ -316,19 +312,11 @@ bool open_topics(Ros2State& s) {
   auto options = read_options(s.element, set.messages);
   if (!options)
     return false;
-  const auto get = +[](const char* name) -> const char* { return std::getenv(name); };
-  std::string error;
-  const auto discovery = ros2::discovery_from(get, error);
-  if (!discovery)
-    return report(s, error);
   s.mount = options->mount.value_or(metric::Mount{});
   s.frames = s.taken = s.refused = 0;
   s.near_state = Ros2State::near_unknown;
   s.warned_metadata = s.warned_input = false;
-  std::unique_lock lock(s.mutex);
-  const bool made = make_topics(s, set, *discovery, std::move(*options), error);
-  lock.unlock(); // a handler of the message may read `stats`
-  return made || report(s, error);
+  return reported(s, [&] { make_topics(s, set, std::move(*options)); });
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
@@ -380,12 +368,11 @@ gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
     if (s.kind == PictureKind::raw)
       return TRUE;
     const SinkSettings set = settings_of(s);
-    std::string error;
-    std::unique_lock lock(s.mutex);
-    const bool opened = open_topic(s, s.kind == PictureKind::h264 ? Topic::video : Topic::picture, error) &&
-                        announce(s, set, error);
-    lock.unlock();
-    return opened || report(s, error);
+    return reported(s, [&] {
+      const std::lock_guard lock(s.mutex);
+      open_topic(s, s.kind == PictureKind::h264 ? Topic::video : Topic::picture);
+      announce(s, set);
+    });
   });
 }
 

@@ -86,18 +86,20 @@ std::string full_name(const std::string& name_space, const std::string& name) {
          (name_space.ends_with('/') ? "" : "/") + name;
 }
 
-std::string flaw_of_name(const std::string& name) {
-  if (name.size() < 2 || name[0] != '/' || name.size() > 247) // DDS allows 256 characters, including rt/
-    return "a name has 1 to 246 letters";
+void check_name(const std::string& name) {
+  const auto refuse_if = [&name](bool wrong, const char* flaw) {
+    if (wrong)
+      throw Problem("\"" + name + "\" is not a topic name: " + flaw);
+  };
+  // DDS allows 256 characters, including rt/
+  refuse_if(name.size() < 2 || name[0] != '/' || name.size() > 247, "a name has 1 to 246 letters");
   char before = 0;
   for (const char c : name) {
-    if (c != '/' && c != '_' && !g_ascii_isalnum(c))
-      return "only letters, digits, _ and / are allowed";
-    if (before == '/' && (c == '/' || g_ascii_isdigit(c)))
-      return "a part is empty or begins with a digit";
+    refuse_if(c != '/' && c != '_' && !g_ascii_isalnum(c), "only letters, digits, _ and / are allowed");
+    refuse_if(before == '/' && (c == '/' || g_ascii_isdigit(c)), "a part is empty or begins with a digit");
     before = c;
   }
-  return before == '/' ? "it ends with a slash" : "";
+  refuse_if(before == '/', "it ends with a slash");
 }
 
 std::string dds_topic(const std::string& name) {
@@ -139,7 +141,7 @@ std::string type_hash(const recording::MessageType& type) {
   return std::string("RIHS01_") + sum;
 }
 
-std::optional<Discovery> discovery_from(const char* (*get)(const char* name), std::string& error) {
+Discovery discovery_from(const char* (*get)(const char* name)) {
   const auto value = [&](const char* name) {
     const char* text = get(name);
     return std::string(text ? text : "");
@@ -148,23 +150,17 @@ std::optional<Discovery> discovery_from(const char* (*get)(const char* name), st
   if (const std::string text = value("ROS_DOMAIN_ID"); !text.empty()) {
     const char* end = text.data() + text.size();
     const auto [stop, flaw] = std::from_chars(text.data(), end, found.domain);
-    if (flaw != std::errc() || stop != end || found.domain > last_domain) {
-      error = "ROS_DOMAIN_ID is \"" + text + "\": it must be a number from 0 to 232";
-      return std::nullopt;
-    }
+    if (flaw != std::errc() || stop != end || found.domain > last_domain)
+      throw Problem("ROS_DOMAIN_ID is \"" + text + "\": it must be a number from 0 to 232");
   }
   const std::string only = value("ROS_LOCALHOST_ONLY"), range = value("ROS_AUTOMATIC_DISCOVERY_RANGE");
-  if (!only.empty() && only != "0" && only != "1") {
-    error = "ROS_LOCALHOST_ONLY is \"" + only + "\": it must be 0 or 1";
-    return std::nullopt;
-  }
+  if (!only.empty() && only != "0" && only != "1")
+    throw Problem("ROS_LOCALHOST_ONLY is \"" + only + "\": it must be 0 or 1");
   if (!range.empty()) {
     const auto known = ranges.find(range);
-    if (known == ranges.end()) {
-      error = "ROS_AUTOMATIC_DISCOVERY_RANGE is \"" + range +
-              "\": it must be OFF, LOCALHOST, SUBNET or SYSTEM_DEFAULT";
-      return std::nullopt;
-    }
+    if (known == ranges.end())
+      throw Problem("ROS_AUTOMATIC_DISCOVERY_RANGE is \"" + range +
+                    "\": it must be OFF, LOCALHOST, SUBNET or SYSTEM_DEFAULT");
     found.range = known->second;
   } else if (only == "0") {
     found.range = DiscoveryRange::subnet;

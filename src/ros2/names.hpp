@@ -3,7 +3,7 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -11,11 +11,17 @@
 
 namespace terrainseg::ros2 {
 
+/// What users can change: a variable, a name, the network. The text has no full stop.
+class Problem : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
 /// Returns the absolute name of a topic: `name` if it begins with a slash, otherwise `name_space` + `name`.
 std::string full_name(const std::string& name_space, const std::string& name);
-/// Checks an absolute name such as /terrain/scan; returns the error, or an empty text. ROS 2 allows letters,
-/// digits and _ between slashes; no part may begin with a digit.
-std::string flaw_of_name(const std::string& name);
+/// Checks an absolute name such as /terrain/scan; throws Problem. ROS 2 allows letters, digits and _ between
+/// slashes; no part may begin with a digit.
+void check_name(const std::string& name);
 
 /// Returns rt/terrain/scan for /terrain/scan.
 std::string dds_topic(const std::string& name);
@@ -35,9 +41,9 @@ struct Discovery {
 };
 
 /// Reads ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and ROS_STATIC_PEERS with `get`,
-/// which works like std::getenv(). Without these variables the range is localhost. On an error it returns
-/// nothing and sets `error` to the variable and its valid values.
-std::optional<Discovery> discovery_from(const char* (*get)(const char* name), std::string& error);
+/// which works like std::getenv(). Without these variables the range is localhost. Throws Problem with the
+/// variable and its valid values.
+Discovery discovery_from(const char* (*get)(const char* name));
 
 /// Returns the configuration as XML. It comes before the configuration of CYCLONEDDS_URI.
 std::string cyclone_config(const Discovery& discovery);

@@ -9,21 +9,14 @@ namespace terrainseg::ros2 {
 
 using recording::Topic;
 
-bool Outlet::open(Topic topic, const std::string& name, std::string& error) {
-  if (const std::string flaw = flaw_of_name(name); !flaw.empty()) {
-    error = "\"" + name + "\" is not a topic name: " + flaw;
-    return false;
-  }
+void Outlet::open(Topic topic, const std::string& name) {
+  check_name(name);
   const bool late = topic == Topic::grid || topic == Topic::tf_static;
   // A decoder needs every picture.
   const int depth = late ? 1 : topic == Topic::video ? 30 : 5;
-  auto writer =
+  writers_[static_cast<std::size_t>(topic)] =
       std::make_unique<Writer>(participant_, name, recording::type_of(topic),
                                late ? Durability::transient_local : Durability::volatile_data, depth);
-  error = writer->error();
-  if (error.empty())
-    writers_[static_cast<std::size_t>(topic)] = std::move(writer);
-  return error.empty();
 }
 
 std::vector<dds_entity_t> Outlet::entities() const {

@@ -19,8 +19,8 @@ namespace terrainseg::ros2 {
 class Outlet : public recording::MessageOutlet {
  public:
   explicit Outlet(const Participant& participant) : participant_(participant) {}
-  /// Opens a topic by its absolute name. Returns false and sets `error` on an error.
-  bool open(recording::Topic topic, const std::string& name, std::string& error);
+  /// Opens a topic by its absolute name. Throws Problem.
+  void open(recording::Topic topic, const std::string& name);
   /// Returns nullptr if the topic is not open.
   const Writer* writer(recording::Topic topic) const {
     return writers_[static_cast<std::size_t>(topic)].get();

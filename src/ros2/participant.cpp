@@ -151,8 +151,11 @@ const ddsi_sertype_ops& type_operations() {
   return operations;
 }
 
-std::string failed(const std::string& what, dds_return_t code) {
-  return what + ": " + dds_strretcode(code);
+/// The entity; throws if it is an error code of DDS.
+dds_entity_t checked(dds_entity_t entity, const std::string& failure) {
+  if (entity < 0)
+    throw Problem(failure + ": " + dds_strretcode(entity));
+  return entity;
 }
 
 using Qos = std::unique_ptr<dds_qos_t, decltype([](dds_qos_t* qos) { dds_delete_qos(qos); })>;
@@ -195,22 +198,18 @@ bool take_raw(dds_entity_t reader, recording::Bytes& message, std::size_t longes
 /// If other code of the process has already created the domain, it is used as it is.
 class Domain {
  public:
-  static std::shared_ptr<Domain> use(const Discovery& discovery, std::string& error) {
+  explicit Domain(const Discovery& discovery) : id_(discovery.domain) {
     const std::lock_guard lock(mutex);
-    Made& made = domains[discovery.domain];
+    Made& made = domains[id_];
     if (made.users == 0) {
       const char* own = std::getenv("CYCLONEDDS_URI"); // later parts have priority
       const std::string config = cyclone_config(discovery) + "," + (own ? own : "");
-      made.entity = dds_create_domain(discovery.domain, config.c_str());
-      if (made.entity < 0 && made.entity != DDS_RETCODE_PRECONDITION_NOT_MET) {
-        error = failed("Cyclone DDS cannot use domain " + std::to_string(discovery.domain), made.entity);
-        return nullptr;
-      }
+      made.entity = dds_create_domain(id_, config.c_str());
+      if (made.entity != DDS_RETCODE_PRECONDITION_NOT_MET)
+        checked(made.entity, "Cyclone DDS cannot use domain " + std::to_string(id_));
     }
     ++made.users;
-    return std::make_shared<Domain>(discovery.domain);
   }
-  explicit Domain(std::uint32_t id) : id_(id) {}
   ~Domain() {
     const std::lock_guard lock(mutex);
     Made& made = domains[id_];
@@ -230,24 +229,15 @@ class Domain {
   static inline std::map<std::uint32_t, Made> domains;
 };
 
-std::unique_ptr<Participant> Participant::join(const Discovery& discovery, bool enclave, std::string& error) {
-  std::shared_ptr<Domain> domain = Domain::use(discovery, error);
-  if (!domain)
-    return nullptr;
+Participant::Participant(const Discovery& discovery, bool enclave)
+    : domain_(std::make_unique<Domain>(discovery)) {
   const Qos qos(dds_create_qos());
   constexpr std::string_view root = "enclave=/;";
   if (enclave)
     dds_qset_userdata(qos.get(), root.data(), root.size());
-  const dds_entity_t entity = dds_create_participant(discovery.domain, qos.get(), nullptr);
-  if (entity < 0) {
-    error = failed("Cyclone DDS cannot join domain " + std::to_string(discovery.domain), entity);
-    return nullptr;
-  }
-  return std::unique_ptr<Participant>(new Participant(std::move(domain), entity));
+  entity_ = checked(dds_create_participant(discovery.domain, qos.get(), nullptr),
+                    "Cyclone DDS cannot join domain " + std::to_string(discovery.domain));
 }
-
-Participant::Participant(std::shared_ptr<Domain> domain, dds_entity_t entity)
-    : domain_(std::move(domain)), entity_(entity) {}
 
 // The participant must be destroyed before its domain.
 Participant::~Participant() {
@@ -279,20 +269,19 @@ Writer::Writer(const Participant& participant, const std::string& topic, const s
                                [](dds_entity_t, dds_publication_matched_status_t status, void* self) {
                                  static_cast<Writer*>(self)->readers_ = status.current_count;
                                });
-  entity_ = topic_.entity < 0
-                ? topic_.entity
-                : dds_create_writer(participant.entity(), topic_.entity, qos.get(), listener.get());
-  if (entity_ < 0)
-    error_ = failed("Cyclone DDS cannot write a topic", entity_);
+  entity_ = checked(topic_.entity < 0
+                        ? topic_.entity
+                        : dds_create_writer(participant.entity(), topic_.entity, qos.get(), listener.get()),
+                    "Cyclone DDS cannot write a topic");
 }
 
 Endpoint::Endpoint(const Participant& participant, const std::string& topic, const std::string& type)
     : topic_(create_raw_topic(participant.entity(), topic, dds_type(type))) {}
 
 void Endpoint::close() {
-  for (const dds_entity_t entity : {entity_, topic_.entity})
-    if (entity > 0)
-      dds_delete(entity); // waits for a running listener
+  for (dds_entity_t* entity : {&entity_, &topic_.entity})
+    if (*entity > 0)
+      dds_delete(std::exchange(*entity, 0)); // waits for a running listener
 }
 
 bool Writer::write(recording::ByteView message) {
@@ -317,11 +306,10 @@ Reader::Reader(const Participant& participant, const std::string& topic, const r
   const Listener listener(dds_create_listener(this));
   dds_lset_data_available(
       listener.get(), [](dds_entity_t reader, void* self) { static_cast<Reader*>(self)->take_all(reader); });
-  entity_ = topic_.entity < 0
-                ? topic_.entity
-                : dds_create_reader(participant.entity(), topic_.entity, qos.get(), listener.get());
-  if (entity_ < 0)
-    error_ = failed("Cyclone DDS cannot read the topic " + topic, entity_);
+  entity_ = checked(topic_.entity < 0
+                        ? topic_.entity
+                        : dds_create_reader(participant.entity(), topic_.entity, qos.get(), listener.get()),
+                    "Cyclone DDS cannot read the topic " + topic);
 }
 
 void Reader::take_all(dds_entity_t reader) {

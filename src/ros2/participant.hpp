@@ -34,9 +34,9 @@ class Domain;
 
 class Participant {
  public:
-  /// Joins the domain. Returns nullptr and sets `error` on an error. `enclave`: whether nodes of ROS 2 Iron
-  /// and later may list the participant.
-  static std::unique_ptr<Participant> join(const Discovery& discovery, bool enclave, std::string& error);
+  /// Joins the domain. Throws Problem. `enclave`: whether nodes of ROS 2 Iron and later may list the
+  /// participant.
+  Participant(const Discovery& discovery, bool enclave);
   ~Participant();
   Participant(const Participant&) = delete;
   Participant& operator=(const Participant&) = delete;
@@ -44,29 +44,25 @@ class Participant {
   dds_entity_t entity() const { return entity_; }
 
  private:
-  Participant(std::shared_ptr<Domain> domain, dds_entity_t entity);
-  std::shared_ptr<Domain> domain_;
+  std::unique_ptr<Domain> domain_;
   dds_entity_t entity_;
 };
 
-/// What a writer and a reader share. Without a topic in DDS there is no entity either.
+/// What a writer and a reader share. Their constructors throw Problem.
 class Endpoint {
  public:
   Endpoint(const Endpoint&) = delete;
   Endpoint& operator=(const Endpoint&) = delete;
-  /// The error of the constructor, or an empty text.
-  const std::string& error() const { return error_; }
   dds_entity_t entity() const { return entity_; }
 
  protected:
   Endpoint(const Participant& participant, const std::string& topic, const std::string& type);
-  ~Endpoint() = default;
+  ~Endpoint() { close(); }
   /// Must be called by each destructor: listeners use the members of the class.
   void close();
 
   RawTopic topic_;
   dds_entity_t entity_ = 0;
-  std::string error_;
 };
 
 enum class Durability : std::uint8_t { volatile_data, transient_local };

@@ -50,9 +50,7 @@ struct Quality {
 class Subscriber {
  public:
   Subscriber(const std::string& topic, const std::string& type, Quality quality = {}) {
-    std::string error;
-    participant_ = ros2::Participant::join(discovery(), false, error);
-    EXPECT_EQ(error, "");
+    participant_ = std::make_unique<ros2::Participant>(discovery(), false);
     const ros2::RawTopic raw = ros2::create_raw_topic(participant_->entity(), topic, type);
     dds_qos_t* qos = dds_create_qos();
     dds_qset_reliability(qos, quality.reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, 0);
@@ -291,8 +289,7 @@ TEST_F(Ros2Sink, SaysWhatIsWrong) {
 /// USER_DATA of the writers that a participant sees, by topic.
 std::map<std::string, std::string> announced() {
   std::map<std::string, std::string> found;
-  std::string error;
-  const auto participant = ros2::Participant::join(discovery(), false, error);
+  const auto participant = std::make_unique<ros2::Participant>(discovery(), false);
   const dds_entity_t reader =
       dds_create_reader(participant->entity(), DDS_BUILTIN_TOPIC_DCPSPUBLICATION, nullptr, nullptr);
   void* samples[64] = {};
@@ -364,10 +361,8 @@ TEST_F(Ros2Sink, AnnouncesANodeInTheFormOfTheDistribution) {
 /// Writes a topic that the sink reads.
 struct Publisher {
   Publisher(const char* topic, const recording::MessageType& type) {
-    std::string error;
-    participant = ros2::Participant::join(discovery(), false, error);
+    participant = std::make_unique<ros2::Participant>(discovery(), false);
     writer = std::make_unique<ros2::Writer>(*participant, topic, type, ros2::Durability::volatile_data, 10);
-    EXPECT_EQ(writer->error(), "");
   }
   bool has_reader() const {
     const auto end = std::chrono::steady_clock::now() + patience;
