@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <tuple>
 
 namespace terrainseg::recording {
 namespace {
@@ -20,6 +21,32 @@ float nearer(float a, float b) {
   if (std::isfinite(a) || std::isfinite(b))
     return std::isfinite(a) ? a : b;
   return std::isnan(a) || std::isnan(b) ? unknown : free_way;
+}
+
+/// The bounding box of the fan and the body's origin, rounded outwards to metres, without cells. It is the
+/// same for all frames of a stream.
+OccupancyGrid box_of(const ScanFan& fan, double range_max, double cell) {
+  double low[2] = {0, 0}, high[2] = {0, 0};
+  for (std::uint32_t i = 0; i < fan.beams; ++i) {
+    const double angle = fan.angle_min + i * fan.increment;
+    const double along[2] = {range_max * std::cos(angle), range_max * std::sin(angle)};
+    for (int axis = 0; axis < 2; ++axis) {
+      low[axis] = std::min(low[axis], std::floor(along[axis]));
+      high[axis] = std::max(high[axis], std::ceil(along[axis]));
+    }
+  }
+  OccupancyGrid box{cell, 0, 0, low[0], low[1], {}};
+  const double longest = std::max(high[0] - low[0], high[1] - low[1]);
+  while (longest / box.resolution > FreeSpaceGrid::most_cells)
+    box.resolution *= 2;
+  box.width = std::max(static_cast<std::uint32_t>(std::ceil((high[0] - low[0]) / box.resolution)), 1u);
+  box.height = std::max(static_cast<std::uint32_t>(std::ceil((high[1] - low[1]) / box.resolution)), 1u);
+  return box;
+}
+
+bool at_one_place(const OccupancyGrid& a, const OccupancyGrid& b) {
+  return std::tie(a.resolution, a.width, a.height, a.x, a.y) ==
+         std::tie(b.resolution, b.width, b.height, b.x, b.y);
 }
 
 } // namespace
@@ -61,52 +88,33 @@ void boundary_points(std::vector<BoundaryPoint>& points, const MetricEstimate& m
                         m.low[i], m.high[i]});
 }
 
-/// The bounding box of the fan and the body's origin, rounded outwards to metres. It is the same for all
-/// frames of a stream.
-FreeSpaceGrid::Box FreeSpaceGrid::box_of(const ScanFan& fan, double range_max, double cell) {
-  double low[2] = {0, 0}, high[2] = {0, 0};
-  for (std::uint32_t i = 0; i < fan.beams; ++i) {
-    const double angle = fan.angle_min + i * fan.increment;
-    const double along[2] = {range_max * std::cos(angle), range_max * std::sin(angle)};
-    for (int axis = 0; axis < 2; ++axis) {
-      low[axis] = std::min(low[axis], std::floor(along[axis]));
-      high[axis] = std::max(high[axis], std::ceil(along[axis]));
-    }
-  }
-  Box box{cell, low[0], low[1], 0, 0};
-  const double longest = std::max(high[0] - low[0], high[1] - low[1]);
-  while (longest / box.resolution > most_cells)
-    box.resolution *= 2;
-  box.width = std::max(static_cast<int>(std::ceil((high[0] - low[0]) / box.resolution)), 1);
-  box.height = std::max(static_cast<int>(std::ceil((high[1] - low[1]) / box.resolution)), 1);
-  return box;
-}
-
-void FreeSpaceGrid::lay_out(const Box& box, const Beams& beams) {
-  box_ = box;
+void FreeSpaceGrid::lay_out(const Beams& beams) {
   fan_ = beams.fan();
   yaw_.reset();
   places_.clear();
-  for (int row = 0; row < box.height; ++row)
-    for (int column = 0; column < box.width; ++column) {
-      const double x = box.x + (column + 0.5) * box.resolution, y = box.y + (row + 0.5) * box.resolution;
+  for (std::uint32_t row = 0; row < grid_.height; ++row)
+    for (std::uint32_t column = 0; column < grid_.width; ++column) {
+      const double x = grid_.x + (column + 0.5) * grid_.resolution,
+                   y = grid_.y + (row + 0.5) * grid_.resolution;
       const auto range = static_cast<float>(std::hypot(x, y)), angle = static_cast<float>(std::atan2(y, x));
-      const std::size_t cell = static_cast<std::size_t>(row) * static_cast<std::size_t>(box.width) +
-                               static_cast<std::size_t>(column);
       if (const auto beam = beams.beam_of(angle))
-        places_.push_back({cell, *beam, range, angle, 0});
+        places_.push_back({std::size_t{row} * grid_.width + column, *beam, range, angle, 0});
     }
 }
 
 void FreeSpaceGrid::draw(const MetricEstimate& m, const Beams& beams, double cell) {
-  if (const Box box = box_of(beams.fan(), m.range_max, cell); !(box == box_ && beams.fan() == fan_))
-    lay_out(box, beams);
+  if (const OccupancyGrid box = box_of(beams.fan(), m.range_max, cell);
+      !at_one_place(box, grid_) || !(beams.fan() == fan_)) {
+    grid_ = box;
+    lay_out(beams);
+  }
   if (yaw_ != m.yaw)
     for (Place& place : places_)
       place.across = std::cos(place.angle - m.yaw);
   yaw_ = m.yaw;
-  const double thickness = 1.5 * box_.resolution; // no gap on a diagonal
-  cells_.assign(static_cast<std::size_t>(box_.width) * static_cast<std::size_t>(box_.height), cell_unknown);
+  const double thickness = 1.5 * grid_.resolution; // no gap on a diagonal
+  cells_.assign(std::size_t{grid_.width} * grid_.height, cell_unknown);
+  grid_.cells = cells_;
   for (const Place& place : places_) {
     const float beam = beams.ranges()[place.beam];
     if (std::isnan(beam) || place.range > m.range_max)
@@ -127,21 +135,11 @@ void FreeSpaceGrid::stamp_boundary(const MetricEstimate& m) {
   for (std::size_t i = 0; i < m.ranges.size(); ++i) {
     if (!std::isfinite(m.ranges[i]) || !std::isfinite(m.bearings[i]))
       continue;
-    const double column = (m.ranges[i] * std::cos(m.bearings[i]) - box_.x) / box_.resolution;
-    const double row = (m.ranges[i] * std::sin(m.bearings[i]) - box_.y) / box_.resolution;
-    if (column >= 0 && row >= 0 && column < box_.width && row < box_.height)
-      cells_[static_cast<std::size_t>(row) * static_cast<std::size_t>(box_.width) +
-             static_cast<std::size_t>(column)] = cell_occupied;
+    const double column = (m.ranges[i] * std::cos(m.bearings[i]) - grid_.x) / grid_.resolution;
+    const double row = (m.ranges[i] * std::sin(m.bearings[i]) - grid_.y) / grid_.resolution;
+    if (column >= 0 && row >= 0 && column < grid_.width && row < grid_.height)
+      cells_[static_cast<std::size_t>(row) * grid_.width + static_cast<std::size_t>(column)] = cell_occupied;
   }
-}
-
-OccupancyGrid FreeSpaceGrid::grid() const {
-  return {box_.resolution,
-          static_cast<std::uint32_t>(box_.width),
-          static_cast<std::uint32_t>(box_.height),
-          box_.x,
-          box_.y,
-          cells_};
 }
 
 } // namespace terrainseg::recording

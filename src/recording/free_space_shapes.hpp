@@ -38,27 +38,21 @@ class FreeSpaceGrid {
  public:
   /// `cell` is the size of a cell in metres. It is doubled until no side has more than most_cells.
   void draw(const MetricEstimate& metric, const Beams& beams, double cell);
-  OccupancyGrid grid() const; ///< empty before the first draw()
+  const OccupancyGrid& grid() const { return grid_; } ///< empty before the first draw()
 
   static constexpr int most_cells = 512;
 
  private:
-  struct Box {
-    double resolution = 0, x = 0, y = 0;
-    int width = 0, height = 0;
-    bool operator==(const Box&) const = default;
-  };
   /// A cell whose centre lies in the fan; the others are unknown.
   struct Place {
     std::size_t cell, beam;
     float range, angle; ///< of the centre, from the body's origin
     double across;      ///< cosine of its angle to the camera's axis
   };
-  static Box box_of(const ScanFan& fan, double range_max, double cell);
-  void lay_out(const Box& box, const Beams& beams);
+  void lay_out(const Beams& beams);
   void stamp_boundary(const MetricEstimate& metric);
 
-  Box box_;
+  OccupancyGrid grid_;
   ScanFan fan_;
   std::optional<double> yaw_; ///< of `across`
   std::vector<Place> places_;
