@@ -4,9 +4,13 @@
 #include <filesystem>
 #include <set>
 
+#include "tools/command_line.hpp"
 #include "tools/process/handles.hpp"
 
 namespace terrainseg::process {
+
+using tools::UsageError;
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -24,11 +28,10 @@ bool exists(const char* element) {
 std::string recorder_package() {
   constexpr const char* package = "gstreamer1.0-terrainseg";
   const FactoryPointer terrainseg(gst_element_factory_find("terrainseg"));
-  GstPlugin* plugin =
+  g_autoptr(GstPlugin) plugin =
       terrainseg ? gst_plugin_feature_get_plugin(GST_PLUGIN_FEATURE(terrainseg.get())) : nullptr;
   const char* name = plugin ? gst_plugin_get_filename(plugin) : nullptr;
   const fs::path file = name ? fs::path(name).replace_filename("libgstterrainmcap.so") : fs::path();
-  gst_clear_object(&plugin);
   std::error_code ignored;
   if (file.empty())
     return package;
@@ -36,11 +39,9 @@ std::string recorder_package() {
     return std::string(package) + ", or build it: " + file.string() +
            " is not there. In a build folder type ninja; where `meson setup` left it out, install "
            "libzstd-dev first";
-  GError* error = nullptr;
-  if (GstPlugin* loaded = gst_plugin_load_file(file.c_str(), &error))
-    gst_object_unref(loaded);
+  g_autoptr(GError) error = nullptr;
+  g_autoptr(GstPlugin) loaded = gst_plugin_load_file(file.c_str(), &error);
   const std::string reason = error ? error->message : "it holds another plugin";
-  g_clear_error(&error);
   return std::string(package) + " again: " + file.string() + " is there and does not load (" + reason + ")";
 }
 
@@ -77,6 +78,26 @@ std::string range_of(GParamSpec* spec) {
   return std::string("a ") + g_type_name(spec->value_type);
 }
 
+/// Sets a property from text as gst-launch-1.0 does. Refuses unknown, unreadable and read-only properties and
+/// values out of range; the error lists valid ones.
+void set_property(GstElement* element, const std::string& name, const std::string& value) {
+  const std::string type = gst_plugin_feature_get_name(GST_PLUGIN_FEATURE(gst_element_get_factory(element)));
+  GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), name.c_str());
+  if (!spec || !(spec->flags & G_PARAM_WRITABLE) || spec->owner_type == GST_TYPE_OBJECT)
+    throw UsageError(type + " has no property '" + name + "' that can be set (gst-inspect-1.0 " + type +
+                     " lists them)");
+  GValue converted = G_VALUE_INIT;
+  g_value_init(&converted, spec->value_type);
+  const bool read = gst_value_deserialize_with_pspec(&converted, value.c_str(), spec);
+  // Validation would clamp the value to the range; that is an error here.
+  const bool fits = read && !g_param_value_validate(spec, &converted);
+  if (fits)
+    g_object_set_property(G_OBJECT(element), name.c_str(), &converted);
+  g_value_unset(&converted);
+  if (!fits)
+    throw UsageError(name + " = '" + value + "': must be " + range_of(spec));
+}
+
 } // namespace
 
 void point_to_own_plugin() {
@@ -111,7 +132,7 @@ int most_encoded_side() {
   return exists("x264enc") ? 16384 : 3840;
 }
 
-std::optional<std::string> missing_elements(const Options& options) {
+void check_elements(const Options& options) {
   const bool annotated = options.wants(Output::annotated), masks = options.wants(Output::masks),
              mcap = options.wants(Output::mcap), openh264 = (annotated || mcap) && !exists("x264enc");
   const struct {
@@ -148,49 +169,26 @@ std::optional<std::string> missing_elements(const Options& options) {
     text += "' is missing: install ";
     text += each.package;
   }
-  if (text.empty())
-    return std::nullopt;
-  return text + "\n('gst-inspect-1.0 --print-blacklist' lists plugins that are installed but do not load)";
+  text += "\n('gst-inspect-1.0 --print-blacklist' lists plugins that are installed but do not load)";
+  if (!named.empty())
+    throw EarlyExit{Exit::environment, text};
 }
 
-std::optional<std::string> set_property(GstElement* element, const std::string& name,
-                                        const std::string& value) {
-  const std::string type = gst_plugin_feature_get_name(GST_PLUGIN_FEATURE(gst_element_get_factory(element)));
-  GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), name.c_str());
-  if (!spec || !(spec->flags & G_PARAM_WRITABLE) || spec->owner_type == GST_TYPE_OBJECT)
-    return type + " has no property '" + name + "' that can be set (gst-inspect-1.0 " + type + " lists them)";
-  GValue converted = G_VALUE_INIT;
-  g_value_init(&converted, spec->value_type);
-  const bool read = gst_value_deserialize_with_pspec(&converted, value.c_str(), spec);
-  // Validation would clamp the value to the range; that is an error here.
-  const bool fits = read && !g_param_value_validate(spec, &converted);
-  if (fits)
-    g_object_set_property(G_OBJECT(element), name.c_str(), &converted);
-  g_value_unset(&converted);
-  if (!fits)
-    return name + " = '" + value + "': must be " + range_of(spec);
-  return std::nullopt;
-}
-
-std::optional<std::string> apply_settings(const Options& options, GstElement* terrainseg,
-                                          GstElement* overlay) {
-  if (terrainseg && !options.preset.empty())
-    if (auto problem = set_property(terrainseg, "preset", options.preset))
-      return problem;
+void apply_settings(const Options& options, GstElement* terrainseg, GstElement* overlay) {
+  if (!options.preset.empty())
+    set_property(terrainseg, "preset", options.preset);
   for (const auto& [name, value] : options.settings) {
     // terrainseg must not draw: masks and lines are made from unchanged frames.
     const bool drawing = name == "overlay" || name.starts_with("overlay-");
     if (name == "overlay")
-      return "overlay = '" + value + "': the annotated video is always drawn on; choose with --outputs";
-    GstElement* target = drawing ? overlay : terrainseg;
-    if (target)
-      if (auto problem = set_property(target, name, value))
-        return problem;
+      throw UsageError("overlay = '" + value +
+                       "': the annotated video is always drawn on; choose with --outputs");
+    if (GstElement* target = drawing ? overlay : terrainseg)
+      set_property(target, name, value);
   }
-  return std::nullopt;
 }
 
-std::optional<std::string> start_problem(GstElement* element) {
+void check_start(GstElement* element) {
   const BusPointer bus(gst_bus_new());
   gst_element_set_bus(element, bus.get());
   const bool failed = gst_element_set_state(element, GST_STATE_PAUSED) == GST_STATE_CHANGE_FAILURE;
@@ -199,7 +197,8 @@ std::optional<std::string> start_problem(GstElement* element) {
     text = error_in(message.get())->message;
   gst_element_set_state(element, GST_STATE_NULL);
   gst_element_set_bus(element, nullptr);
-  return failed ? std::optional(text) : std::nullopt;
+  if (failed)
+    throw UsageError(text);
 }
 
 } // namespace terrainseg::process

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <stdexcept>
 #include <vector>
 
 #include "tools/process/container.hpp"
@@ -120,13 +121,13 @@ std::string Graph::h264(bool recording) const {
 }
 
 /// The elements after the source, as in gst-launch-1.0. Sinks and muxers have the names of their outputs.
-std::string Graph::description(const Descriptors& files) const {
+std::string Graph::description(OutputFiles& files) const {
   // Each branch runs in its own thread. The sinks do not preroll, because an encoder may need 50 frames
   // before it outputs the first one.
   const std::string branch = " tee. ! queue max-size-buffers=4 max-size-bytes=0 max-size-time=0 ! ";
   const auto sink = [&files](const char* factory, Output kind) {
     return std::string(" ! ") + factory + " sync=false async=false name=" + names_of(kind).name +
-           " fd=" + std::to_string(files[static_cast<std::size_t>(kind)]);
+           " fd=" + std::to_string(files[kind].fd());
   };
   std::string text = "terrainseg name=terrainseg ! tee name=tee";
   if (options_.wants(
@@ -152,17 +153,17 @@ std::string Graph::description(const Descriptors& files) const {
   return text;
 }
 
-std::optional<std::string> Graph::build(GstElement* source, const Descriptors& files) {
+void Graph::build(GstElement* source, OutputFiles& files) {
   source_ = source;
   GError* error = nullptr;
   pipeline_ = gst_parse_launch(description(files).c_str(), &error);
   if (const ErrorPointer owner{error}) {
     gst_object_unref(gst_object_ref_sink(source));
-    return std::string(error->message);
+    throw std::runtime_error(error->message);
   }
   gst_bin_add(GST_BIN(pipeline_), source);
   if (!gst_element_link(source, terrainseg()))
-    return "cannot connect the decoder with terrainseg";
+    throw std::runtime_error("cannot connect the decoder with terrainseg");
   for (const Output kind : {Output::annotated, Output::masks, Output::json, Output::mcap, Output::csv}) {
     GstElement* sink = named(names_of(kind).name);
     if (!sink)
@@ -187,7 +188,7 @@ std::optional<std::string> Graph::build(GstElement* source, const Descriptors& f
   if (GstElement* sink = named(names_of(Output::mcap).name))
     for (const char* name : {"camera-info", "mount"})
       g_object_set(sink, name, options_.setting(name).c_str(), nullptr);
-  return apply_settings(options_, terrainseg(), named("overlay"));
+  apply_settings(options_, terrainseg(), named("overlay"));
 }
 
 void Graph::set_size(const GstVideoInfo& info) {

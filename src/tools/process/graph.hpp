@@ -19,14 +19,12 @@ namespace terrainseg::process {
 /// Builds the pipeline, sets the size of the video in all branches, and counts the frames of each output.
 class Graph {
  public:
-  using Descriptors = std::array<int, output_count>; ///< of the output files; -1 = output not selected
-
   explicit Graph(const Options& options) : options_(options) {}
   ~Graph();
 
   /// Connects `source` with the branches of the selected outputs. The pipeline takes ownership of `source`.
-  /// Returns the problem, if any.
-  std::optional<std::string> build(GstElement* source, const Descriptors& files);
+  /// Throws std::runtime_error.
+  void build(GstElement* source, OutputFiles& files);
 
   GstElement* pipeline() const { return pipeline_; }
   GstElement* terrainseg() const { return named("terrainseg"); }
@@ -48,7 +46,7 @@ class Graph {
  private:
   GstElement* named(const std::string& name) const; ///< the pipeline keeps it; null if it has none
   std::string h264(bool recording) const;
-  std::string description(const Descriptors& files) const;
+  std::string description(OutputFiles& files) const;
   void count_buffers(GstElement* element, const char* pad, Output kind);
   GstPadProbeReturn on_end(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_movie_box(GstPad* pad, GstPadProbeInfo* info);

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "exchange/counted.hpp"
+#include "tools/command_line.hpp"
 #include "tools/process/conflicts.hpp"
 #include "tools/process/display.hpp"
 #include "tools/process/elements.hpp"
@@ -53,17 +54,15 @@ void complain(const std::string& text) {
 }
 
 /// Validates the settings before the first file is opened.
-std::optional<std::string> check_settings(const Options& options) {
+void check_settings(const Options& options) {
   const ElementPointer terrainseg(gst_element_factory_make("terrainseg", nullptr));
   const ElementPointer overlay(
       options.wants(Output::annotated) ? gst_element_factory_make("terrainoverlay", nullptr) : nullptr);
   for (const ElementPointer* element : {&terrainseg, &overlay})
     if (*element)
       gst_object_ref_sink(element->get());
-  if (auto problem = apply_settings(options, terrainseg.get(), overlay.get()))
-    return problem;
-  // Files that settings refer to are read when the filter starts.
-  return start_problem(terrainseg.get());
+  apply_settings(options, terrainseg.get(), overlay.get());
+  check_start(terrainseg.get()); // reads the files that settings refer to
 }
 
 /// Prints the conflicts and throws if the run would overwrite files.
@@ -332,10 +331,8 @@ Exit process(const std::vector<std::string>& arguments) {
   }
   if (!options.check.empty())
     return check(options, share_of(options.shard, find_inputs(options.inputs, options.names).inputs));
-  if (auto problem = missing_elements(options))
-    throw EarlyExit{Exit::environment, *problem};
-  if (auto problem = check_settings(options))
-    throw EarlyExit{Exit::usage, *problem};
+  check_elements(options);
+  check_settings(options);
   std::vector<Input> inputs = inputs_of(options);
   prepare_folder(options.output_dir);
   struct sigaction action {};
@@ -374,6 +371,8 @@ int main(int argc, char** argv) {
     early = reason;
   } catch (const Fault& fault) {
     early = {exit_for(fault), fault.text};
+  } catch (const terrainseg::tools::UsageError& error) {
+    early = {Exit::usage, error.what()};
   } catch (const std::exception& problem) { // such as out of memory
     early = {Exit::try_again, problem.what()};
   }

@@ -286,13 +286,6 @@ void OutputFiles::open() {
   }
 }
 
-std::array<int, output_count> OutputFiles::descriptors() const {
-  std::array<int, output_count> all;
-  for (int i = 0; i < output_count; ++i)
-    all[i] = files_[i].fd();
-  return all;
-}
-
 /// Writes a record under its name. Its temporary file is created again, so the name stays reserved.
 void OutputFiles::write_record(const Record& record, const fs::path& path) {
   summary_.write(record.to_json());

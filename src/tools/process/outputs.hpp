@@ -140,8 +140,6 @@ class OutputFiles {
 
   void open();
   AtomicFile& operator[](Output kind) { return files_[static_cast<std::size_t>(kind)]; }
-  /// File descriptors; -1 if the output is not written.
-  std::array<int, output_count> descriptors() const;
   /// Renames the files to their final names, or to the names of a partial input if the record has a problem.
   /// Writes the record last.
   void keep(Record& record);

@@ -175,8 +175,7 @@ class Run {
 };
 
 void Run::build() {
-  if (auto problem = graph_.build(source_.bin(), files_.descriptors()))
-    throw Fault{Cause::resources, *problem};
+  graph_.build(source_.bin(), files_);
   frames_.watch(source_.bin());
 }
 
@@ -357,13 +356,11 @@ void Run::learn_from_the_run() {
   if (const std::string choice = source_.choice(); !choice.empty())
     record_.warnings.push_back(choice);
   record_.still_rows = frames_.still_rows();
-  GstStructure* stats = nullptr;
+  g_autoptr(GstStructure) stats = nullptr;
   g_object_get(graph_.terrainseg(), "stats", &stats, nullptr);
   double microseconds = 0;
   if (stats && gst_structure_get_double(stats, "total-median-us", &microseconds))
     record_.filter_milliseconds = microseconds / 1000;
-  if (stats)
-    gst_structure_free(stats);
 }
 
 Outcome Run::conclude() {
@@ -416,6 +413,8 @@ Outcome process(const Input& input, const Options& options, Progress& progress,
     return run.conclude();
   } catch (const Fault& fault) {
     return failed(record, fault);
+  } catch (const std::exception& error) {
+    return failed(record, {Cause::resources, error.what()});
   }
 }
 

@@ -176,12 +176,7 @@ void Line::work_on() {
     progress_ = std::make_unique<Progress>();
     Progress& progress = *progress_;
     lock.unlock();
-    Outcome outcome;
-    try {
-      outcome = process(input, options_, progress, interrupted_);
-    } catch (const std::exception& error) {
-      outcome = lost(input, options_, {Cause::resources, error.what()});
-    }
+    const Outcome outcome = process(input, options_, progress, interrupted_);
     lock.lock();
     tell_progress();
     progress_.reset();
