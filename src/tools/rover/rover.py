@@ -139,7 +139,7 @@ class Rover:
     def stop(self):
         """Stops the feeds and the camera."""
         if self.recording:
-            self.end_recording()
+            self.stop_recording(again=True)
         self.pipeline.set_state(Gst.State.NULL)
         for name in list(self.feeds):
             self.drop_feed(name)
@@ -221,14 +221,16 @@ class Rover:
             feed.source.emit('push-sample', sample)
         return Gst.FlowReturn.OK
 
-    def make_pictures(self):
-        feed = Feed(self.pipeline, PICTURES.format(width=self.options.width), 1)
-        self.follow_style(feed)
-        feed.get('out').connect('new-sample', self.on_picture)
+    def make_view(self, description):
+        """A feed of frames with the free space drawn on them."""
+        feed = Feed(self.pipeline, description.format(width=self.options.width), 1)
+        self.terrain.bind_property('overlay-style', feed.get('overlay'), 'overlay-style', GObject.BindingFlags.SYNC_CREATE)
         return feed
 
-    def follow_style(self, feed):
-        self.terrain.bind_property('overlay-style', feed.get('overlay'), 'overlay-style', GObject.BindingFlags.SYNC_CREATE)
+    def make_pictures(self):
+        feed = self.make_view(PICTURES)
+        feed.get('out').connect('new-sample', self.on_picture)
+        return feed
 
     def on_picture(self, sink):
         sample = sink.emit('pull-sample')
@@ -460,9 +462,6 @@ class Rover:
         if not self.terrain.emit('load-model', str(self.terrain_file())):
             raise ValueError('there is no saved terrain that fits')
 
-    def forget(self):
-        self.terrain.emit('reset')
-
     # Recordings
 
     def recorded(self):
@@ -497,14 +496,11 @@ class Rover:
             self.recording = path, time.monotonic()
         self.report(6, f'recording: {path.name}')
 
-    def stop_recording(self, error=None):
-        self.wants_recording = False
-        self.end_recording(error)
-
-    def end_recording(self, error=None):
-        """Finishes the recording, unless it has failed."""
+    def stop_recording(self, error=None, again=False):
+        """Finishes the recording, unless it has failed. `again`: another one starts with the camera."""
         with self.lock:
             ended, self.recording = self.recording, None
+            self.wants_recording = again
         if not ended:
             return
         later = self.drop_feed('recording', 0 if error else 5)

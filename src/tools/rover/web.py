@@ -232,7 +232,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         actions = {'/set': lambda body: rover.set_key(body.get('name'), body.get('value')), '/window': rover.set_window,
                    '/ignore': rover.add_region, '/unignore': rover.remove_regions, '/horizon': rover.set_horizon,
                    '/learning': rover.set_learning}
-        plain = {'/forget': rover.forget, '/terrain/save': rover.save_terrain, '/terrain/load': rover.load_terrain,
+        plain = {'/forget': lambda: rover.terrain.emit('reset'), '/terrain/save': rover.save_terrain, '/terrain/load': rover.load_terrain,
                  '/settings/save': rover.save_settings, '/settings/load': rover.load_settings,
                  '/record/start': rover.start_recording, '/record/stop': rover.stop_recording}
         body = self.body()

@@ -8,7 +8,7 @@ gi.require_version('GstSdp', '1.0')
 gi.require_version('GstWebRTC', '1.0')
 from gi.repository import GLib, Gst, GstSdp, GstWebRTC  # noqa: E402
 
-from rover import Feed, has  # noqa: E402
+from rover import has  # noqa: E402
 
 ANSWER_LIMIT = 20  # time limits in seconds for an offer, and then for a connection
 MOST_PEERS = 4
@@ -100,12 +100,7 @@ class Peer:
 class Peers:
     def __init__(self, rover):
         self.rover, self.peers, self.count = rover, {}, 0
-        rover.makers['webrtc'] = self.make
-
-    def make(self):
-        feed = Feed(self.rover.pipeline, VIDEO.format(width=self.rover.options.width), 1)
-        self.rover.follow_style(feed)
-        return feed
+        rover.makers['webrtc'] = lambda: rover.make_view(VIDEO)
 
     def offer(self):
         """Creates the offer for another browser; called by a server thread."""
