@@ -99,18 +99,19 @@ void append_parts(std::string& text, const std::string& members) {
 }
 
 void put_time(CdrWriter& out, std::uint64_t time) {
-  out.i32(static_cast<std::int32_t>(time / second));
-  out.u32(static_cast<std::uint32_t>(time % second));
+  out.put(static_cast<std::int32_t>(time / second), static_cast<std::uint32_t>(time % second));
 }
 
 void put_header(CdrWriter& out, const Header& header) {
   put_time(out, header.time);
-  out.string(header.frame);
+  out.put(header.frame);
 }
 
-template <class Values> void put_reals(CdrWriter& out, const Values& values) {
-  for (const double value : values)
-    out.f64(value);
+/// A message that begins with its header.
+CdrWriter begun(Bytes& bytes, const Header& header) {
+  CdrWriter out(bytes);
+  put_header(out, header);
+  return out;
 }
 
 } // namespace
@@ -124,88 +125,63 @@ MessageType message_type(std::string_view name) {
 }
 
 void encode(Bytes& bytes, const Header& header, const LaserScan& scan) {
-  CdrWriter out(bytes);
-  put_header(out, header);
+  CdrWriter out = begun(bytes, header);
   const double steps = scan.ranges.empty() ? 0 : static_cast<double>(scan.ranges.size() - 1);
   for (const double value : {scan.angle_min, scan.angle_min + steps * scan.angle_increment,
                              scan.angle_increment, 0.0, scan.scan_time, scan.range_min, scan.range_max})
-    out.f32(static_cast<float>(value));
-  out.count(scan.ranges.size());
-  for (const float range : scan.ranges)
-    out.f32(range);
+    out.put(static_cast<float>(value));
+  out.put(scan.ranges);
   out.count(0); // intensities
 }
 
 void encode(Bytes& bytes, const Header& header, std::span<const BoundaryPoint> points) {
   constexpr const char* names[] = {"x", "y", "z", "low", "high"};
   constexpr std::uint8_t float32 = 7;
-  constexpr std::uint32_t step = 4 * std::size(names);
+  constexpr std::uint32_t step = 4 * std::size(names), one = 1;
   const auto width = static_cast<std::uint32_t>(points.size());
-  CdrWriter out(bytes);
-  put_header(out, header);
-  out.u32(1); // height: the points are one row
-  out.u32(width);
+  CdrWriter out = begun(bytes, header);
+  out.put(one, width); // the points are one row
   out.count(std::size(names));
   std::uint32_t offset = 0;
   for (const char* name : names) {
-    out.string(name);
-    out.u32(offset);
-    out.u8(float32);
-    out.u32(1);
+    out.put(name, offset, float32, one);
     offset += 4;
   }
-  out.boolean(false); // is_bigendian
-  out.u32(step);
-  out.u32(step * width);
+  constexpr bool big_endian = false, dense = true; // dense: no point is NaN
+  out.put(big_endian, step, step * width);
   out.count(std::size_t{step} * width);
   for (const BoundaryPoint& point : points)
-    for (const float value : {point.x, point.y, point.z, point.low, point.high})
-      put_integer(bytes, std::bit_cast<std::uint32_t>(value));
-  out.boolean(true); // is_dense: no point is NaN
+    out.put(point.x, point.y, point.z, point.low, point.high);
+  out.put(dense);
 }
 
 void encode(Bytes& bytes, const Header& header, const OccupancyGrid& grid) {
-  CdrWriter out(bytes);
-  put_header(out, header);
+  CdrWriter out = begun(bytes, header);
   put_time(out, header.time); // map_load_time
-  out.f32(static_cast<float>(grid.resolution));
-  out.u32(grid.width);
-  out.u32(grid.height);
-  put_reals(out, std::array{grid.x, grid.y, 0.0});
-  put_reals(out, Transform().rotation);
-  out.count(grid.cells.size());
-  out.raw({reinterpret_cast<const std::uint8_t*>(grid.cells.data()), grid.cells.size()});
+  out.put(static_cast<float>(grid.resolution), grid.width, grid.height, std::array{grid.x, grid.y, 0.0},
+          Transform().rotation, grid.cells);
 }
 
 void encode(Bytes& bytes, const Header& header, const metric::Camera& camera) {
-  CdrWriter out(bytes);
-  put_header(out, header);
-  out.u32(static_cast<std::uint32_t>(camera.height));
-  out.u32(static_cast<std::uint32_t>(camera.width));
+  CdrWriter out = begun(bytes, header);
   const auto [lens, coefficients] = metric::lens_of(camera);
-  out.string(lens);
-  out.count(coefficients);
-  put_reals(out, std::span(camera.coefficients).first(coefficients));
+  out.put(static_cast<std::uint32_t>(camera.height), static_cast<std::uint32_t>(camera.width), lens,
+          std::span<const double>(camera.coefficients).first(coefficients));
   const double fx = camera.fx, fy = camera.fy, cx = camera.cx, cy = camera.cy;
-  put_reals(out, std::array{fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0});
-  put_reals(out, std::array{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0});
-  put_reals(out, std::array{fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0});
-  for (int i = 0; i < 6; ++i) // binning_x, binning_y; roi's offsets, height and width: all of the picture
-    out.u32(0);
-  out.boolean(false); // roi.do_rectify
+  out.put(std::array{fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0});
+  out.put(std::array{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0});
+  out.put(std::array{fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0});
+  // binning_x, binning_y; roi's offsets, height and width: all of the picture; roi.do_rectify
+  out.put(std::array<std::uint32_t, 6>{}, false);
 }
 
 void encode(Bytes& bytes, const Header& header, const GrayView& picture) {
-  const auto width = static_cast<std::size_t>(picture.width),
-             height = static_cast<std::size_t>(picture.height);
-  CdrWriter out(bytes);
-  put_header(out, header);
-  out.u32(static_cast<std::uint32_t>(height));
-  out.u32(static_cast<std::uint32_t>(width));
-  out.string("mono8");
-  out.u8(0); // is_bigendian
-  out.u32(static_cast<std::uint32_t>(width));
-  out.count(width * height);
+  const auto width = static_cast<std::uint32_t>(picture.width),
+             height = static_cast<std::uint32_t>(picture.height);
+  constexpr std::uint8_t big_endian = 0;
+  CdrWriter out = begun(bytes, header);
+  out.put(height, width, "mono8", big_endian, width); // the last: bytes of a row
+  out.count(std::size_t{width} * height);
   for (int y = 0; y < picture.height; ++y)
     out.raw({picture.plane.row(y), width});
 }
@@ -214,40 +190,24 @@ void encode(Bytes& bytes, const Header& header, const Transform& transform) {
   CdrWriter out(bytes);
   out.count(1);
   put_header(out, header);
-  out.string(transform.child);
-  put_reals(out, transform.translation);
-  put_reals(out, transform.rotation);
+  out.put(transform.child, transform.translation, transform.rotation);
 }
 
 void encode(Bytes& bytes, const Header& header, const DiagnosticStatus& status) {
-  CdrWriter out(bytes);
-  put_header(out, header);
+  CdrWriter out = begun(bytes, header);
   out.count(1);
-  out.u8(status.level);
-  out.string(status.name);
-  out.string(status.message);
-  out.string(""); // hardware_id
+  out.put(status.level, status.name, status.message, ""); // the last: hardware_id
   out.count(status.values.size());
-  for (const auto& [key, value] : status.values) {
-    out.string(key);
-    out.string(value);
-  }
+  for (const auto& [key, value] : status.values)
+    out.put(key, value);
 }
 
 void encode(Bytes& bytes, const Header& header, const JpegFile& picture) {
-  CdrWriter out(bytes);
-  put_header(out, header);
-  out.string("jpeg");
-  out.count(picture.bytes.size());
-  out.raw(picture.bytes);
+  begun(bytes, header).put("jpeg", picture.bytes);
 }
 
 void encode(Bytes& bytes, const Header& header, const H264Picture& picture) {
-  CdrWriter out(bytes);
-  put_header(out, header);
-  out.count(picture.bytes.size());
-  out.raw(picture.bytes);
-  out.string("h264");
+  begun(bytes, header).put(picture.bytes, "h264");
 }
 
 } // namespace terrainseg::recording

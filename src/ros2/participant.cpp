@@ -326,15 +326,13 @@ recording::Bytes participant_entities(const Participant& participant, std::size_
   const auto put_gid = [&](dds_entity_t entity) { // rmw_dds_common/msg/Gid
     dds_guid_t guid{};
     dds_get_guid(entity, &guid);
-    for (const std::uint8_t byte : guid.v)
-      out.u8(byte);
-    for (std::size_t i = sizeof guid.v; i < gid_size; ++i)
-      out.u8(0);
+    recording::Bytes gid(std::begin(guid.v), std::end(guid.v));
+    gid.resize(gid_size);
+    out.raw(gid);
   };
   put_gid(participant.entity());
   out.count(1); // node_entities_info_seq
-  out.string(name_space);
-  out.string(node);
+  out.put(name_space, node);
   for (const auto* entities : {&readers, &writers}) {
     out.count(entities->size());
     for (const dds_entity_t entity : *entities)

@@ -424,13 +424,13 @@ Bytes pose(double roll, double pitch, double seconds_ago) {
   Bytes bytes;
   recording::CdrWriter out(bytes);
   const double time = static_cast<double>(g_get_real_time()) / 1e6 - seconds_ago;
-  out.i32(static_cast<std::int32_t>(time));
-  out.u32(static_cast<std::uint32_t>((time - std::floor(time)) * 1e9));
-  out.string("odom");
+  out.put(static_cast<std::int32_t>(time));
+  out.put(static_cast<std::uint32_t>((time - std::floor(time)) * 1e9));
+  out.put("odom");
   for (int i = 0; i < 3; ++i)
-    out.f64(0);
+    out.put(0.0);
   for (const double value : recording::rotation_of(1, pitch, roll))
-    out.f64(value);
+    out.put(value);
   return bytes;
 }
 
@@ -512,12 +512,12 @@ TEST_F(Ros2Sink, ARangeIsClearBeyondTheDistance) {
   for (const float range : {0.41F, 0.39F, HUGE_VALF, -HUGE_VALF}) {
     Bytes bytes;
     recording::CdrWriter out(bytes);
-    out.i32(5);
-    out.u32(0);
-    out.string("sonar");
-    out.u8(0);
+    out.put(std::int32_t{5});
+    out.put(std::uint32_t{0});
+    out.put("sonar");
+    out.put(std::uint8_t{0});
     for (const float value : {0.1F, 0.02F, 4.0F, range})
-      out.f32(value);
+      out.put(value);
     sonar.writer->write(bytes);
   }
   EXPECT_EQ(events.wait_for(4),

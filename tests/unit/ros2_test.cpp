@@ -139,19 +139,19 @@ TEST(Discovery, MulticastIsOffOnLocalhost) {
 // ---- what comes in ---------------------------------------------------------------------------------------
 
 void put_header(CdrWriter& out) {
-  out.i32(1'700'000'000);
-  out.u32(250'000'000);
-  out.string("odom");
+  out.put(std::int32_t{1'700'000'000});
+  out.put(std::uint32_t{250'000'000});
+  out.put("odom");
 }
 
 void put_reals(CdrWriter& out, int count, double value = 0.5) {
   for (int i = 0; i < count; ++i)
-    out.f64(value);
+    out.put(value);
 }
 
 void put_rotation(CdrWriter& out, const recording::Quaternion& q) {
   for (const double value : q)
-    out.f64(value);
+    out.put(value);
 }
 
 const recording::Quaternion turned = recording::rotation_of(0.7, 0.1, -0.2);
@@ -160,7 +160,7 @@ Bytes odometry(const recording::Quaternion& q = turned) {
   Bytes bytes;
   CdrWriter out(bytes);
   put_header(out);
-  out.string("base_link");
+  out.put("base_link");
   put_reals(out, 3);
   put_rotation(out, q);
   put_reals(out, 36 + 6 + 36);
@@ -190,11 +190,11 @@ Bytes range(float value, bool variance) {
   Bytes bytes;
   CdrWriter out(bytes);
   put_header(out);
-  out.u8(1);
+  out.put(std::uint8_t{1});
   for (const float v : {0.1F, 0.02F, 4.0F, value})
-    out.f32(v);
+    out.put(v);
   if (variance)
-    out.f32(0.01F);
+    out.put(0.01F);
   return bytes;
 }
 
