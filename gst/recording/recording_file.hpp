@@ -85,8 +85,7 @@ class RecordingFile {
   void open(int fd) {
     abandon();
     error_ = 0;
-    for (fs::path* path : {&path_, &part_, &metadata_}) // of the previous recording
-      path->clear();
+    path_ = part_ = metadata_ = fs::path(); // of the previous recording
     fd_ = fd;
   }
 

@@ -294,23 +294,10 @@ GstFlowReturn record(SinkState& s, GstBuffer* buffer) {
   return GST_FLOW_ERROR;
 }
 
-GstFlowReturn render(GstBaseSink* sink, GstBuffer* buffer) {
-  return guarded(sink, GST_FLOW_ERROR, [&] { return record(state_of(sink), buffer); });
-}
-
 gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
   GST_DEBUG_OBJECT(sink, "caps %" GST_PTR_FORMAT, printable(caps));
   state_of(sink).kind = kind_of(caps);
   return TRUE;
-}
-
-gboolean start(GstBaseSink* sink) {
-  return guarded<gboolean>(sink, FALSE, [&] { return open_recording(state_of(sink)); });
-}
-
-/// Also called when the pipeline is stopped without EOS.
-gboolean stop(GstBaseSink* sink) {
-  return guarded<gboolean>(sink, FALSE, [&] { return finish(state_of(sink)); });
 }
 
 gboolean take_event(GstBaseSink* sink, GstEvent* event) {
@@ -332,10 +319,17 @@ static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
               "Records video and terrain metadata as MCAP, for Foxglove and ROS 2"});
   init_message_sink_class(klass);
   GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
-  sink_class->start = start;
-  sink_class->stop = stop;
+  sink_class->start = [](GstBaseSink* sink) {
+    return guarded<gboolean>(sink, FALSE, [&] { return open_recording(state_of(sink)); });
+  };
+  // Also called when the pipeline is stopped without EOS.
+  sink_class->stop = [](GstBaseSink* sink) {
+    return guarded<gboolean>(sink, FALSE, [&] { return finish(state_of(sink)); });
+  };
   sink_class->set_caps = set_caps;
-  sink_class->render = render;
+  sink_class->render = [](GstBaseSink* sink, GstBuffer* buffer) {
+    return guarded(sink, GST_FLOW_ERROR, [&] { return record(state_of(sink), buffer); });
+  };
   sink_class->event = take_event;
 }
 

@@ -356,10 +356,6 @@ GstFlowReturn send(Ros2State& s, GstBuffer* buffer) {
   return s.messages->add(frame, *s.outlet) ? GST_FLOW_OK : GST_FLOW_ERROR;
 }
 
-GstFlowReturn render(GstBaseSink* sink, GstBuffer* buffer) {
-  return guarded(sink, GST_FLOW_ERROR, [&] { return send(state_of(sink), buffer); });
-}
-
 gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
   GST_DEBUG_OBJECT(sink, "caps %" GST_PTR_FORMAT, printable(caps));
   return guarded<gboolean>(sink, FALSE, [&]() -> gboolean {
@@ -383,11 +379,6 @@ gboolean start(GstBaseSink* sink) {
     close_topics(state_of(sink));
     return FALSE;
   });
-}
-
-gboolean stop(GstBaseSink* sink) {
-  close_topics(state_of(sink));
-  return TRUE;
 }
 
 // ---- the object ------------------------------------------------------------------------------------------
@@ -488,9 +479,14 @@ static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
   init_message_sink_class(klass);
   GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
   sink_class->start = start;
-  sink_class->stop = stop;
+  sink_class->stop = [](GstBaseSink* sink) -> gboolean {
+    close_topics(state_of(sink));
+    return TRUE;
+  };
   sink_class->set_caps = set_caps;
-  sink_class->render = render;
+  sink_class->render = [](GstBaseSink* sink, GstBuffer* buffer) {
+    return guarded(sink, GST_FLOW_ERROR, [&] { return send(state_of(sink), buffer); });
+  };
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->set_property = set_property;
   object_class->get_property = get_property;

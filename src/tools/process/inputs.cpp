@@ -11,6 +11,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <sstream>
 #include <utility>
 
@@ -30,10 +31,8 @@ constexpr const char* video_extensions[] = {".mp4", ".m4v",  ".mov",  ".mkv",   
                                             ".wmv", ".asf",  ".3gp",  ".gif",   ".y4m",  ".mxf", ".h264",
                                             ".264", ".h265", ".hevc", ".mjpeg", ".mjpg", ".vob"};
 
-template <std::size_t count>
-bool has_extension(const fs::path& path, const char* const (&extensions)[count]) {
-  const std::string extension = take(g_ascii_strdown(path.extension().c_str(), -1));
-  return std::find(std::begin(extensions), std::end(extensions), extension) != std::end(extensions);
+bool has_extension(const fs::path& path, std::span<const char* const> extensions) {
+  return std::ranges::count(extensions, take(g_ascii_strdown(path.extension().c_str(), -1))) > 0;
 }
 
 /// Outputs of an earlier run in the same folder are not inputs.

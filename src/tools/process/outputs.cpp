@@ -89,18 +89,16 @@ void AtomicFile::open(const fs::path& final_path) {
       close(fd);
       throw Fault{Cause::disk, "cannot write " + part_path_.string() + ": another run is writing it"};
     }
-    if (same_file(fd, part_path_)) {
-      if (ftruncate(fd, 0) != 0) {
-        const int error = errno;
-        close(fd);
-        throw cannot("write", part_path_.string(), error);
-      }
-      fd_ = fd;
-      failure_ = 0;
-      buffer_.clear();
-      return;
+    if (!same_file(fd, part_path_)) {
+      close(fd);
+      continue;
     }
-    close(fd);
+    fd_ = fd;
+    failure_ = 0;
+    buffer_.clear();
+    if (ftruncate(fd, 0) != 0)
+      throw cannot("write", part_path_.string(), errno);
+    return;
   }
   throw cannot("lock", part_path_.string(), EAGAIN);
 }

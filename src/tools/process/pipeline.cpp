@@ -367,9 +367,8 @@ Outcome Run::conclude() {
   gst_element_set_state(graph_.pipeline(), GST_STATE_NULL);
   learn_from_the_run();
   progress_.answers = 0;
-  if (stopped_) {
+  if (stopped_)
     return {Outcome::Kind::interrupted, failed(record_, {Cause::interrupted, "interrupted"}).record};
-  }
   if (complaints_.behind_source())
     throw complaints_.behind_source();
   const Fault changed{Cause::changed, "it was written to or replaced while it was read"};
