@@ -14,7 +14,6 @@
 #include "recording/frame_reader.hpp"
 #include "recording/ros_inputs.hpp"
 #include "ros2/names.hpp"
-#include "ros2/outlet.hpp"
 #include "ros2/participant.hpp"
 #include "support/element.hpp"
 #include "support/meta.hpp"
@@ -80,6 +79,61 @@ constexpr TopicProperty topics[] = {
 };
 static_assert(std::size(topics) == topic_count);
 
+/// Sends the messages of a frame to the topics of a participant. Topics without a reader are not encoded,
+/// except two that late readers get at once: the grid is sent every two seconds, the transform of the mount
+/// once.
+class Outlet : public recording::MessageOutlet {
+ public:
+  explicit Outlet(const ros2::Participant& participant) : participant_(participant) {}
+  /// Opens a topic by its absolute name. Throws ros2::Problem.
+  void open(Topic topic, const std::string& name) {
+    ros2::check_name(name);
+    const bool late = topic == Topic::grid || topic == Topic::tf_static;
+    // A decoder needs every picture.
+    const int depth = late ? 1 : topic == Topic::video ? 30 : 5;
+    writers_[static_cast<std::size_t>(topic)] = std::make_unique<ros2::Writer>(
+        participant_, name, recording::type_of(topic),
+        late ? ros2::Durability::transient_local : ros2::Durability::volatile_data, depth);
+  }
+  /// Returns nullptr if the topic is not open.
+  ros2::Writer* writer(Topic topic) const { return writers_[static_cast<std::size_t>(topic)].get(); }
+  std::vector<dds_entity_t> entities() const {
+    std::vector<dds_entity_t> entities;
+    for (const auto& writer : writers_)
+      if (writer)
+        entities.push_back(writer->entity());
+    return entities;
+  }
+
+  bool wants(Topic topic) override {
+    const ros2::Writer* open = writer(topic);
+    if (!open)
+      return false;
+    if (topic == Topic::tf_static)
+      return !sent_static_;
+    if (topic == Topic::grid && open->readers() == 0)
+      return !last_grid_ || g_get_monotonic_time() - *last_grid_ >= 2 * G_USEC_PER_SEC;
+    return open->readers() > 0;
+  }
+  /// Always returns true: a dropped message is not an error. The writer counts it.
+  bool put(Topic topic, std::uint64_t, recording::ByteView message) override {
+    const bool written = writer(topic)->write(message);
+    if (topic == Topic::grid)
+      last_grid_ = g_get_monotonic_time();
+    if (topic == Topic::tf_static)
+      sent_static_ = written;
+    if (topic == Topic::tf)
+      sent_static_ = false;
+    return true;
+  }
+
+ private:
+  const ros2::Participant& participant_;
+  std::array<std::unique_ptr<ros2::Writer>, topic_count> writers_;
+  std::optional<std::int64_t> last_grid_; ///< monotonic time, microseconds
+  bool sent_static_ = false;              ///< sent, and no attitude of a frame sent since
+};
+
 } // namespace
 
 /// Everything behind the instance.
@@ -90,7 +144,7 @@ struct Ros2State {
 
   std::mutex mutex; // guards what `stats` reads during construction and destruction
   std::unique_ptr<ros2::Participant> participant;     // streaming
-  std::unique_ptr<ros2::Outlet> outlet;               // streaming
+  std::unique_ptr<Outlet> outlet;                     // streaming
   std::unique_ptr<ros2::Writer> node;                 // streaming
   std::unique_ptr<ros2::Reader> poses, near;          // streaming
   std::optional<recording::TerrainMessages> messages; // streaming
@@ -282,7 +336,7 @@ void make_topics(Ros2State& s, const SinkSettings& set, recording::MessageOption
   const ros2::Discovery discovery = ros2::discovery_from(get);
   const std::lock_guard lock(s.mutex);
   s.participant = std::make_unique<ros2::Participant>(discovery, set.distribution != Distribution::none);
-  s.outlet = std::make_unique<ros2::Outlet>(*s.participant);
+  s.outlet = std::make_unique<Outlet>(*s.participant);
   std::vector<Topic> wanted = {Topic::scan, Topic::points, Topic::grid, Topic::mask, Topic::diagnostics};
   if (options.camera)
     wanted.push_back(Topic::camera_info);
