@@ -9,6 +9,7 @@
 #include <array>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "recording/terrain_messages.hpp"
 #include "support/buffers.hpp"
@@ -85,15 +86,29 @@ class FrameReader {
       : kind_(kind), picture_(kind == PictureKind::raw ? nullptr : buffer, GST_MAP_READ),
         estimate_(buffer, source), metric_(buffer, source) {}
 
-  /// The error in the metadata, or nullptr.
-  const char* flaw() const { return estimate_.error() ? estimate_.error() : metric_.error(); }
+  /// Returns false after posting an error: an H.264 picture refers to a later one (B-frame), which `players`
+  /// of messages do not show. Warns once of invalid metadata, which are not `used`.
+  bool check(GstElement* element, const char* players, const char* used, bool& warned) const {
+    if (recording::inspect_h264(frame(0).video).b_slice) {
+      GST_ELEMENT_ERROR(
+          element, STREAM, FORMAT,
+          ("The H.264 video has B-frames, which %s do not show. Set bframes=0 on x264enc, or the "
+           "equivalent property of another encoder.",
+           players),
+          (nullptr));
+      return false;
+    }
+    const char* flaw = estimate_.error() ? estimate_.error() : metric_.error();
+    if (flaw && !std::exchange(warned, true))
+      GST_ELEMENT_WARNING(element, STREAM, FORMAT, ("Invalid terrain metadata is not %s: %s.", used, flaw),
+                          (nullptr));
+    return true;
+  }
   bool has_estimate() const { return static_cast<bool>(estimate_); }
   /// For the log.
   const char* content() const {
     return metric_ && estimate_ ? "with terrain and metres" : estimate_ ? "with terrain" : "without terrain";
   }
-  /// Whether an H.264 picture refers to a later one (B-frame), which players of messages do not show.
-  bool has_b_frame() const { return recording::inspect_h264(frame(0).video).b_slice; }
   recording::MessageFrame frame(std::uint64_t time) const {
     recording::MessageFrame frame;
     frame.time = time;

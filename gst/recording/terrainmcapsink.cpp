@@ -365,13 +365,6 @@ bool finish(SinkState& s) {
 
 // ---- frames ----------------------------------------------------------------------------------------------
 
-void warn_metadata(SinkState& s, const char* reason) {
-  if (!reason || std::exchange(s.warned_metadata, true))
-    return;
-  GST_ELEMENT_WARNING(s.element, STREAM, FORMAT, ("Invalid terrain metadata is not recorded: %s.", reason),
-                      (nullptr));
-}
-
 /// Returns nothing after posting an error.
 std::optional<std::uint64_t> time_of(SinkState& s, GstBuffer* buffer) {
   const GstSegment& segment = GST_BASE_SINK(s.element)->segment;
@@ -408,14 +401,8 @@ GstFlowReturn record(SinkState& s, GstBuffer* buffer) {
   if (!time)
     return GST_FLOW_ERROR;
   const FrameReader reader(buffer, s.kind, s.settings.messages.source.c_str());
-  if (reader.has_b_frame()) {
-    GST_ELEMENT_ERROR(s.element, STREAM, FORMAT,
-                      ("The H.264 video has B-frames, which players of recordings do not show. Set bframes=0 "
-                       "on x264enc, or the equivalent property of another encoder."),
-                      (nullptr));
+  if (!reader.check(s.element, "players of recordings", "recorded", s.warned_metadata))
     return GST_FLOW_ERROR;
-  }
-  warn_metadata(s, reader.flaw());
   GST_LOG_OBJECT(s.element, "%s at %" GST_TIME_FORMAT ": %" GST_PTR_FORMAT, reader.content(),
                  GST_TIME_ARGS(*time), printable(buffer));
   ++s.frames;

@@ -390,16 +390,8 @@ std::uint64_t time_of(Ros2State& s, GstBuffer* buffer) {
 
 GstFlowReturn send(Ros2State& s, GstBuffer* buffer) {
   const FrameReader reader(buffer, s.kind, s.settings.messages.source.c_str());
-  if (reader.has_b_frame()) {
-    GST_ELEMENT_ERROR(s.element, STREAM, FORMAT,
-                      ("The H.264 video has B-frames, which receivers of messages do not show. Set bframes=0 "
-                       "on x264enc, or the equivalent property of another encoder."),
-                      (nullptr));
+  if (!reader.check(s.element, "receivers of messages", "sent", s.warned_metadata))
     return GST_FLOW_ERROR;
-  }
-  if (reader.flaw() && !std::exchange(s.warned_metadata, true))
-    GST_ELEMENT_WARNING(s.element, STREAM, FORMAT,
-                        ("Invalid terrain metadata is not sent: %s.", reader.flaw()), (nullptr));
   recording::MessageFrame frame = reader.frame(time_of(s, buffer));
   const auto near = s.near_state.load();
   if (near != Ros2State::near_unknown)
