@@ -200,16 +200,6 @@ std::uint64_t media_length(const Tables& tables, std::uint64_t timescale, std::i
   return gst_util_uint64_scale_ceil(ticks, timescale, tables.track.timescale);
 }
 
-/// Replaces the edits of a track by one that shows everything, from the first tick to the end of the last
-/// frame.
-void show_all(const Tables& tables, const Movie& movie, IsoTrack& track) {
-  const std::uint64_t length = media_length(tables, movie.timescale, 0) + 1;
-  const int width = tables.wide ? 8 : 4;
-  track.untrimmed = {{tables.list_at, joined({field_of(1, 4), field_of(length, width), field_of(0, width),
-                                              field_of(1 << 16, 4)})},
-                     {movie.duration_at, field_of(length, movie.width)}};
-}
-
 /// Computes the times of all frames. Like qtdemux, moves them so that negative offsets give no negative time.
 void put_together(Tables& tables, const Movie& movie) {
   constexpr std::uint64_t most = 1 << 28;
@@ -240,8 +230,14 @@ void put_together(Tables& tables, const Movie& movie) {
     shown += length;
   }
   track.in_order = track.in_order && least == 0;
-  if (tables.list_at > 0)
-    show_all(tables, movie, track);
+  if (tables.list_at == 0)
+    return;
+  // One edit that shows everything, from the first tick to the end of the last frame.
+  const std::uint64_t length = media_length(tables, movie.timescale, 0) + 1;
+  const int width = tables.wide ? 8 : 4;
+  track.untrimmed = {{tables.list_at, joined({field_of(1, 4), field_of(length, width), field_of(0, width),
+                                              field_of(1 << 16, 4)})},
+                     {movie.duration_at, field_of(length, movie.width)}};
 }
 
 /// Reads bytes of the file; zeros past its end.
