@@ -1,17 +1,34 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Encodes values as CDR (XCDR1, little-endian), the format of ROS 2 messages on the wire and in recordings.
+// Lists of bytes, and values as CDR (XCDR1, little-endian), the format of ROS 2 messages on the wire and in
+// recordings.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
 #include <span>
 #include <string_view>
 #include <type_traits>
+#include <vector>
 
-#include "recording/little_endian.hpp"
+#include "exchange/bytes.hpp" // put_integer()
 
 namespace terrainseg::recording {
+
+using Bytes = std::vector<std::uint8_t>;
+using ByteView = std::span<const std::uint8_t>;
+
+/// The bytes of the text without a terminating zero.
+inline ByteView bytes_of(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+inline void append(Bytes& out, ByteView bytes) {
+  const std::size_t at = out.size();
+  out.resize(at + bytes.size());
+  std::copy(bytes.begin(), bytes.end(), out.begin() + static_cast<std::ptrdiff_t>(at));
+}
 
 /// Appends the members of one message in order. A number is aligned to its size; the alignment counts from
 /// the end of the 4-byte encapsulation header.

@@ -2,7 +2,7 @@
 // Converts H.264 access units for recordings: Annex B, parameter sets with every IDR picture, no B-frames.
 #pragma once
 
-#include "recording/little_endian.hpp"
+#include "recording/cdr.hpp"
 
 namespace terrainseg::recording {
 

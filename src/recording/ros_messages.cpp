@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <sstream>
 
-#include "recording/cdr.hpp"
-
 namespace terrainseg::recording {
 namespace {
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "metric/camera.hpp"
-#include "recording/little_endian.hpp"
+#include "recording/cdr.hpp"
 #include "terrainseg/frame.hpp"
 
 namespace terrainseg::recording {

@@ -9,8 +9,6 @@
 #include <string_view>
 #include <type_traits>
 
-#include "exchange/bytes.hpp"
-
 namespace terrainseg::recording {
 namespace {
 

@@ -14,8 +14,6 @@
 #include <new>
 #include <utility>
 
-#include "recording/cdr.hpp"
-
 namespace terrainseg::ros2 {
 namespace {
 
