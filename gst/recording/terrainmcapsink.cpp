@@ -76,7 +76,12 @@ struct FileProblem {
   int error;
 };
 
+FileProblem failed(const std::string& what, const fs::path& path, int error) {
+  return {what + " " + quoted(path) + ": " + g_strerror(error), error};
+}
+
 /// The file of a recording. It has a temporary name until it is complete, and never replaces another file.
+/// Throws FileProblem.
 class RecordingFile {
  public:
   RecordingFile() = default;
@@ -86,9 +91,8 @@ class RecordingFile {
 
   /// `location` is a file NAME.mcap, or a folder that is created as a ROS 2 bag: NAME/NAME_0.mcap and
   /// NAME/metadata.yaml. The file is named *.part until finish(). Refuses existing files.
-  [[nodiscard]] std::optional<FileProblem> open(const std::string& location) {
+  void open(const std::string& location) {
     abandon();
-    error_ = 0;
     path_ = location;
     metadata_.clear();
     if (path_.extension() != ".mcap") {
@@ -97,7 +101,7 @@ class RecordingFile {
       std::error_code error;
       fs::create_directories(path_, error);
       if (error)
-        return failed("Cannot make the folder", path_, error.value());
+        throw failed("Cannot make the folder", path_, error.value());
       metadata_ = path_ / "metadata.yaml";
       path_ /= path_.filename().string() + "_0.mcap";
     }
@@ -106,64 +110,48 @@ class RecordingFile {
     for (const fs::path& path : {path_, metadata_}) {
       std::error_code ignored;
       if (!path.empty() && fs::exists(fs::symlink_status(path, ignored)))
-        return FileProblem{quoted(path) + " already exists, and recordings never replace files. Choose "
-                                          "another location or move it away",
-                           EEXIST};
+        throw FileProblem{quoted(path) + " already exists, and recordings never replace files. Choose "
+                                         "another location or move it away",
+                          EEXIST};
     }
     fd_ = create(part_);
     if (fd_ < 0 && errno == EEXIST)
-      return FileProblem{quoted(part_) +
-                             " already exists: another recording is writing it, or was killed. Choose "
-                             "another location, or move the file away: it can be read up to its end",
-                         EEXIST};
+      throw FileProblem{quoted(part_) +
+                            " already exists: another recording is writing it, or was killed. Choose "
+                            "another location, or move the file away: it can be read up to its end",
+                        EEXIST};
     if (fd_ < 0)
-      return failed("Cannot write", part_, errno);
-    return std::nullopt;
+      throw failed("Cannot write", part_, errno);
   }
   /// Writes to a descriptor. The caller closes it and names the file.
   void open(int fd) {
     abandon();
-    error_ = 0;
     path_ = part_ = metadata_ = fs::path(); // of the previous recording
     fd_ = fd;
   }
 
-  /// Returns false after an error of this or an earlier write: see problem().
-  bool write(recording::ByteView bytes) {
-    if (error_ == 0)
-      error_ = write_all(fd_, bytes);
-    return error_ == 0;
-  }
-  FileProblem problem() const {
-    if (path_.empty())
-      return {g_strerror(error_), error_};
-    FileProblem problem = failed("Cannot write", part_, error_);
-    problem.text += ". It can be read to where it ends";
-    return problem;
-  }
+  void write(recording::ByteView bytes) const { check(write_all(fd_, bytes)); }
   /// Flushes to disk, then renames the file; in a bag it also writes `metadata`.
-  [[nodiscard]] std::optional<FileProblem> finish(const std::string& metadata) {
-    if (path_.empty()) {
-      fd_ = -1;
-      return std::nullopt;
-    }
+  void finish(const std::string& metadata) {
     const int fd = std::exchange(fd_, -1);
-    error_ = sync_file(fd);
+    if (path_.empty())
+      return;
+    const int unsynced = sync_file(fd);
     close(fd);
-    if (error_ != 0)
-      return problem();
+    check(unsynced);
     if (rename(part_.c_str(), path_.c_str()) != 0)
-      return failed("Cannot give its name to", path_, errno);
+      throw failed("Cannot give its name to", path_, errno);
     if (metadata_.empty())
-      return std::nullopt;
+      return;
     const int list = create(metadata_);
     if (list < 0)
-      return failed("Cannot write", metadata_, errno);
+      throw failed("Cannot write", metadata_, errno);
     int error = write_all(list, recording::bytes_of(metadata));
     if (error == 0)
       error = sync_file(list);
     close(list);
-    return error == 0 ? std::nullopt : std::optional(failed("Cannot write", metadata_, error));
+    if (error != 0)
+      throw failed("Cannot write", metadata_, error);
   }
   /// Closes the file and keeps its temporary name.
   void abandon() {
@@ -176,13 +164,18 @@ class RecordingFile {
   std::string name() const { return path_.filename().string(); }
 
  private:
-  FileProblem failed(const std::string& what, const fs::path& path, int error) const {
-    return {what + " " + quoted(path) + ": " + g_strerror(error), error};
+  /// Throws if there is an errno of a write.
+  void check(int error) const {
+    if (error == 0)
+      return;
+    FileProblem problem =
+        path_.empty() ? FileProblem{g_strerror(error), error} : failed("Cannot write", part_, error);
+    problem.text += path_.empty() ? "" : ". It can be read to where it ends";
+    throw problem;
   }
 
   fs::path path_, part_, metadata_; ///< metadata_ is empty without a bag
   int fd_ = -1;
-  int error_ = 0; ///< errno of the first failed write
 };
 
 /// One clock for a whole recording: that of its first frame. Its times never fall, and rise as the stream's
@@ -297,6 +290,19 @@ void report(SinkState& s, const FileProblem& problem, bool opening) {
                            g_strdup_printf("errno %d", problem.error), __FILE__, GST_FUNCTION, __LINE__);
 }
 
+/// Runs `body`. When it throws, posts the error, and stops recording.
+template <class Body> bool reported(SinkState& s, bool opening, Body body) {
+  try {
+    body();
+    return true;
+  } catch (const FileProblem& problem) {
+    report(s, problem, opening);
+    s.recording.reset();
+    s.file.abandon();
+    return false;
+  }
+}
+
 bool open_recording(SinkState& s) {
   SinkSettings set;
   {
@@ -314,41 +320,31 @@ bool open_recording(SinkState& s) {
   auto options = read_options(s.element, set.messages);
   if (!options)
     return false;
-  if (set.location.empty()) {
+  if (set.location.empty())
     s.file.open(set.fd);
-  } else if (const auto problem = s.file.open(set.location)) {
-    report(s, *problem, true);
+  else if (!reported(s, true, [&] { s.file.open(set.location); }))
     return false;
-  }
   s.clock = {};
   s.frames = s.labelled = 0;
   s.warned_metadata = s.warned_clock = s.warned_step = false;
-  s.recording.emplace([&s](recording::ByteView bytes) { return s.file.write(bytes); }, std::move(*options));
+  s.recording.emplace([&s](recording::ByteView bytes) { s.file.write(bytes); }, std::move(*options));
   return true;
-}
-
-/// Stops recording after a write error.
-void abandon(SinkState& s) {
-  report(s, s.file.problem(), false);
-  s.recording.reset();
-  s.file.abandon();
 }
 
 /// Ends the recording, if any. Returns false after posting an error.
 bool finish(SinkState& s) {
   if (!s.recording)
     return true;
-  if (!s.recording->finish()) {
-    abandon(s);
-    return false;
-  }
   const std::string name = s.file.name();
-  std::string metadata = s.recording->bag_metadata(name.empty() ? "terrain.mcap" : name);
-  s.recording.reset();
-  if (const auto problem = s.file.finish(metadata)) {
-    report(s, *problem, false);
+  std::string metadata;
+  const bool whole = reported(s, false, [&] {
+    s.recording->finish();
+    metadata = s.recording->bag_metadata(name.empty() ? "terrain.mcap" : name);
+    s.recording.reset();
+    s.file.finish(metadata);
+  });
+  if (!whole)
     return false;
-  }
   if (s.frames > 0 && s.labelled == 0)
     GST_ELEMENT_WARNING(s.element, STREAM, FAILED,
                         ("No frame had terrain metadata, so the recording contains none. Add terrainseg "
@@ -407,10 +403,8 @@ GstFlowReturn record(SinkState& s, GstBuffer* buffer) {
                  GST_TIME_ARGS(*time), printable(buffer));
   ++s.frames;
   s.labelled += reader.has_estimate() ? 1 : 0;
-  if (s.recording->add(reader.frame(*time)))
-    return GST_FLOW_OK;
-  abandon(s);
-  return GST_FLOW_ERROR;
+  const bool added = reported(s, false, [&] { s.recording->add(reader.frame(*time)); });
+  return added ? GST_FLOW_OK : GST_FLOW_ERROR;
 }
 
 gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {

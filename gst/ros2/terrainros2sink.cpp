@@ -115,8 +115,8 @@ class Outlet : public recording::MessageOutlet {
       return !last_grid_ || g_get_monotonic_time() - *last_grid_ >= 2 * G_USEC_PER_SEC;
     return open->readers() > 0;
   }
-  /// Always returns true: a dropped message is not an error. The writer counts it.
-  bool put(Topic topic, std::uint64_t, recording::ByteView message) override {
+  /// A dropped message is not an error: the writer counts it.
+  void put(Topic topic, std::uint64_t, recording::ByteView message) override {
     const bool written = writer(topic)->write(message);
     if (topic == Topic::grid)
       last_grid_ = g_get_monotonic_time();
@@ -124,7 +124,6 @@ class Outlet : public recording::MessageOutlet {
       sent_static_ = written;
     if (topic == Topic::tf)
       sent_static_ = false;
-    return true;
   }
 
  private:
@@ -399,7 +398,8 @@ GstFlowReturn send(Ros2State& s, GstBuffer* buffer) {
   GST_LOG_OBJECT(s.element, "%s at %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT, reader.content(), frame.time,
                  printable(buffer));
   ++s.frames;
-  return s.messages->add(frame, *s.outlet) ? GST_FLOW_OK : GST_FLOW_ERROR;
+  s.messages->add(frame, *s.outlet);
+  return GST_FLOW_OK;
 }
 
 gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {

@@ -59,41 +59,39 @@ bool is_new(const DiagnosticStatus& a, const DiagnosticStatus& b) {
 
 /// Sends what `content` returns, if the topic is needed.
 template <class Content>
-bool TerrainMessages::send(MessageOutlet& out, Topic topic, const Header& header, Content content) {
+void TerrainMessages::send(MessageOutlet& out, Topic topic, const Header& header, Content content) {
   if (!out.wants(topic))
-    return true;
+    return;
   encode(message_, header, content());
-  return out.put(topic, header.time, message_);
+  out.put(topic, header.time, message_);
 }
 
-bool TerrainMessages::add_metric(MessageOutlet& out, const Header& body, const MetricEstimate& m) {
+void TerrainMessages::add_metric(MessageOutlet& out, const Header& body, const MetricEstimate& m) {
   beams_.take(m);
   const double since =
       last_scan_ && body.time > *last_scan_ ? static_cast<double>(body.time - *last_scan_) / 1e9 : 0;
   last_scan_ = body.time;
   const ScanFan& fan = beams_.fan();
-  const auto scan = [&] {
+  send(out, Topic::scan, body, [&] {
     return LaserScan{fan.angle_min, fan.increment, since, fan.range_min, m.range_max, beams_.ranges()};
-  };
-  const auto points = [&] {
+  });
+  send(out, Topic::points, body, [&] {
     boundary_points(points_, m);
     return std::span<const BoundaryPoint>(points_);
-  };
-  const auto grid = [&] {
+  });
+  send(out, Topic::grid, body, [&] {
     grid_.draw(m, beams_, options_.grid_resolution);
     return grid_.grid();
-  };
-  return send(out, Topic::scan, body, scan) && send(out, Topic::points, body, points) &&
-         send(out, Topic::grid, body, grid);
+  });
 }
 
 /// The attitude of the frame if it has metres, otherwise the mount's.
-bool TerrainMessages::add_transform(MessageOutlet& out, const Header& body, const MetricEstimate* m) {
+void TerrainMessages::add_transform(MessageOutlet& out, const Header& body, const MetricEstimate* m) {
   if (!options_.mount)
-    return true;
+    return;
   const Topic topic = m && (m->flags & metric_flag_pose) != 0 ? Topic::tf : Topic::tf_static;
   const metric::Mount& mount = *options_.mount;
-  return send(out, topic, body, [&] {
+  send(out, topic, body, [&] {
     return Transform{options_.camera_frame,
                      {mount.x, mount.y, m ? m->height : mount.height},
                      m ? camera_rotation(m->yaw, m->pitch, m->roll)
@@ -101,40 +99,42 @@ bool TerrainMessages::add_transform(MessageOutlet& out, const Header& body, cons
   });
 }
 
-bool TerrainMessages::add_pictures(MessageOutlet& out, const Header& camera, const MessageFrame& frame) {
-  if (!frame.picture.empty() && !send(out, Topic::picture, camera, [&] { return JpegFile{frame.picture}; }))
-    return false;
+void TerrainMessages::add_pictures(MessageOutlet& out, const Header& camera, const MessageFrame& frame) {
+  if (!frame.picture.empty())
+    send(out, Topic::picture, camera, [&] { return JpegFile{frame.picture}; });
   // The parameter sets are also stored while the video topic has no reader.
   const ByteView whole =
       frame.video.empty() ? frame.video : parameter_sets_.complete(frame.video, inspect_h264(frame.video));
-  return whole.empty() || send(out, Topic::video, camera, [&] { return H264Picture{whole}; });
+  if (!whole.empty())
+    send(out, Topic::video, camera, [&] { return H264Picture{whole}; });
 }
 
 /// After each change of the status that is_new() reports, and once a second.
-bool TerrainMessages::add_diagnostics(MessageOutlet& out, const Header& header, const MessageFrame& frame) {
+void TerrainMessages::add_diagnostics(MessageOutlet& out, const Header& header, const MessageFrame& frame) {
   DiagnosticStatus status = status_of(*frame.estimate, frame.metric != nullptr, frame.near_clear);
   if (last_status_ && !is_new(status, status_) && header.time >= *last_status_ &&
       header.time - *last_status_ < second)
-    return true;
+    return;
   status_ = std::move(status);
   last_status_ = header.time;
-  return send(out, Topic::diagnostics, header, [&] { return status_; });
+  send(out, Topic::diagnostics, header, [&] { return status_; });
 }
 
-bool TerrainMessages::add(const MessageFrame& frame, MessageOutlet& out) {
+void TerrainMessages::add(const MessageFrame& frame, MessageOutlet& out) {
   const Header body{frame.time, options_.body_frame}, camera{frame.time, options_.camera_frame};
-  if (!add_pictures(out, camera, frame) || !add_transform(out, body, frame.metric))
-    return false;
-  if (frame.metric && !add_metric(out, body, *frame.metric))
-    return false;
+  add_pictures(out, camera, frame);
+  add_transform(out, body, frame.metric);
+  if (frame.metric)
+    add_metric(out, body, *frame.metric);
   if (!frame.estimate)
-    return true;
+    return;
   const Estimate& e = *frame.estimate;
-  const auto info = [&] { return metric::scaled(*options_.camera, e.frame_width, e.frame_height); };
-  if (options_.camera && !send(out, Topic::camera_info, camera, info))
-    return false;
-  return add_diagnostics(out, body, frame) &&
-         (e.mask.empty() || send(out, Topic::mask, camera, [&] { return e.mask; }));
+  if (options_.camera)
+    send(out, Topic::camera_info, camera,
+         [&] { return metric::scaled(*options_.camera, e.frame_width, e.frame_height); });
+  add_diagnostics(out, body, frame);
+  if (!e.mask.empty())
+    send(out, Topic::mask, camera, [&] { return e.mask; });
 }
 
 } // namespace terrainseg::recording

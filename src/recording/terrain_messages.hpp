@@ -73,22 +73,22 @@ class MessageOutlet {
   virtual ~MessageOutlet() = default;
   /// Whether a topic is needed. Other topics are not encoded.
   virtual bool wants(Topic topic) = 0;
-  /// Returns false if the message could not be written; this ends the frame.
-  virtual bool put(Topic topic, std::uint64_t time, ByteView message) = 0;
+  /// May throw if the message cannot be written; this ends the frame.
+  virtual void put(Topic topic, std::uint64_t time, ByteView message) = 0;
 };
 
 class TerrainMessages {
  public:
   explicit TerrainMessages(MessageOptions options) : options_(std::move(options)) {}
-  /// Sends the messages of a frame to `out`. Returns false if the outlet did.
-  [[nodiscard]] bool add(const MessageFrame& frame, MessageOutlet& out);
+  /// Sends the messages of a frame to `out`.
+  void add(const MessageFrame& frame, MessageOutlet& out);
 
  private:
-  template <class Content> bool send(MessageOutlet& out, Topic topic, const Header& header, Content content);
-  bool add_metric(MessageOutlet& out, const Header& body, const MetricEstimate& metric);
-  bool add_transform(MessageOutlet& out, const Header& body, const MetricEstimate* metric);
-  bool add_pictures(MessageOutlet& out, const Header& camera, const MessageFrame& frame);
-  bool add_diagnostics(MessageOutlet& out, const Header& header, const MessageFrame& frame);
+  template <class Content> void send(MessageOutlet& out, Topic topic, const Header& header, Content content);
+  void add_metric(MessageOutlet& out, const Header& body, const MetricEstimate& metric);
+  void add_transform(MessageOutlet& out, const Header& body, const MetricEstimate* metric);
+  void add_pictures(MessageOutlet& out, const Header& camera, const MessageFrame& frame);
+  void add_diagnostics(MessageOutlet& out, const Header& header, const MessageFrame& frame);
 
   const MessageOptions options_;
   Bytes message_;

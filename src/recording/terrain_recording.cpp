@@ -106,15 +106,12 @@ McapWriter::McapWriter(ByteSink sink)
 
 McapWriter::~McapWriter() = default;
 
-bool McapWriter::put(ByteView bytes) {
-  if (!header_.empty()) {
-    const Bytes header = std::exchange(header_, {});
-    if (!put(header))
-      return false;
-  }
+void McapWriter::put(ByteView bytes) {
+  if (!header_.empty())
+    put(std::exchange(header_, {}));
   data_crc_ = crc32(bytes, data_crc_);
   position_ += bytes.size();
-  return sink_(bytes);
+  sink_(bytes);
 }
 
 std::uint16_t McapWriter::add_channel(std::string topic, MessageType type) {
@@ -122,7 +119,7 @@ std::uint16_t McapWriter::add_channel(std::string topic, MessageType type) {
   return static_cast<std::uint16_t>(channels_.size());
 }
 
-bool McapWriter::write(std::uint16_t number, std::uint64_t time, ByteView data) {
+void McapWriter::write(std::uint16_t number, std::uint64_t time, ByteView data) {
   Channel& channel = channels_.at(number - 1U);
   if (channel.messages == 0) {
     put_schema(chunk_, number, channel.type);
@@ -138,8 +135,7 @@ bool McapWriter::write(std::uint16_t number, std::uint64_t time, ByteView data) 
   ++channel.messages;
   ++messages_;
   if (chunk_.size() >= chunk_bytes || chunk_end_ - chunk_start_ >= chunk_nanoseconds)
-    return flush();
-  return true;
+    flush();
 }
 
 ByteView McapWriter::compress() {
@@ -151,45 +147,36 @@ ByteView McapWriter::compress() {
   return {compressed_.data(), size};
 }
 
-bool McapWriter::write_indexes(ChunkIndex& chunk) {
+/// Ends the chunk, so that all messages so far are in the file.
+void McapWriter::flush() {
+  put({}); // the header
+  if (indexes_.empty())
+    return;
+  const ByteView records = compress();
+  record_.clear();
+  put_record(record_, op_chunk, chunk_start_, chunk_end_, std::uint64_t{chunk_.size()}, crc32(chunk_), "zstd",
+             std::uint64_t{records.size()}, records);
+  ChunkIndex chunk{chunk_start_, chunk_end_, position_, record_.size(), 0, records.size(), chunk_.size(), {}};
+  put(record_);
   const std::uint64_t begin = position_;
   for (auto& [number, index] : indexes_) {
     std::ranges::stable_sort(index, {}, &Index::value_type::first);
     chunk.index_positions[number] = position_;
     record_.clear();
     put_record(record_, op_message_index, number, index);
-    if (!put(record_))
-      return false;
+    put(record_);
   }
   chunk.index_length = position_ - begin;
-  return true;
-}
-
-bool McapWriter::flush() {
-  if (!header_.empty() && !put({}))
-    return false;
-  if (indexes_.empty())
-    return true;
-  const ByteView records = compress();
-  record_.clear();
-  put_record(record_, op_chunk, chunk_start_, chunk_end_, std::uint64_t{chunk_.size()}, crc32(chunk_), "zstd",
-             std::uint64_t{records.size()}, records);
-  ChunkIndex chunk{chunk_start_, chunk_end_, position_, record_.size(), 0, records.size(), chunk_.size(), {}};
-  if (!put(record_) || !write_indexes(chunk))
-    return false;
   chunk_indexes_.push_back(std::move(chunk));
   chunk_.clear();
   indexes_.clear();
-  return true;
 }
 
-bool McapWriter::finish() {
-  if (!flush())
-    return false;
+void McapWriter::finish() {
+  flush();
   record_.clear();
   put_record(record_, op_data_end, data_crc_);
-  if (!put(record_))
-    return false;
+  put(record_);
 
   Bytes schemas, channels, statistics, chunk_indexes;
   std::map<std::uint16_t, std::uint64_t> messages; // by channel
@@ -233,7 +220,7 @@ bool McapWriter::finish() {
   summary.resize(summary.size() - crc_size);
   put_integer(summary, crc);
   append(summary, magic);
-  return put(summary);
+  put(summary);
 }
 
 /// Recordings have no /tf_static: /tf contains the transforms of the mount with every frame too.

@@ -18,11 +18,11 @@ struct ZSTD_CCtx_s;
 
 namespace terrainseg::recording {
 
-/// Writes the next bytes of the file; returns false on an error.
-using ByteSink = std::function<bool(ByteView)>;
+/// Writes the next bytes of the file; throws on an error.
+using ByteSink = std::function<void(ByteView)>;
 
-/// After a function has returned false, the writer must not be used. The file is then incomplete; its
-/// finished chunks can be read.
+/// After the sink has thrown, the writer must not be used. The file is then incomplete; its finished chunks
+/// can be read.
 class McapWriter {
  public:
   struct Channel {
@@ -41,11 +41,9 @@ class McapWriter {
   /// first message.
   std::uint16_t add_channel(std::string topic, MessageType type);
   /// Adds a message. `time` is in nanoseconds; times may be in any order.
-  [[nodiscard]] bool write(std::uint16_t channel, std::uint64_t time, ByteView data);
-  /// Ends the chunk, so that all messages so far are in the file.
-  [[nodiscard]] bool flush();
+  void write(std::uint16_t channel, std::uint64_t time, ByteView data);
   /// Writes the summary and ends the file. No other call may follow.
-  [[nodiscard]] bool finish();
+  void finish();
 
   const std::vector<Channel>& channels() const { return channels_; }
   std::uint64_t messages() const { return messages_; }
@@ -59,9 +57,9 @@ class McapWriter {
     std::uint64_t start_time, end_time, position, length, index_length, compressed, uncompressed;
     std::map<std::uint16_t, std::uint64_t> index_positions;
   };
-  bool put(ByteView bytes);
+  void put(ByteView bytes);
   ByteView compress();
-  bool write_indexes(ChunkIndex& chunk);
+  void flush();
 
   ByteSink sink_;
   std::unique_ptr<ZSTD_CCtx_s, std::size_t (*)(ZSTD_CCtx_s*)> compressor_;
@@ -79,10 +77,8 @@ class TerrainRecording : private MessageOutlet {
  public:
   TerrainRecording(ByteSink sink, MessageOptions options);
 
-  /// Returns false if the file could not be written; see McapWriter.
-  [[nodiscard]] bool add(const MessageFrame& frame) { return messages_.add(frame, *this); }
-  [[nodiscard]] bool flush() { return writer_.flush(); }
-  [[nodiscard]] bool finish() { return writer_.finish(); }
+  void add(const MessageFrame& frame) { messages_.add(frame, *this); }
+  void finish() { writer_.finish(); }
 
   /// Returns the metadata.yaml of a rosbag2 folder with this recording as the file `name`.
   std::string bag_metadata(const std::string& name) const;
@@ -90,8 +86,8 @@ class TerrainRecording : private MessageOutlet {
 
  private:
   bool wants(Topic) override { return true; }
-  bool put(Topic topic, std::uint64_t time, ByteView message) override {
-    return writer_.write(channels_[static_cast<std::size_t>(topic)], time, message);
+  void put(Topic topic, std::uint64_t time, ByteView message) override {
+    writer_.write(channels_[static_cast<std::size_t>(topic)], time, message);
   }
 
   TerrainMessages messages_;

@@ -268,6 +268,8 @@ ReadFile read_file(const Bytes& bytes) {
 
 const MessageType plain_type = {"pkg/msg/Name", "uint8 a\n"};
 
+struct DiskFull {};
+
 /// A writer into memory that is full at `room` bytes.
 struct Disk {
   Bytes bytes;
@@ -276,7 +278,8 @@ struct Disk {
     return [this](ByteView more) {
       const std::size_t taken = std::min(more.size(), room - bytes.size());
       append(bytes, more.first(taken));
-      return taken == more.size();
+      if (taken < more.size())
+        throw DiskFull();
     };
   }
 };
@@ -318,9 +321,9 @@ TEST(McapWriter, GivesBackWhatWasWritten) {
     // Out of order by up to half a second.
     const std::uint64_t time = 1'000'000'000ull * 1'700'000'000 + 33'000'000ull * i + random() % 500'000'000;
     expected.push_back({channel, sequence[channel]++, time, data});
-    ASSERT_TRUE(writer.write(channel, time, data));
+    writer.write(channel, time, data);
   }
-  ASSERT_TRUE(writer.finish());
+  writer.finish();
   EXPECT_EQ(writer.size(), disk.bytes.size());
   const ReadFile file = read_file(disk.bytes);
   EXPECT_TRUE(file.whole);
@@ -336,7 +339,7 @@ TEST(McapWriter, AnEmptyRecordingIsAFile) {
   Disk disk;
   McapWriter writer(disk.sink());
   writer.add_channel("/a", plain_type);
-  ASSERT_TRUE(writer.finish());
+  writer.finish();
   const ReadFile file = read_file(disk.bytes);
   EXPECT_TRUE(file.whole);
   EXPECT_EQ(file.messages.size(), 0u);
@@ -349,16 +352,15 @@ TEST(McapWriter, AFullDiskLeavesAReadablePrefix) {
     McapWriter writer(disk.sink());
     const std::uint16_t channel = writer.add_channel("/a", plain_type);
     for (std::uint64_t i = 0; i < 100; ++i)
-      if (!writer.write(channel, i * 100'000'000, data))
-        return false;
-    return writer.finish();
+      writer.write(channel, i * 100'000'000, data);
+    writer.finish();
   };
   Disk whole;
-  ASSERT_TRUE(fill(whole));
+  fill(whole);
   std::size_t most = 0;
   for (std::size_t room = sizeof magic; room < whole.bytes.size(); room += 7) {
     Disk disk{{}, room};
-    EXPECT_FALSE(fill(disk)) << room;
+    EXPECT_THROW(fill(disk), DiskFull) << room;
     const ReadFile file = read_file(disk.bytes);
     EXPECT_FALSE(file.whole);
     for (std::size_t i = 0; i < file.messages.size(); ++i)
@@ -663,8 +665,8 @@ std::map<std::string, Bytes> record_one(const MessageFrame& frame, MessageOption
                                         std::string* yaml = nullptr) {
   Disk disk;
   TerrainRecording recording(disk.sink(), std::move(options));
-  EXPECT_TRUE(recording.add(frame));
-  EXPECT_TRUE(recording.finish());
+  recording.add(frame);
+  recording.finish();
   if (yaml)
     *yaml = recording.bag_metadata("a \"b\"\n.mcap");
   const ReadFile file = read_file(disk.bytes);
@@ -720,9 +722,8 @@ struct Kept : MessageOutlet {
   std::set<Topic> wanted;
   std::vector<std::pair<Topic, Bytes>> messages;
   bool wants(Topic topic) override { return wanted.count(topic) != 0; }
-  bool put(Topic topic, std::uint64_t, ByteView message) override {
+  void put(Topic topic, std::uint64_t, ByteView message) override {
     messages.emplace_back(topic, Bytes(message.begin(), message.end()));
-    return true;
   }
 };
 
@@ -734,11 +735,11 @@ TEST(TerrainMessages, TheAttitudeSaysWhichTransformItIs) {
   kept.wanted = {Topic::tf, Topic::tf_static};
   View view(0.5, -0.5, {2, 3, 4});
   MessageFrame frame;
-  EXPECT_TRUE(messages.add(frame, kept));
+  messages.add(frame, kept);
   frame.metric = &view.metric;
-  EXPECT_TRUE(messages.add(frame, kept));
+  messages.add(frame, kept);
   view.metric.flags = metric_flag_pose;
-  EXPECT_TRUE(messages.add(frame, kept));
+  messages.add(frame, kept);
   ASSERT_EQ(kept.messages.size(), 3u);
   EXPECT_EQ(kept.messages[0].first, Topic::tf_static);
   EXPECT_EQ(kept.messages[1].first, Topic::tf_static);
@@ -760,7 +761,7 @@ TEST(TerrainMessages, AScanIsTheSameWhetherTheOthersAreWantedOrNot) {
       MessageFrame frame;
       frame.time = i * 100'000'000;
       frame.metric = &view.metric;
-      EXPECT_TRUE(messages.add(frame, kept));
+      messages.add(frame, kept);
     }
     scans.push_back(kept.messages.back().second);
   }
@@ -781,7 +782,7 @@ TEST(TerrainMessages, DiagnosticsComeWithAChangeAndOnceASecond) {
     frame.time = milliseconds * 1'000'000;
     frame.near_clear = near_clear;
     const std::size_t before = kept.messages.size();
-    EXPECT_TRUE(messages.add(frame, kept));
+    messages.add(frame, kept);
     return kept.messages.size() - before;
   };
   EXPECT_EQ(add(0, flag_unknown, {}), 1u);
@@ -826,7 +827,7 @@ TEST(TerrainMessages, APictureIsTheFileItself) {
   MessageFrame frame;
   frame.time = 7;
   frame.picture = file;
-  EXPECT_TRUE(messages.add(frame, kept));
+  messages.add(frame, kept);
   ASSERT_EQ(kept.messages.size(), 1u);
   Reader r(kept.messages[0].second);
   r.view(4 + 8);
