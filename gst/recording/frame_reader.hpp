@@ -44,34 +44,30 @@ inline void init_message_sink_class(gpointer klass) {
 struct MessageSettings {
   InternedName source;
   std::string camera_info, mount;
-  std::string frame_id = recording::MessageOptions().body_frame;
-  std::string camera_frame_id = recording::MessageOptions().camera_frame;
-  double grid_resolution = recording::MessageOptions().grid_resolution;
+  recording::MessageOptions options; ///< without the calibration, which is read from the files
 };
 /// The rows of a table whose struct has MessageSettings at the end of the path, with the blurbs that differ.
 template <auto... path>
 constexpr std::array<Property<OwnerOf<path...>>, 6> message_rows(const char* camera_info, const char* mount,
                                                                  const char* grid_resolution) {
+  constexpr auto options = &MessageSettings::options;
   return {{
       source_row<path..., &MessageSettings::source>(),
       {"camera-info", "Camera info", camera_info, property_before_start,
        field<path..., &MessageSettings::camera_info>()},
       {"mount", "Mount", mount, property_before_start, field<path..., &MessageSettings::mount>()},
       {"frame-id", "Frame id", "Name of the vehicle's coordinate frame in the messages",
-       property_before_start, field<path..., &MessageSettings::frame_id>()},
+       property_before_start, field<path..., options, &recording::MessageOptions::body_frame>()},
       {"camera-frame-id", "Camera frame id", "Name of the camera's optical coordinate frame in the messages",
-       property_before_start, field<path..., &MessageSettings::camera_frame_id>()},
+       property_before_start, field<path..., options, &recording::MessageOptions::camera_frame>()},
       {"grid-resolution", "Grid resolution", grid_resolution, property_before_start,
-       field<path..., &MessageSettings::grid_resolution>(0.01, 10)},
+       field<path..., options, &recording::MessageOptions::grid_resolution>(0.01, 10)},
   }};
 }
 /// What messages are made with, calibration included. Returns nothing after posting an error.
 inline std::optional<recording::MessageOptions> read_options(GstElement* element,
                                                              const MessageSettings& settings) {
-  recording::MessageOptions options;
-  options.body_frame = settings.frame_id;
-  options.camera_frame = settings.camera_frame_id;
-  options.grid_resolution = settings.grid_resolution;
+  recording::MessageOptions options = settings.options;
   const auto flaw = read_calibration(settings.camera_info, settings.mount, options.camera, options.mount);
   if (!flaw)
     return options;
