@@ -8,8 +8,12 @@
 #include <stdexcept>
 
 #include "metric/camera_info.hpp"
+#include "tools/command_line.hpp"
 
 namespace terrainseg::calibrate {
+
+using tools::UsageError;
+
 namespace {
 
 std::string_view trimmed(std::string_view text) {
@@ -78,7 +82,7 @@ double parse_number(std::string_view text, std::string_view what) {
   double value = 0;
   const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (status != std::errc{} || end != text.data() + text.size() || !std::isfinite(value))
-    throw std::runtime_error(std::string(what) + ": '" + std::string(text) + "' is not a number");
+    throw UsageError(std::string(what) + ": '" + std::string(text) + "' is not a number");
   return value;
 }
 
@@ -88,14 +92,14 @@ MeasuredPoint parse_point(std::string_view text) {
   std::string_view rest = text;
   for (double& value : values) {
     if (rest.empty())
-      throw std::runtime_error(what + ": three numbers are needed, column,row,metres such as 640,400,2.5");
+      throw UsageError(what + ": three numbers are needed, column,row,metres such as 640,400,2.5");
     value = parse_number(next(rest, ','), what);
   }
   if (!trimmed(rest).empty())
-    throw std::runtime_error(what + ": more than three numbers; column,row,metres are needed (a decimal "
-                                    "point is a point, not a comma)");
+    throw UsageError(what + ": more than three numbers; column,row,metres are needed (a decimal "
+                            "point is a point, not a comma)");
   if (values[2] <= 0)
-    throw std::runtime_error(what + ": the distance must be above 0 m");
+    throw UsageError(what + ": the distance must be above 0 m");
   return {values[0], values[1], values[2]};
 }
 
@@ -129,9 +133,9 @@ Board parse_board(const std::string& text) {
       return board;
     }
   }
-  throw std::runtime_error("--board: '" + text +
-                           "' is not COLUMNSxROWS of inner corners, each 3..100 (a board of 10x7 squares has "
-                           "9x6)");
+  throw UsageError("--board: '" + text +
+                   "' is not COLUMNSxROWS of inner corners, each 3..100 (a board of 10x7 squares has "
+                   "9x6)");
 }
 
 } // namespace terrainseg::calibrate

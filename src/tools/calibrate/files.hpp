@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Reads and writes the tool's files and parses its values: ground points, chessboards, mounts. Every function
-// throws std::runtime_error, for a file with its name.
+// throws std::runtime_error, for a file with its name; for a value it is tools::UsageError.
 #pragma once
 
 #include <string>
@@ -23,14 +23,13 @@ struct Board {
   double square = 1;         ///< side of a square, metres; does not change the calibration
 };
 
-/// Parses `9x6`; throws std::runtime_error.
+/// Parses `9x6`.
 Board parse_board(const std::string& text);
 
-/// Parses a number that is the whole text, with a decimal point in every locale. Throws std::runtime_error
-/// that contains `what`.
+/// Parses a number that is the whole text, with a decimal point in every locale. `what` begins the error.
 double parse_number(std::string_view text, std::string_view what);
 
-/// Parses `U,V,METRES`; throws std::runtime_error with the text.
+/// Parses `U,V,METRES`. The error has the text.
 MeasuredPoint parse_point(std::string_view text);
 
 /// Reads one point a line; ignores empty lines and text after `#`. Throws with the number of the line.

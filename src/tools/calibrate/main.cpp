@@ -86,19 +86,8 @@ void check_picture(const Word& frame, const Word& picture) {
     need(frame.value(), "--frame FILE, over which --picture draws,");
 }
 
-/// Parses a value of the command line; errors are usage errors.
-template <class Read> auto used(Read read) -> decltype(read()) {
-  try {
-    return read();
-  } catch (const std::runtime_error& error) {
-    throw UsageError(error.what());
-  }
-}
-
 std::optional<double> metres(const Word& word, const char* option) {
-  if (!word.text)
-    return std::nullopt;
-  return used([&] { return parse_number(word.value(), option); });
+  return word.text ? std::optional(parse_number(word.value(), option)) : std::nullopt;
 }
 
 /// Degrees, or radians if the suffix is `rad`.
@@ -109,8 +98,7 @@ std::optional<double> angle(const Word& word, const char* option) {
   const bool radians = text.size() > 3 && text.ends_with("rad");
   if (radians || (text.size() > 3 && text.ends_with("deg")))
     text.resize(text.size() - 3);
-  const double value =
-      used([&] { return parse_number(text, option); }) * (radians ? 1 : std::numbers::pi / 180);
+  const double value = parse_number(text, option) * (radians ? 1 : std::numbers::pi / 180);
   if (std::abs(value) > std::numbers::pi)
     throw UsageError(std::string(option) + ": '" + word.value() + "' is more than half a turn");
   return value;
@@ -146,7 +134,7 @@ int run_camera(const Arguments& arguments) {
   need(folder, "FOLDER");
   Board board;
   if (board_text.text)
-    board = used([&] { return parse_board(board_text.value()); });
+    board = parse_board(board_text.value());
   const Calibration c = calibrate_from_folder(folder, board, fisheye);
   for (const View& view : c.views)
     std::printf("%s: %.3f px\n", view.name.c_str(), view.error);
@@ -226,7 +214,7 @@ int run_mount(const Arguments& arguments) {
   need(lens.value(), "--camera-info FILE");
   std::vector<MeasuredPoint> points;
   for (const std::string& text : point_texts.all())
-    points.push_back(used([&] { return parse_point(text); }));
+    points.push_back(parse_point(text));
   if (file.text)
     try {
       const auto more = parse_points(read_file(file.value()));
