@@ -91,63 +91,55 @@ ddsi_serdata* to_untyped(const ddsi_serdata* data) {
   return key;
 }
 
-const ddsi_serdata_ops& data_operations() {
-  static const ddsi_serdata_ops operations = [] {
-    ddsi_serdata_ops ops{};
-    ops.eqkey = [](const ddsi_serdata*, const ddsi_serdata*) { return true; };
-    ops.get_size = [](const ddsi_serdata* data) { return raw(data).size; };
-    ops.from_ser = from_fragments;
-    ops.from_ser_iov = from_parts;
-    ops.from_keyhash = [](const ddsi_sertype* type, const ddsi_keyhash*) -> ddsi_serdata* {
-      return new_data(type, SDK_KEY, 0);
-    };
-    // Messages are written and read as bytes only.
-    ops.from_sample = [](const ddsi_sertype*, ddsi_serdata_kind, const void*) -> ddsi_serdata* {
-      return nullptr;
-    };
-    ops.to_sample = [](const ddsi_serdata*, void*, void**, void*) { return false; };
-    ops.untyped_to_sample = [](const ddsi_sertype*, const ddsi_serdata*, void*, void**, void*) {
-      return false;
-    };
-    ops.to_ser = [](const ddsi_serdata* data, std::size_t offset, std::size_t size, void* into) {
-      std::memcpy(into, raw(data).bytes() + offset, size);
-    };
-    ops.to_ser_ref = refer;
-    ops.to_ser_unref = [](ddsi_serdata* data, const ddsrt_iovec_t*) { ddsi_serdata_unref(data); };
-    ops.to_untyped = to_untyped;
-    ops.free = [](ddsi_serdata* data) { std::free(static_cast<RawData*>(data)); };
-    ops.print = [](const ddsi_sertype*, const ddsi_serdata*, char* text, std::size_t size) -> std::size_t {
-      if (size > 0)
-        text[0] = 0;
-      return 0;
-    };
-    ops.get_keyhash = [](const ddsi_serdata*, ddsi_keyhash* hash, bool) {
-      std::memset(hash, 0, sizeof *hash);
-    };
-    return ops;
-  }();
-  return operations;
-}
+const ddsi_serdata_ops data_operations = [] {
+  ddsi_serdata_ops ops{};
+  ops.eqkey = [](const ddsi_serdata*, const ddsi_serdata*) { return true; };
+  ops.get_size = [](const ddsi_serdata* data) { return raw(data).size; };
+  ops.from_ser = from_fragments;
+  ops.from_ser_iov = from_parts;
+  ops.from_keyhash = [](const ddsi_sertype* type, const ddsi_keyhash*) -> ddsi_serdata* {
+    return new_data(type, SDK_KEY, 0);
+  };
+  // Messages are written and read as bytes only.
+  ops.from_sample = [](const ddsi_sertype*, ddsi_serdata_kind, const void*) -> ddsi_serdata* {
+    return nullptr;
+  };
+  ops.to_sample = [](const ddsi_serdata*, void*, void**, void*) { return false; };
+  ops.untyped_to_sample = [](const ddsi_sertype*, const ddsi_serdata*, void*, void**, void*) {
+    return false;
+  };
+  ops.to_ser = [](const ddsi_serdata* data, std::size_t offset, std::size_t size, void* into) {
+    std::memcpy(into, raw(data).bytes() + offset, size);
+  };
+  ops.to_ser_ref = refer;
+  ops.to_ser_unref = [](ddsi_serdata* data, const ddsrt_iovec_t*) { ddsi_serdata_unref(data); };
+  ops.to_untyped = to_untyped;
+  ops.free = [](ddsi_serdata* data) { std::free(static_cast<RawData*>(data)); };
+  ops.print = [](const ddsi_sertype*, const ddsi_serdata*, char* text, std::size_t size) -> std::size_t {
+    if (size > 0)
+      text[0] = 0;
+    return 0;
+  };
+  ops.get_keyhash = [](const ddsi_serdata*, ddsi_keyhash* hash, bool) { std::memset(hash, 0, sizeof *hash); };
+  return ops;
+}();
 
-const ddsi_sertype_ops& type_operations() {
-  static const ddsi_sertype_ops operations = [] {
-    ddsi_sertype_ops ops{};
-    ops.version = ddsi_sertype_v0;
-    ops.free = [](ddsi_sertype* type) {
-      ddsi_sertype_fini(type);
-      std::free(type);
-    };
-    ops.zero_samples = [](const ddsi_sertype*, void*, std::size_t) {};
-    ops.realloc_samples = [](void** samples, const ddsi_sertype*, void*, std::size_t, std::size_t count) {
-      std::fill_n(samples, count, nullptr);
-    };
-    ops.free_samples = [](const ddsi_sertype*, void**, std::size_t, dds_free_op_t) {};
-    ops.equal = [](const ddsi_sertype*, const ddsi_sertype*) { return true; }; // names are compared before
-    ops.hash = [](const ddsi_sertype*) -> std::uint32_t { return 0; };
-    return ops;
-  }();
-  return operations;
-}
+const ddsi_sertype_ops type_operations = [] {
+  ddsi_sertype_ops ops{};
+  ops.version = ddsi_sertype_v0;
+  ops.free = [](ddsi_sertype* type) {
+    ddsi_sertype_fini(type);
+    std::free(type);
+  };
+  ops.zero_samples = [](const ddsi_sertype*, void*, std::size_t) {};
+  ops.realloc_samples = [](void** samples, const ddsi_sertype*, void*, std::size_t, std::size_t count) {
+    std::fill_n(samples, count, nullptr);
+  };
+  ops.free_samples = [](const ddsi_sertype*, void**, std::size_t, dds_free_op_t) {};
+  ops.equal = [](const ddsi_sertype*, const ddsi_sertype*) { return true; }; // names are compared before
+  ops.hash = [](const ddsi_sertype*) -> std::uint32_t { return 0; };
+  return ops;
+}();
 
 /// The entity; throws if it is an error code of DDS.
 dds_entity_t checked(dds_entity_t entity, const std::string& failure) {
@@ -171,7 +163,7 @@ RawTopic create_raw_topic(dds_entity_t participant, const std::string& name, con
   auto* type = static_cast<ddsi_sertype*>(std::calloc(1, sizeof(ddsi_sertype)));
   if (!type)
     return {DDS_RETCODE_OUT_OF_RESOURCES, nullptr};
-  ddsi_sertype_init_flags(type, type_name.c_str(), &type_operations(), &data_operations(),
+  ddsi_sertype_init_flags(type, type_name.c_str(), &type_operations, &data_operations,
                           DDSI_SERTYPE_FLAG_TOPICKIND_NO_KEY);
   type->allowed_data_representation = DDS_DATA_REPRESENTATION_FLAG_XCDR1;
   const dds_entity_t topic =
