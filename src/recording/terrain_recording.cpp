@@ -59,7 +59,7 @@ template <class Field> void put_field(Bytes& out, const Field& field) {
 }
 
 /// Appends a record of these fields.
-template <class... Fields> void put_record(Bytes& out, Opcode opcode, const Fields&... fields) {
+template <class... Fields> void put_record(Bytes& out, std::uint8_t opcode, const Fields&... fields) {
   out.push_back(opcode);
   const std::size_t at = out.size();
   put_integer(out, std::uint64_t{0});
@@ -67,15 +67,11 @@ template <class... Fields> void put_record(Bytes& out, Opcode opcode, const Fiel
   set_length(out, at, 8);
 }
 
-// Each channel has its own schema with the same number.
-
-void put_schema(Bytes& out, std::uint16_t number, const MessageType& type) {
-  put_record(out, op_schema, number, type.name, "ros2msg", type.text);
-}
-
-void put_channel(Bytes& out, std::uint16_t number, const std::string& topic) {
-  const std::map<std::string, std::string> metadata = {{"offered_qos_profiles", ""}};
-  put_record(out, op_channel, number, number, topic, "cdr", metadata);
+/// The number of a topic's channel. Recordings have no /tf_static: /tf contains the transforms of the mount
+/// with every frame too.
+std::uint16_t number_of(Topic topic) {
+  return static_cast<std::uint16_t>(topic < Topic::tf_static ? static_cast<int>(topic) + 1
+                                                             : static_cast<int>(topic));
 }
 
 /// A text in double quotes.
@@ -96,49 +92,66 @@ std::string quoted_yaml(const std::string& text) {
 
 } // namespace
 
-McapWriter::McapWriter(ByteSink sink)
-    : sink_(std::move(sink)), compressor_(ZSTD_createCCtx(), ZSTD_freeCCtx) {
+TerrainRecording::TerrainRecording(ByteSink sink, MessageOptions options)
+    : messages_(std::move(options)), sink_(std::move(sink)), compressor_(ZSTD_createCCtx(), ZSTD_freeCCtx) {
   if (!compressor_)
     throw std::bad_alloc();
   append(header_, magic);
   put_record(header_, op_header, "ros2", "terrainseg"); // profile, library
+  const std::map<std::string, std::string> metadata = {{"offered_qos_profiles", ""}};
+  for (std::size_t i = 0; i < topic_count; ++i) {
+    const auto topic = static_cast<Topic>(i);
+    if (topic == Topic::tf_static)
+      continue;
+    const std::string name = topic_kinds[i].name;
+    const MessageType type = type_of(topic);
+    Channel& channel = channels_.emplace_back();
+    channel.topic = name.starts_with('/') ? name : "/" + name;
+    channel.type = type.name;
+    // Each channel has its own schema with the same number.
+    put_record(channel.schema, op_schema, number_of(topic), type.name, "ros2msg", type.text);
+    put_record(channel.channel, op_channel, number_of(topic), number_of(topic), channel.topic, "cdr",
+               metadata);
+  }
 }
 
-McapWriter::~McapWriter() = default;
+TerrainRecording::~TerrainRecording() = default;
 
-void McapWriter::put(ByteView bytes) {
+void TerrainRecording::write(ByteView bytes) {
   if (!header_.empty())
-    put(std::exchange(header_, {}));
+    write(std::exchange(header_, {}));
   data_crc_ = crc32(bytes, data_crc_);
   position_ += bytes.size();
   sink_(bytes);
 }
 
-std::uint16_t McapWriter::add_channel(std::string topic, MessageType type) {
-  channels_.push_back({std::move(topic), std::move(type)});
-  return static_cast<std::uint16_t>(channels_.size());
+template <class... Fields> void TerrainRecording::write_record(std::uint8_t opcode, const Fields&... fields) {
+  record_.clear();
+  put_record(record_, opcode, fields...);
+  write(record_);
 }
 
-void McapWriter::write(std::uint16_t number, std::uint64_t time, ByteView data) {
-  Channel& channel = channels_.at(number - 1U);
+void TerrainRecording::put(Topic topic, std::uint64_t time, ByteView message) {
+  const std::uint16_t number = number_of(topic);
+  Channel& channel = channels_[number - 1U];
   if (channel.messages == 0) {
-    put_schema(chunk_, number, channel.type);
-    put_channel(chunk_, number, channel.topic);
+    append(chunk_, channel.schema);
+    append(chunk_, channel.channel);
   }
   chunk_start_ = indexes_.empty() ? time : std::min(chunk_start_, time);
   chunk_end_ = indexes_.empty() ? time : std::max(chunk_end_, time);
-  start_time_ = messages_ == 0 ? time : std::min(start_time_, time);
-  end_time_ = messages_ == 0 ? time : std::max(end_time_, time);
+  start_time_ = message_count_ == 0 ? time : std::min(start_time_, time);
+  end_time_ = std::max(end_time_, time);
   indexes_[number].emplace_back(time, chunk_.size());
   // The times: when it was recorded, and when it was published.
-  put_record(chunk_, op_message, number, static_cast<std::uint32_t>(channel.messages), time, time, data);
+  put_record(chunk_, op_message, number, static_cast<std::uint32_t>(channel.messages), time, time, message);
   ++channel.messages;
-  ++messages_;
+  ++message_count_;
   if (chunk_.size() >= chunk_bytes || chunk_end_ - chunk_start_ >= chunk_nanoseconds)
     flush();
 }
 
-ByteView McapWriter::compress() {
+ByteView TerrainRecording::compress() {
   compressed_.resize(ZSTD_compressBound(chunk_.size()));
   const std::size_t size = ZSTD_compressCCtx(compressor_.get(), compressed_.data(), compressed_.size(),
                                              chunk_.data(), chunk_.size(), zstd_level);
@@ -148,49 +161,44 @@ ByteView McapWriter::compress() {
 }
 
 /// Ends the chunk, so that all messages so far are in the file.
-void McapWriter::flush() {
-  put({}); // the header
+void TerrainRecording::flush() {
+  write({}); // the header
   if (indexes_.empty())
     return;
   const ByteView records = compress();
-  record_.clear();
-  put_record(record_, op_chunk, chunk_start_, chunk_end_, std::uint64_t{chunk_.size()}, crc32(chunk_), "zstd",
-             std::uint64_t{records.size()}, records);
-  ChunkIndex chunk{chunk_start_, chunk_end_, position_, record_.size(), 0, records.size(), chunk_.size(), {}};
-  put(record_);
   const std::uint64_t begin = position_;
+  write_record(op_chunk, chunk_start_, chunk_end_, std::uint64_t{chunk_.size()}, crc32(chunk_), "zstd",
+               std::uint64_t{records.size()}, records);
+  const std::uint64_t end = position_;
+  ChunkIndex chunk{chunk_start_, chunk_end_, begin, end - begin, 0, records.size(), chunk_.size(), {}};
   for (auto& [number, index] : indexes_) {
     std::ranges::stable_sort(index, {}, &Index::value_type::first);
     chunk.index_positions[number] = position_;
-    record_.clear();
-    put_record(record_, op_message_index, number, index);
-    put(record_);
+    write_record(op_message_index, number, index);
   }
-  chunk.index_length = position_ - begin;
+  chunk.index_length = position_ - end;
   chunk_indexes_.push_back(std::move(chunk));
   chunk_.clear();
   indexes_.clear();
 }
 
-void McapWriter::finish() {
+void TerrainRecording::finish() {
   flush();
-  record_.clear();
-  put_record(record_, op_data_end, data_crc_);
-  put(record_);
+  write_record(op_data_end, data_crc_);
 
   Bytes schemas, channels, statistics, chunk_indexes;
   std::map<std::uint16_t, std::uint64_t> messages; // by channel
   for (std::uint16_t number = 1; const Channel& channel : channels_) {
     if (channel.messages > 0) {
-      put_schema(schemas, number, channel.type);
-      put_channel(channels, number, channel.topic);
+      append(schemas, channel.schema);
+      append(channels, channel.channel);
       messages[number] = channel.messages;
     }
     ++number;
   }
   const auto used = static_cast<std::uint32_t>(messages.size());
   constexpr std::uint32_t attachments = 0, metadata_records = 0;
-  put_record(statistics, op_statistics, messages_, static_cast<std::uint16_t>(used), used, attachments,
+  put_record(statistics, op_statistics, message_count_, static_cast<std::uint16_t>(used), used, attachments,
              metadata_records, static_cast<std::uint32_t>(chunk_indexes_.size()), start_time_, end_time_,
              messages);
   for (const ChunkIndex& chunk : chunk_indexes_)
@@ -199,11 +207,10 @@ void McapWriter::finish() {
 
   const std::uint64_t begin = position_;
   Bytes summary, offsets;
-  const auto add_group = [&](Opcode opcode, const Bytes& records) {
+  const auto add_group = [&](std::uint8_t opcode, const Bytes& records) {
     if (records.empty())
       return;
-    put_record(offsets, op_summary_offset, static_cast<std::uint8_t>(opcode), begin + summary.size(),
-               std::uint64_t{records.size()});
+    put_record(offsets, op_summary_offset, opcode, begin + summary.size(), std::uint64_t{records.size()});
     append(summary, records);
   };
   add_group(op_schema, schemas);
@@ -220,33 +227,21 @@ void McapWriter::finish() {
   summary.resize(summary.size() - crc_size);
   put_integer(summary, crc);
   append(summary, magic);
-  put(summary);
-}
-
-/// Recordings have no /tf_static: /tf contains the transforms of the mount with every frame too.
-TerrainRecording::TerrainRecording(ByteSink sink, MessageOptions options)
-    : messages_(std::move(options)), writer_(std::move(sink)) {
-  for (std::size_t i = 0; i < topic_count; ++i) {
-    const std::string name = topic_kinds[i].name;
-    channels_[i] = static_cast<Topic>(i) == Topic::tf_static
-                       ? channels_[static_cast<std::size_t>(Topic::tf)]
-                       : writer_.add_channel(name.starts_with('/') ? name : "/" + name,
-                                             message_type(topic_kinds[i].type));
-  }
+  write(summary);
 }
 
 std::string TerrainRecording::bag_metadata(const std::string& name) const {
-  const std::string start = std::to_string(writer_.start_time());
-  const std::string duration = std::to_string(writer_.end_time() - writer_.start_time());
-  const std::string messages = std::to_string(writer_.messages());
+  const std::string start = std::to_string(start_time_);
+  const std::string duration = std::to_string(end_time_ - start_time_);
+  const std::string messages = std::to_string(message_count_);
   std::string text = "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: mcap\n  duration:\n"
                      "    nanoseconds: " +
                      duration + "\n  starting_time:\n    nanoseconds_since_epoch: " + start +
                      "\n  message_count: " + messages + "\n  topics_with_message_count:\n";
-  for (const McapWriter::Channel& channel : writer_.channels())
+  for (const Channel& channel : channels_)
     if (channel.messages > 0)
       text +=
-          "    - topic_metadata:\n        name: " + channel.topic + "\n        type: " + channel.type.name +
+          "    - topic_metadata:\n        name: " + channel.topic + "\n        type: " + channel.type +
           "\n        serialization_format: cdr\n        offered_qos_profiles: \"\"\n      message_count: " +
           std::to_string(channel.messages) + "\n";
   const std::string quoted = quoted_yaml(name);
