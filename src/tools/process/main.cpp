@@ -121,8 +121,8 @@ class Tally {
 /// The inputs of a run, shared by the workers and the display.
 class Batch {
  public:
-  /// `arguments` are the program's.
-  Batch(const Options& options, std::vector<Input> inputs, Manifest& manifest,
+  /// `arguments` are the program's. `manifest` may not be open.
+  Batch(const Options& options, std::vector<Input> inputs, AtomicFile& manifest,
         std::vector<std::string> arguments)
       : options_(options), manifest_(manifest), inputs_(std::move(inputs)), arguments_(std::move(arguments)),
         works_(inputs_.size()), display_(options.quiet), begin_(Clock::now()) {}
@@ -142,7 +142,7 @@ class Batch {
   void show();
 
   const Options& options_;
-  Manifest& manifest_;
+  AtomicFile& manifest_;
   const std::vector<Input> inputs_;
   const std::vector<std::string> arguments_;
   std::deque<Work> works_; ///< of the inputs
@@ -212,9 +212,13 @@ void Batch::work() {
     work.phase = Phase::running;
     lock.unlock();
     const Outcome outcome = outcome_of(input, worker, work.progress);
-    const std::string line = manifest_.is_open() ? Manifest::line(options_, input, outcome) : "";
+    const bool listed = manifest_.fd() >= 0;
+    const std::string line = listed ? manifest_line(options_, input, outcome) : "";
     lock.lock();
-    manifest_.write(line);
+    if (listed) {
+      manifest_.write(line);
+      manifest_.flush();
+    }
     report(input, outcome);
     work.phase = outcome.kind == Outcome::Kind::skipped ? Phase::skipped : Phase::done;
     ++finished_;
@@ -341,12 +345,16 @@ Exit process(const std::vector<std::string>& arguments) {
   sigaction(SIGTERM, &action, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
 
-  Manifest manifest;
-  if (!options.manifest.empty())
-    manifest.open(options, inputs.size());
+  AtomicFile manifest;
+  if (!options.manifest.empty()) {
+    manifest.open(options.manifest);
+    manifest.write(manifest_head(options, inputs.size()));
+    manifest.flush();
+  }
   Exit result = Batch(options, std::move(inputs), manifest, arguments).run();
   try {
-    manifest.close();
+    if (manifest.fd() >= 0)
+      manifest.commit(options.manifest);
   } catch (const Fault& fault) {
     complain(fault.text);
     result = exit_for(fault);

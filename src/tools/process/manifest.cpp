@@ -173,8 +173,7 @@ Check Checker::finish(const std::vector<Input>& inputs) {
 
 } // namespace
 
-void Manifest::open(const Options& options, std::size_t inputs) {
-  file_.open(options.manifest);
+std::string manifest_head(const Options& options, std::size_t inputs) {
   std::error_code error;
   ordered_json json;
   json["manifest"] = format_version;
@@ -184,10 +183,10 @@ void Manifest::open(const Options& options, std::size_t inputs) {
   json["shard"] = options.shard.index;
   json["shards"] = options.shard.count;
   json["inputs"] = inputs;
-  write(as_line(json));
+  return as_line(json);
 }
 
-std::string Manifest::line(const Options& options, const Input& input, const Outcome& outcome) {
+std::string manifest_line(const Options& options, const Input& input, const Outcome& outcome) {
   constexpr const char* names[Outcome::kinds] = {"complete", "partial", "failed", "interrupted", "skipped"};
   const Record& record = outcome.record;
   const bool skipped = outcome.kind == Outcome::Kind::skipped;
@@ -213,18 +212,6 @@ std::string Manifest::line(const Options& options, const Input& input, const Out
   }
   json["outputs"] = outputs;
   return as_line(json);
-}
-
-void Manifest::write(const std::string& line) {
-  if (!is_open())
-    return;
-  file_.write(line);
-  file_.flush();
-}
-
-void Manifest::close() {
-  if (is_open())
-    file_.commit(file_.final_path());
 }
 
 bool is_manifest(const fs::path& path) {

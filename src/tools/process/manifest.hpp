@@ -12,23 +12,14 @@
 
 namespace terrainseg::process {
 
-/// JSON Lines: the run, then its inputs in the order of completion. Written to FILE.part; renamed at the end
-/// of the run.
-class Manifest {
- public:
-  /// Creates the file and writes the run's line. `inputs` are those of this shard. Throws
-  /// Fault, as close() does.
-  void open(const Options& options, std::size_t inputs);
-  bool is_open() const { return file_.fd() >= 0; }
-  /// Adds an input that was processed completely, partially or not at all, or skipped as complete. Reads the
-  /// outputs again for their SHA-256.
-  static std::string line(const Options& options, const Input& input, const Outcome& outcome);
-  void write(const std::string& line);
-  void close();
+// JSON Lines: the run, then its inputs in the order of completion. Written to FILE.part; renamed at the end
+// of the run.
 
- private:
-  AtomicFile file_;
-};
+/// The run's line. `inputs` are those of this shard.
+std::string manifest_head(const Options& options, std::size_t inputs);
+/// The line of an input that was processed completely, partially or not at all, or skipped as complete. Reads
+/// the outputs again for their SHA-256.
+std::string manifest_line(const Options& options, const Input& input, const Outcome& outcome);
 
 /// Whether a file begins like a manifest, so that a new one may replace it.
 bool is_manifest(const std::filesystem::path& file);
