@@ -60,10 +60,6 @@ std::string field_of(const std::string& type, const std::string& name) {
          (nested ? long_name(element) : "") + "\"}}";
 }
 
-std::string description_of(const std::string& name, const std::string& fields) {
-  return "{\"type_name\": \"" + name + "\", \"fields\": [" + fields + "]}";
-}
-
 constexpr std::uint32_t last_domain = 232; // larger domains would use ports above 65535
 
 std::string escaped(const std::string& text) {
@@ -117,7 +113,7 @@ std::string type_hash(const recording::MessageType& type) {
   std::string name = type.name, fields, main;
   const auto finish = [&] {
     std::string& into = main.empty() ? main : parts[name];
-    into = description_of(name, fields);
+    into = "{\"type_name\": \"" + name + "\", \"fields\": [" + fields + "]}";
     fields.clear();
   };
   std::istringstream lines(type.text);

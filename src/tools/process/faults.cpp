@@ -151,11 +151,6 @@ std::string unknown_codec(const GstStructure* type) {
   return letters.empty() ? name : letters;
 }
 
-bool is_installed(const char* plugin) {
-  g_autoptr(GstPlugin) found = gst_registry_find_plugin(gst_registry_get(), plugin);
-  return found != nullptr;
-}
-
 } // namespace
 
 Cause cause_of_writing(int error) {
@@ -262,9 +257,11 @@ std::string no_decoder(GstMessage* message) {
       "no decoder for it: " + take(gst_missing_plugin_message_get_description(message)) + " is missing; ";
   std::string packages;
   for (const auto& [plugin, package] :
-       {std::pair("libav", "gstreamer1.0-libav"), std::pair("videoparsersbad", "gstreamer1.0-plugins-bad")})
-    if (!is_installed(plugin))
+       {std::pair("libav", "gstreamer1.0-libav"), std::pair("videoparsersbad", "gstreamer1.0-plugins-bad")}) {
+    g_autoptr(GstPlugin) installed = gst_registry_find_plugin(gst_registry_get(), plugin);
+    if (!installed)
       packages += std::string(packages.empty() ? "" : " and ") + package;
+  }
   if (!packages.empty())
     return text + "install " + packages;
   return text + "gstreamer1.0-libav and gstreamer1.0-plugins-bad, which have most of them, are installed; " +

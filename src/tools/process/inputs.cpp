@@ -346,13 +346,6 @@ bool take_file(GChecksum* sum, const fs::path& path, std::uint64_t end, std::uin
   return file.good();
 }
 
-/// A picture is not the folder that begins with it.
-void drop_repeated(std::vector<Input>& inputs) {
-  std::set<std::pair<std::string, std::size_t>> seen;
-  std::erase_if(inputs,
-                [&](const Input& input) { return !seen.emplace(input.place(), input.images.size()).second; });
-}
-
 } // namespace
 
 /// SHA-256. Of a file: over the length, the first and the last 64 KiB, and 64 blocks of 4 KiB evenly between.
@@ -408,7 +401,9 @@ Found find_inputs(const std::vector<std::string>& arguments, Names names) {
   Found found;
   for (const std::string& argument : arguments)
     add(argument, found);
-  drop_repeated(found.inputs);
+  std::set<std::pair<std::string, std::size_t>> seen; // a picture is not the folder that begins with it
+  std::erase_if(found.inputs,
+                [&](const Input& input) { return !seen.emplace(input.place(), input.images.size()).second; });
   name_outputs(names, found.inputs);
   return found;
 }
