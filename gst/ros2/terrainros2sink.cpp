@@ -152,8 +152,7 @@ struct Ros2State {
 
   metric::Mount mount; // set before the readers are created
   std::atomic<std::uint64_t> frames = 0, taken = 0, refused = 0;
-  enum Near : std::uint8_t { near_unknown, near_clear, near_blocked };
-  std::atomic<Near> near_state = near_unknown;
+  std::atomic<std::optional<bool>> near_clear; // nothing = unknown
   std::atomic<bool> warned_input = false;
 
   Ros2State() noexcept { // the names are short strings and need no allocation
@@ -242,8 +241,7 @@ void take_near(Ros2State& s, std::optional<bool> clear) {
   if (!clear)
     return refuse(s, "near-clear-topic");
   ++s.taken;
-  const auto state = *clear ? Ros2State::near_clear : Ros2State::near_blocked;
-  if (s.near_state.exchange(state) != state)
+  if (s.near_clear.exchange(clear) != clear)
     push_upstream(s, gst_structure_new("terrainseg-near", "clear", G_TYPE_BOOLEAN, *clear, nullptr));
 }
 
@@ -367,7 +365,7 @@ bool open_topics(Ros2State& s) {
     return false;
   s.mount = options->mount.value_or(metric::Mount{});
   s.frames = s.taken = s.refused = 0;
-  s.near_state = Ros2State::near_unknown;
+  s.near_clear = std::nullopt;
   s.warned_metadata = s.warned_input = false;
   return reported(s, [&] { make_topics(s, set, std::move(*options)); });
 }
@@ -392,9 +390,7 @@ GstFlowReturn send(Ros2State& s, GstBuffer* buffer) {
   if (!reader.check(s.element, "receivers of messages", "sent", s.warned_metadata))
     return GST_FLOW_ERROR;
   recording::MessageFrame frame = reader.frame(time_of(s, buffer));
-  const auto near = s.near_state.load();
-  if (near != Ros2State::near_unknown)
-    frame.near_clear = near == Ros2State::near_clear;
+  frame.near_clear = s.near_clear;
   GST_LOG_OBJECT(s.element, "%s at %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT, reader.content(), frame.time,
                  printable(buffer));
   ++s.frames;

@@ -70,8 +70,7 @@ template <class... Fields> void put_record(Bytes& out, std::uint8_t opcode, cons
 /// The number of a topic's channel. Recordings have no /tf_static: /tf contains the transforms of the mount
 /// with every frame too.
 std::uint16_t number_of(Topic topic) {
-  return static_cast<std::uint16_t>(topic < Topic::tf_static ? static_cast<int>(topic) + 1
-                                                             : static_cast<int>(topic));
+  return static_cast<std::uint16_t>(static_cast<int>(topic) + (topic < Topic::tf_static));
 }
 
 /// A text in double quotes.

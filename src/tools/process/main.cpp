@@ -150,7 +150,6 @@ class Batch {
   std::condition_variable changed_;
   std::size_t next_ = 0;
   Tally tally_;
-  int finished_ = 0;
   int working_threads_ = 0;
   Display display_;
   Rate rate_; ///< display thread only
@@ -221,7 +220,6 @@ void Batch::work() {
     }
     report(input, outcome);
     work.phase = outcome.kind == Outcome::Kind::skipped ? Phase::skipped : Phase::done;
-    ++finished_;
     tally_.add(outcome);
     changed_.notify_all();
   }
@@ -232,7 +230,6 @@ void Batch::work() {
 void Batch::show() {
   Moment moment;
   moment.inputs = static_cast<int>(inputs_.size());
-  moment.done = finished_;
   moment.seconds = seconds_since(begin_);
   std::uint64_t all_frames = 0;
   int running = 0, running_permille = 0, done_permille = 0, to_do = 0;
@@ -240,8 +237,8 @@ void Batch::show() {
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
     const Work& work = works_[i];
     all_frames += work.progress.frames;
-    if (work.phase != Phase::skipped)
-      ++to_do;
+    moment.done += work.phase >= Phase::done;
+    to_do += work.phase != Phase::skipped;
     if (work.phase == Phase::done)
       done_permille += 1000;
     if (work.phase != Phase::running)
