@@ -40,7 +40,8 @@ std::string recorder_package() {
            " is not there. In a build folder type ninja; where `meson setup` left it out, install "
            "libzstd-dev first";
   g_autoptr(GError) error = nullptr;
-  g_autoptr(GstPlugin) loaded = gst_plugin_load_file(file.c_str(), &error);
+  if (GstPlugin* loaded = gst_plugin_load_file(file.c_str(), &error))
+    gst_object_unref(loaded);
   const std::string reason = error ? error->message : "it holds another plugin";
   return std::string(package) + " again: " + file.string() + " is there and does not load (" + reason + ")";
 }
