@@ -16,7 +16,6 @@
 #include <vector>
 
 #include "tools/command_line.hpp"
-#include "tools/process/conflicts.hpp"
 #include "tools/process/container.hpp"
 #include "tools/process/display.hpp"
 #include "tools/process/faults.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "tools/process/conflicts.hpp"
+#include "tools/process/outputs.hpp"
 
 #include <glib.h>
 #include <limits.h>
@@ -11,7 +11,6 @@
 
 #include "tools/process/handles.hpp"
 #include "tools/process/manifest.hpp"
-#include "tools/process/outputs.hpp"
 
 namespace terrainseg::process {
 namespace {

@@ -19,7 +19,6 @@
 
 #include "exchange/counted.hpp"
 #include "tools/command_line.hpp"
-#include "tools/process/conflicts.hpp"
 #include "tools/process/display.hpp"
 #include "tools/process/elements.hpp"
 #include "tools/process/handles.hpp"

@@ -11,7 +11,6 @@
 #include <nlohmann/json.hpp>
 
 #include "exchange/write_all.hpp"
-#include "tools/process/conflicts.hpp"
 #include "tools/process/handles.hpp"
 
 namespace terrainseg::process {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Files that appear completely or not at all, and the record of an input.
+// Files that appear completely or not at all, the record of an input, and the files that a run would
+// overwrite.
 #pragma once
 
 #include <array>
@@ -127,6 +128,18 @@ std::string describe(const Options& options, const Input& input);
 /// Whether the record of an earlier run says that these outputs of this input are complete and were made with
 /// these settings, and the files exist with the recorded sizes.
 bool is_complete(const Input& input, const Options& options);
+
+/// Returns a line with both names for each conflict in the whole batch: an output that is an input (by path,
+/// symbolic link or hard link); two inputs whose outputs have the same name, also if only upper and lower
+/// case differ; existing files that were not made from this input. Empty: no conflict.
+std::vector<std::string> find_conflicts(const std::vector<Input>& inputs, const Options& options);
+
+/// Sets a permanent problem for inputs whose output names the file system does not accept.
+void refuse_long_names(std::vector<Input>& inputs, const Options& options);
+
+/// Returns why the existing files of its outputs' names must not be replaced; nothing if there are none, or
+/// if their record says that they were made from this input.
+std::optional<std::string> foreign_files(const Input& input, const Options& options);
 
 /// Creates the folder and writes a test file. Throws Fault; Cause::disk: temporary (full disk, no memory).
 void prepare_folder(const std::filesystem::path& folder);
