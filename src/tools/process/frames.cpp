@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "tools/process/frames.hpp"
+#include "tools/process/graph.hpp"
 
 #include <gst/terrainseg/terrainsegmeta.h>
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The elements of one run: source -> terrainseg -> tee -> one branch per output.
+// The elements of one run: source -> terrainseg -> tee -> one branch per output. The frames that pass them:
+// their times in front of terrainseg, their metadata behind it.
 #pragma once
 
 #include <gst/gst.h>
@@ -59,6 +60,75 @@ class Graph {
   std::atomic<GstClockTime> start_{0};
   int sinks_ = 0;
   std::atomic<int> sinks_ended_{0};
+};
+
+/// Detects rows at the bottom of a moving picture that never change: a bonnet, a black bar, a caption. The
+/// filter would learn them as ground.
+class StillBottom {
+ public:
+  /// Compares a sample of frames at a sample of pixels with the previous one. Restarts when the size changes.
+  /// One thread only.
+  void take(const GstVideoInfo& info, GstBuffer* buffer);
+
+  /// Number of rows from the bottom edge that hardly changed while the picture above did. 0 if they are less
+  /// than 3 % of the height, if nothing moved, or after too few frames.
+  int rows() const;
+
+ private:
+  static constexpr int grid_rows = 60;    ///< covers the lower 60 % of the frame
+  static constexpr int grid_columns = 32; ///< cover the middle half of the width, where the window is
+  using Grid = std::array<std::uint8_t, grid_rows * grid_columns>;
+
+  /// Row of the frame for a row of the grid, 0 = the lowest.
+  int frame_row(int grid_row) const;
+  void look(const GstVideoFrame& frame, Grid& grid) const;
+
+  int width_ = 0, height_ = 0;
+  std::uint64_t frames_ = 0;
+  int compared_ = 0; ///< number of compared pairs
+  Grid last_{};
+  std::array<std::uint64_t, grid_rows>
+      change_{}; ///< sum of absolute brightness differences, 0..255 per pixel
+};
+
+/// Observes the pads of terrainseg. Its streaming thread writes everything but the counters; other threads
+/// may read after the pipeline has stopped.
+class Frames {
+ public:
+  /// `rows` is the CSV file; not open if no CSV is written.
+  Frames(const Options& options, Graph& graph, AtomicFile& rows, Record& record);
+
+  /// Call after the graph has been built around `source`.
+  void watch(GstElement* source);
+  std::uint64_t labelled() const { return labelled_; }
+  GstClockTime position() const { return position_; }
+  GstClockTime end() const { return next_pts_; } ///< end of the last frame; only after stopping
+  std::uint64_t without_metadata() const { return without_metadata_; }
+  /// Rows at the bottom, below the training window, that never changed; 0 = none.
+  int still_rows() const;
+
+ private:
+  GstPadProbeReturn entering(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn leaving(GstPad* pad, GstPadProbeInfo* info);
+  void segment_entering(GstPadProbeInfo* info);
+  void warn_of_views(GstEvent* caps);
+  void size_known(GstEvent* caps);
+  void frame_done(GstBuffer* buffer);
+
+  const Options& options_;
+  Graph& graph_;
+  AtomicFile& rows_;
+  Record& record_;
+  GstSegment segment_{}; ///< of the decoder's output
+  std::uint64_t entered_ = 0;
+  GstClockTime next_pts_ = 0;
+  GstVideoInfo video_info_{}; ///< of terrainseg's output
+  StillBottom still_bottom_;
+  std::string csv_row_;
+  GstVideoRectangle window_{}; ///< of the last frame
+  std::uint64_t without_metadata_ = 0;
+  std::atomic<std::uint64_t> labelled_{0};
+  std::atomic<GstClockTime> position_{0};
 };
 
 } // namespace terrainseg::process

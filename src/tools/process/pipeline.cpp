@@ -5,7 +5,6 @@
 
 #include "exchange/counted.hpp"
 #include "tools/process/container.hpp"
-#include "tools/process/frames.hpp"
 #include "tools/process/graph.hpp"
 #include "tools/process/handles.hpp"
 #include "tools/process/source.hpp"
