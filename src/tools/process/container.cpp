@@ -51,42 +51,30 @@ class Bytes {
   Content rest() const { return rest_; }
   std::uint64_t position() const { return position_; }
 
-  struct Box;
-  /// Reads the next box; its type is empty at the end or when the bytes are not a box.
-  Box next();
-
  private:
   Content rest_;
   std::uint64_t position_;
 };
 
-struct Bytes::Box {
-  std::string type;
-  Bytes content{{}, 0};
-};
-
-Bytes::Box Bytes::next() {
-  const Bytes begin = *this;
-  Box box;
-  std::uint64_t length = number(4);
-  for (int i = 0; i < 4; ++i)
-    box.type += static_cast<char>(number(1));
-  if (length == 1)
-    length = number(8);
-  else if (length == 0)
-    length = begin.rest_.size();
-  const std::uint64_t head = position_ - begin.position_;
-  if (begin.rest_.size() < 8 || length < head || length > begin.rest_.size())
-    return {};
-  box.content = Bytes(rest_.first(static_cast<std::size_t>(length - head)), position_);
-  skip(box.content.rest_.size());
-  return box;
-}
-
-/// Calls `visit` with each box in `content`.
+/// Calls `visit` with type and content of each box in `content`. Stops at bytes that are not a box.
 template <typename Visit> void each_box(Bytes content, const Visit& visit) {
-  for (Bytes::Box box = content.next(); !box.type.empty(); box = content.next())
-    visit(box);
+  while (content.rest().size() >= 8) {
+    const Bytes begin = content;
+    std::uint64_t length = content.number(4);
+    std::string type;
+    for (int i = 0; i < 4; ++i)
+      type += static_cast<char>(content.number(1));
+    if (length == 1)
+      length = content.number(8);
+    else if (length == 0)
+      length = begin.rest().size();
+    const std::uint64_t head = content.position() - begin.position();
+    if (length < head || length > begin.rest().size())
+      return;
+    const Content inside = content.rest().first(static_cast<std::size_t>(length - head));
+    visit(type, Bytes(inside, content.position()));
+    content.skip(inside.size());
+  }
 }
 
 /// The tables of one trak box as they are in the file.
@@ -128,41 +116,40 @@ void read_edit_list(Bytes bytes, Tables& tables) {
 /// Each sample entry is a box that begins with 78 bytes of fields.
 void read_sample_entries(Bytes bytes, IsoTrack& track) {
   bytes.skip(8);
-  each_box(bytes, [&track](Bytes::Box& entry) {
-    entry.content.skip(78);
-    each_box(entry.content, [&track](Bytes::Box& box) {
-      if (box.type != "colr" || box.content.number(4) != 0x6e636c78) // "nclx"
+  each_box(bytes, [&track](const std::string&, Bytes entry) {
+    entry.skip(78);
+    each_box(entry, [&track](const std::string& type, Bytes box) {
+      if (type != "colr" || box.number(4) != 0x6e636c78) // "nclx"
         return;
-      box.content.skip(6);
-      track.full_range = box.content.number(1) >> 7 != 0;
+      box.skip(6);
+      track.full_range = box.number(1) >> 7 != 0;
     });
   });
 }
 
 void read_track(const Bytes& content, Tables& tables) {
-  each_box(content, [&tables](Bytes::Box& box) {
-    const auto is = [&box](const char* type) { return box.type == type; };
-    if (is("edts") || is("mdia") || is("minf") || is("stbl")) {
-      read_track(box.content, tables);
-    } else if (is("tkhd") || is("mdhd")) {
-      const bool wide = box.content.number(4) >> 24 == 1;
-      box.content.skip(wide ? 16 : 8);
-      const auto value = static_cast<std::uint32_t>(box.content.number(4));
-      if (is("tkhd"))
+  each_box(content, [&tables](const std::string& type, Bytes box) {
+    if (type == "edts" || type == "mdia" || type == "minf" || type == "stbl") {
+      read_track(box, tables);
+    } else if (type == "tkhd" || type == "mdhd") {
+      const bool wide = box.number(4) >> 24 == 1;
+      box.skip(wide ? 16 : 8);
+      const auto value = static_cast<std::uint32_t>(box.number(4));
+      if (type == "tkhd")
         tables.track.id = value;
       else
         tables.track.timescale = std::max(1u, value);
-    } else if (is("hdlr")) {
-      box.content.skip(8);
-      tables.video = tables.video || box.content.number(4) == 0x76696465; // "vide"
-    } else if (is("stsd")) {
-      read_sample_entries(box.content, tables.track);
-    } else if (is("stts")) {
-      read_runs(box.content, tables.durations);
-    } else if (is("ctts")) {
-      read_runs(box.content, tables.offsets);
-    } else if (is("elst")) {
-      read_edit_list(box.content, tables);
+    } else if (type == "hdlr") {
+      box.skip(8);
+      tables.video = tables.video || box.number(4) == 0x76696465; // "vide"
+    } else if (type == "stsd") {
+      read_sample_entries(box, tables.track);
+    } else if (type == "stts") {
+      read_runs(box, tables.durations);
+    } else if (type == "ctts") {
+      read_runs(box, tables.offsets);
+    } else if (type == "elst") {
+      read_edit_list(box, tables);
     }
   });
 }
@@ -257,16 +244,16 @@ Field head_at(std::ifstream& file, std::uint64_t position) {
 /// Calls `visit` with the tables of each video track and with its movie.
 template <typename Visit> void each_video(const Bytes& content, const Visit& visit) {
   Movie movie;
-  each_box(content, [&](Bytes::Box& box) {
-    if (box.type == "mvhd") {
-      const bool wide = box.content.number(4) >> 24 == 1;
-      box.content.skip(wide ? 16 : 8);
-      movie.timescale = std::max<std::uint64_t>(1, box.content.number(4));
-      movie.duration_at = box.content.position();
+  each_box(content, [&](const std::string& type, Bytes box) {
+    if (type == "mvhd") {
+      const bool wide = box.number(4) >> 24 == 1;
+      box.skip(wide ? 16 : 8);
+      movie.timescale = std::max<std::uint64_t>(1, box.number(4));
+      movie.duration_at = box.position();
       movie.width = wide ? 8 : 4;
-    } else if (box.type == "trak") {
+    } else if (type == "trak") {
       Tables tables;
-      read_track(box.content, tables);
+      read_track(box, tables);
       if (!tables.video)
         return;
       put_together(tables, movie);
@@ -291,41 +278,41 @@ void put(Field& bytes, std::size_t at, std::uint64_t value, int width) {
 /// Returns the boxes in `content` with the changes applied.
 Field changed(const Bytes& content, const Change& change) {
   Field out;
-  each_box(content, [&](Bytes::Box& box) {
-    const auto is = [&box](const char* type) { return box.type == type; };
-    if (is("edts"))
+  each_box(content, [&](const std::string& type, Bytes box) {
+    if (type == "edts")
       return;
-    if (is("mdia"))
+    if (type == "mdia")
       out = joined({out, change.edits});
-    Field inside(box.content.rest().begin(), box.content.rest().end());
+    Field inside(box.rest().begin(), box.rest().end());
     const bool wide = number(inside, 0, 1) == 1;
-    if (is("moov") || is("trak") || is("mdia") || is("minf") || is("stbl"))
-      inside = changed(box.content, change);
-    else if (is("mvhd"))
+    if (type == "moov" || type == "trak" || type == "mdia" || type == "minf" || type == "stbl")
+      inside = changed(box, change);
+    else if (type == "mvhd")
       put(inside, wide ? 24 : 16, change.length, wide ? 8 : 4);
-    else if (is("tkhd"))
+    else if (type == "tkhd")
       put(inside, wide ? 28 : 20, change.length, wide ? 8 : 4);
     for (const int width : {4, 8}) // tables of the frames' positions
-      for (std::size_t at = 8; is(width == 4 ? "stco" : "co64") && at + width <= inside.size(); at += width)
+      for (std::size_t at = 8; type == (width == 4 ? "stco" : "co64") && at + width <= inside.size();
+           at += width)
         put(inside, at, number(inside, at, width) + change.shift, width);
-    out = joined({out, field_of(8 + inside.size(), 4), text_field(box.type), inside});
+    out = joined({out, field_of(8 + inside.size(), 4), text_field(type), inside});
   });
   return out;
 }
 
 /// Counts the frames of a fragment in their tracks.
 void read_fragment(const Bytes& content, std::vector<IsoTrack>& tracks) {
-  each_box(content, [&tracks](Bytes::Box& part) {
-    if (part.type != "traf")
+  each_box(content, [&tracks](const std::string& type, Bytes fragment) {
+    if (type != "traf")
       return;
     unsigned id = 0;
-    each_box(part.content, [&](Bytes::Box& box) {
-      box.content.skip(4);
-      const std::uint64_t value = box.content.number(4);
-      if (box.type == "tfhd")
+    each_box(fragment, [&](const std::string& part, Bytes box) {
+      box.skip(4);
+      const std::uint64_t value = box.number(4);
+      if (part == "tfhd")
         id = static_cast<unsigned>(value);
       for (IsoTrack& track : tracks)
-        if (box.type == "trun" && track.id == id)
+        if (part == "trun" && track.id == id)
           track.fragment_frames += value;
     });
   });
@@ -463,7 +450,7 @@ std::optional<std::uint64_t> IsoTrack::shown_at(std::uint64_t media_time) const 
 Field shown_from(const Field& movie, std::uint64_t start) {
   const Bytes all(movie, 0);
   Change change;
-  each_video(Bytes(all).next().content, [&](const Tables& tables, const Movie& of) {
+  const auto show = [&change, start](const Tables& tables, const Movie& of) {
     const IsoTrack& track = tables.track;
     if (track.times.empty())
       return;
@@ -479,7 +466,8 @@ Field shown_from(const Field& movie, std::uint64_t start) {
     const Field list = joined({field_of(16 + edits.size(), 4), text_field("elst"), field_of(wide, 4),
                                field_of(edits.size() / edit_bytes, 4), edits});
     change = {gap + length, joined({field_of(8 + list.size(), 4), text_field("edts"), list}), 0};
-  });
+  };
+  each_box(all, [&show](const std::string&, const Bytes& box) { each_video(box, show); });
   if (change.edits.empty())
     return movie;
   change.shift = changed(all, change).size() - movie.size();
@@ -496,12 +484,11 @@ std::vector<IsoTrack> iso_video_tracks(const std::filesystem::path& path) {
   each_top_box(file, size, [&](const std::string& type, std::uint64_t position, std::uint64_t length) {
     if ((type != "moov" && type != "moof") || length > std::min(longest_index, size - position))
       return;
+    const auto take = [&tracks](Tables& tables, const Movie&) { tracks.push_back(std::move(tables.track)); };
     const Field box = load(file, position, length);
-    const Bytes content = Bytes(box, position).next().content;
-    if (type == "moof")
-      return read_fragment(content, tracks);
-    each_video(content,
-               [&tracks](Tables& tables, const Movie&) { tracks.push_back(std::move(tables.track)); });
+    each_box(Bytes(box, position), [&](const std::string&, const Bytes& content) {
+      type == "moof" ? read_fragment(content, tracks) : each_video(content, take);
+    });
   });
   for (IsoTrack& track : tracks)
     track.trimmed =
