@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """systemd's notify protocol (sd_notify): READY with the first frame, WATCHDOG only while frames pass."""
+import contextlib
 import os
 import socket
 import time
@@ -17,11 +18,9 @@ class Watchdog:
             return
         # A leading @ means the zero byte of an abstract address.
         address = '\0' + self.address[1:] if self.address.startswith('@') else self.address
-        try:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
-                sender.sendto(text.encode(), address)
-        except OSError:
-            pass  # systemd notices missing messages
+        # systemd notices missing messages.
+        with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+            sender.sendto(text.encode(), address)
 
     def tick(self, frames, problem):
         """Call several times a second with the number of frames so far."""

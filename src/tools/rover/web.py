@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The page's HTTP server: authorisation (token, Host, Origin), limits (connections, sizes, times), and requests."""
+import contextlib
 import hashlib
 import hmac
 import http.cookies
@@ -84,10 +85,8 @@ class Server(http.server.ThreadingHTTPServer):
         now = time.monotonic()
         for request, deadline in list(self.deadlines.items()):
             if now > deadline:
-                try:
+                with contextlib.suppress(OSError):
                     request.shutdown(socket.SHUT_RDWR)
-                except OSError:
-                    pass
 
 
 class Handler(http.server.BaseHTTPRequestHandler):
@@ -188,14 +187,12 @@ class Handler(http.server.BaseHTTPRequestHandler):
         self.reply({'error': text}, status)
         # Reads the rest of a short request: if unread data is left, closing the connection would discard the answer.
         self.wfile.flush()
-        try:
+        with contextlib.suppress(OSError):
             self.connection.shutdown(socket.SHUT_WR)
             self.connection.settimeout(1)
             for _ in range(64):
                 if not self.connection.recv(65536):
                     break
-        except OSError:
-            pass
 
     def do_GET(self):
         self.handle_request(self.get)
