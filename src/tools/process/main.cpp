@@ -26,7 +26,6 @@
 #include "tools/process/manifest.hpp"
 #include "tools/process/options.hpp"
 #include "tools/process/outputs.hpp"
-#include "tools/process/pipeline.hpp"
 #include "tools/process/worker.hpp"
 
 using namespace terrainseg::process;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "tools/process/pipeline.hpp"
+#include "tools/process/worker.hpp"
 
 #include <gst/pbutils/missing-plugins.h>
 
