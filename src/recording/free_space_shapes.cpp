@@ -68,9 +68,7 @@ void Beams::take(const MetricEstimate& m) {
   const auto least = static_cast<float>(fan_.range_min);
   ranges_.assign(fan_.beams, without_column);
   for (std::size_t i = 0; i < m.bearings.size(); ++i) {
-    if (std::isnan(m.bearings[i]))
-      continue;
-    const auto beam = beam_of(m.bearings[i]);
+    const auto beam = std::isnan(m.bearings[i]) ? std::nullopt : beam_of(m.bearings[i]);
     if (!beam)
       continue;
     const float range = m.ranges[i] < least ? least : m.ranges[i];

@@ -70,7 +70,8 @@ H264Unit inspect_h264(ByteView unit) {
   return kind;
 }
 
-ByteView ParameterSets::complete(ByteView unit, const H264Unit& kind) {
+ByteView ParameterSets::complete(ByteView unit) {
+  const H264Unit kind = inspect_h264(unit);
   constexpr std::array<std::uint8_t, 4> code = {0, 0, 0, 1};
   std::size_t behind_delimiter = 0;
   for_each_nal(unit, [&](Type type, ByteView nal) {

@@ -19,7 +19,7 @@ class ParameterSets {
  public:
   /// Returns the unit to record, valid until the next call; empty before the first unit at which decoding can
   /// start. `unit` must be valid Annex B with start codes.
-  ByteView complete(ByteView unit, const H264Unit& kind);
+  ByteView complete(ByteView unit);
 
  private:
   Bytes sequence_, picture_; ///< with start codes

@@ -103,9 +103,7 @@ void TerrainMessages::add_pictures(MessageOutlet& out, const Header& camera, con
   if (!frame.picture.empty())
     send(out, Topic::picture, camera, [&] { return JpegFile{frame.picture}; });
   // The parameter sets are also stored while the video topic has no reader.
-  const ByteView whole =
-      frame.video.empty() ? frame.video : parameter_sets_.complete(frame.video, inspect_h264(frame.video));
-  if (!whole.empty())
+  if (const ByteView whole = parameter_sets_.complete(frame.video); !whole.empty())
     send(out, Topic::video, camera, [&] { return H264Picture{whole}; });
 }
 

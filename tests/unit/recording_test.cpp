@@ -397,7 +397,7 @@ TEST(H264Unit, TellsWhatIsInIt) {
 TEST(H264Unit, EveryIdrGetsItsParameterSets) {
   ParameterSets sets;
   const auto kept = [&](const Bytes& unit) {
-    const ByteView out = sets.complete(unit, inspect_h264(unit));
+    const ByteView out = sets.complete(unit);
     return Bytes(out.begin(), out.end());
   };
   EXPECT_EQ(kept(unit_of({p_nal})), Bytes()) << "nothing to begin with";
