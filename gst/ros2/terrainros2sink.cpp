@@ -152,7 +152,8 @@ struct Ros2State {
 
   metric::Mount mount; // set before the readers are created
   std::atomic<std::uint64_t> frames = 0, taken = 0, refused = 0;
-  std::atomic<std::optional<bool>> near_clear; // nothing = unknown
+  enum Near : std::uint8_t { near_unknown, near_clear, near_blocked };
+  std::atomic<Near> near_state = near_unknown; // an atomic optional would need libatomic
   std::atomic<bool> warned_input = false;
 
   Ros2State() noexcept { // the names are short strings and need no allocation
@@ -241,7 +242,8 @@ void take_near(Ros2State& s, std::optional<bool> clear) {
   if (!clear)
     return refuse(s, "near-clear-topic");
   ++s.taken;
-  if (s.near_clear.exchange(clear) != clear)
+  const auto state = *clear ? Ros2State::near_clear : Ros2State::near_blocked;
+  if (s.near_state.exchange(state) != state)
     push_upstream(s, gst_structure_new("terrainseg-near", "clear", G_TYPE_BOOLEAN, *clear, nullptr));
 }
 
@@ -365,7 +367,7 @@ bool open_topics(Ros2State& s) {
     return false;
   s.mount = options->mount.value_or(metric::Mount{});
   s.frames = s.taken = s.refused = 0;
-  s.near_clear = std::nullopt;
+  s.near_state = Ros2State::near_unknown;
   s.warned_metadata = s.warned_input = false;
   return reported(s, [&] { make_topics(s, set, std::move(*options)); });
 }
@@ -390,7 +392,9 @@ GstFlowReturn send(Ros2State& s, GstBuffer* buffer) {
   if (!reader.check(s.element, "receivers of messages", "sent", s.warned_metadata))
     return GST_FLOW_ERROR;
   recording::MessageFrame frame = reader.frame(time_of(s, buffer));
-  frame.near_clear = s.near_clear;
+  const auto near = s.near_state.load();
+  if (near != Ros2State::near_unknown)
+    frame.near_clear = near == Ros2State::near_clear;
   GST_LOG_OBJECT(s.element, "%s at %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT, reader.content(), frame.time,
                  printable(buffer));
   ++s.frames;

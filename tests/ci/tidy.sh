@@ -24,7 +24,7 @@ fi
 # Names that belong to the compiler and its library. The check of clang-tidy, bugprone-reserved-identifier, tells the thousands of the
 # system's headers one by one before it drops them, a seventh of all its time: here they are found by how they are spelled. A suffix of a
 # literal must begin with an underscore.
-theirs='__restrict|__attribute__|__x86_64__|__builtin_\w+|_mm(256|512)?_\w+|_gst_meta_transform_copy|__VA_ARGS__|__clang__|_PC_NAME_MAX'
+theirs='__restrict|__attribute__|__x86_64__|__builtin_\w+|_mm(256|512)?_\w+|_gst_meta_transform_copy|__VA_ARGS__|__FILE__|__LINE__|__clang__|_PC_NAME_MAX'
 reserved() {
   grep -nHoP "(?://.*|\"(?:[^\"\\\\]|\\\\.)*\"(?:_[a-z][a-z0-9]*)?|'(?:[^'\\\\]|\\\\.)')(*SKIP)(*F)|(?<!\w)(?!(?:$theirs)(?!\w))(?:_\w+|\w*__\w*)" "$@"
 }
