@@ -2,6 +2,7 @@
 #include "kernels/sides.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "kernels/targets.hpp"
 

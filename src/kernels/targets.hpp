@@ -34,6 +34,8 @@ template <auto... constants, class Value, class Use>
 
 /// Defines the function `name` that a caller sees, which the header declares as a constant pointer: calls the
 /// variant for this processor of HWY_NAMESPACE::variant.
+// NOLINTBEGIN(bugprone-macro-parentheses): a name that is declared cannot stand in parentheses
 #define TERRAINSEG_DISPATCH(name, variant)                                                                   \
   HWY_EXPORT(variant);                                                                                       \
   decltype(name) name = [](auto... values) { return HWY_DYNAMIC_DISPATCH(variant)(values...); }
+// NOLINTEND(bugprone-macro-parentheses)

@@ -250,6 +250,7 @@ std::vector<Search::Found> candidates(const Search& search, std::span<const Meas
     return {search.from(*known.height)};
   const auto [near, far] = std::ranges::minmax_element(points, {}, &MeasuredPoint::distance);
   std::vector<Search::Found> found;
+  found.reserve(starts);
   const double low = std::log(near->distance / 50), high = std::log(far->distance * 10);
   for (int i = 0; i < starts; ++i)
     found.push_back(search.from(std::exp(low + (high - low) * i / (starts - 1))));
