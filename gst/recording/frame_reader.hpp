@@ -111,7 +111,8 @@ class FrameReader {
     frame.estimate = estimate_ ? &estimate_.estimate() : nullptr;
     frame.metric = metric_ ? &metric_.metric() : nullptr;
     if (picture_.data())
-      (kind_ == PictureKind::h264 ? frame.video : frame.picture) = {picture_.data(), picture_.size()};
+      (kind_ == PictureKind::h264 ? frame.video : frame.picture) =
+          recording::ByteView(picture_.data(), picture_.size());
     return frame;
   }
 
