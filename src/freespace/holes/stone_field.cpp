@@ -130,9 +130,12 @@ bool StoneField::look(const GrayView& luma, const FreeSpaceCurves& curves, const
   if (!candidates_.mark(cells, odd_enough, seed_enough, reach_of, reach_of, marked_.data()))
     return false;
   pieces_.find(marked_.data(), width_, first_, height_);
-  if (!is_field())
+  if (!list_stones()) {
+    runs_.clear();
     return false;
-  take_stones();
+  }
+  for (const Run& run : runs_)
+    std::fill_n(&oddness_[cell_of(run.row, run.from)], run.to - run.from, run.odd);
   return true;
 }
 
@@ -288,41 +291,35 @@ bool StoneField::is_stone(const Piece& piece, int most_width, int most_height) c
          (height <= always_small || 64 * height <= most_height * distance);
 }
 
-bool StoneField::is_field() const {
+// Lists the rows of all stones. Returns false when they are not a field.
+bool StoneField::list_stones() {
   int sure = 0;
   std::int64_t sure_cells = 0, all_cells = 0;
   for (std::uint32_t number = 0; number < pieces_.count(); ++number) {
     const Piece piece = look_at(number);
     all_cells += piece.cells;
-    if (piece.peak < sure_peak || !is_stone(piece, sure_width, sure_height))
-      continue;
-    ++sure;
-    sure_cells += piece.cells;
+    if (piece.peak >= sure_peak && is_stone(piece, sure_width, sure_height)) {
+      ++sure;
+      sure_cells += piece.cells;
+    }
+    if (piece.peak >= stone_peak && is_stone(piece, stone_width, stone_height))
+      list_rows(number, static_cast<std::uint8_t>(std::min(piece.peak, most_oddness)));
   }
   const int share = in_field_ ? least_share * less_in_a_field : least_share;
   return sure >= pieces_of_a_field() && share * sure_cells >= all_cells;
 }
 
-void StoneField::take_stones() {
-  for (std::uint32_t number = 0; number < pieces_.count(); ++number)
-    if (const Piece piece = look_at(number);
-        piece.peak >= stone_peak && is_stone(piece, stone_width, stone_height))
-      fill(number, std::min(piece.peak, most_oddness));
-}
-
-// Fills each row of a piece between its outermost cells: between the lit and the shaded side of a stone the
+// Lists each row of a piece between its outermost cells: between the lit and the shaded side of a stone the
 // luma equals the ground's.
-void StoneField::fill(std::uint32_t number, int odd) {
+void StoneField::list_rows(std::uint32_t number, std::uint8_t odd) {
   const std::size_t first = runs_.size();
   pieces_.each_run(number, [&](const Pieces::Run& run) {
     if (runs_.size() > first && runs_.back().row == run.row)
       runs_.back().to = static_cast<std::uint16_t>(run.to);
     else
       runs_.push_back({static_cast<std::uint16_t>(run.row), static_cast<std::uint16_t>(run.from),
-                       static_cast<std::uint16_t>(run.to)});
+                       static_cast<std::uint16_t>(run.to), odd});
   });
-  for (const Run& run : std::span(runs_).subspan(first))
-    std::fill_n(&oddness_[cell_of(run.row, run.from)], run.to - run.from, static_cast<std::uint8_t>(odd));
 }
 
 } // namespace terrainseg

@@ -58,6 +58,7 @@ class StoneField {
   struct Piece;
   struct Run {
     std::uint16_t row, from, to; ///< in cells
+    std::uint8_t odd;            ///< oddness of its stone
   };
 
   bool look(const GrayView& luma, const FreeSpaceCurves& curves, const StoneView& view);
@@ -71,9 +72,8 @@ class StoneField {
   int pieces_of_a_field() const;
   bool is_stone(const Piece& piece, int most_width, int most_height) const;
   Piece look_at(std::uint32_t number) const;
-  bool is_field() const;
-  void take_stones();
-  void fill(std::uint32_t number, int odd);
+  bool list_stones();
+  void list_rows(std::uint32_t number, std::uint8_t odd);
   int cell_of(int row, int column) const { return row * width_ + column; }
 
   bool in_field_ = false; ///< whether the last searched frame showed a field
