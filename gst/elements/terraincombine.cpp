@@ -37,7 +37,8 @@
 GST_DEBUG_CATEGORY_STATIC(terraincombine_debug);
 #define GST_CAT_DEFAULT terraincombine_debug
 
-namespace terrainseg {
+using namespace terrainseg;
+
 namespace {
 
 using Clock = Matcher::Clock;
@@ -94,8 +95,6 @@ bool is_full(const Queue& queue, Time latency, Time frame_duration) {
   return first == never || last == never || last - first > latency ||
          frames * half_frame > latency + 4 * half_frame;
 }
-
-} // namespace
 
 /// Everything behind the instance.
 struct CombineState {
@@ -161,10 +160,6 @@ static_assert(std::is_nothrow_default_constructible_v<UnitStore> &&
               std::is_nothrow_default_constructible_v<KlvUnit> &&
               std::is_nothrow_default_constructible_v<Queue>);
 
-} // namespace terrainseg
-
-using namespace terrainseg;
-
 /**
  * SECTION:element-terraincombine
  * @title: terraincombine
@@ -189,9 +184,6 @@ using GstTerrainCombine = Instance<GstElement, CombineState>;
 using GstTerrainCombineClass = GstElementClass;
 
 G_DEFINE_TYPE(GstTerrainCombine, gst_terrain_combine, GST_TYPE_ELEMENT)
-GST_ELEMENT_REGISTER_DEFINE(terraincombine, "terraincombine", GST_RANK_NONE, gst_terrain_combine_get_type())
-
-namespace {
 
 GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("video/x-raw(ANY)"));
@@ -199,10 +191,6 @@ GstStaticPadTemplate meta_template = GST_STATIC_PAD_TEMPLATE(
     "meta", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("meta/x-klv, parsed = (boolean) true"));
 GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS("video/x-raw(ANY)"));
-
-CombineState& state_of(gpointer object) {
-  return *reinterpret_cast<GstTerrainCombine*>(object)->state;
-}
 
 /// Signed running time of a position in a segment; never when it has none, or one of centuries that no sum
 /// of times must overflow with.
@@ -394,7 +382,7 @@ void push_event(CombineState& s, Item item) {
 }
 
 void loop(gpointer data) {
-  CombineState& s = state_of(data);
+  CombineState& s = GstTerrainCombine::state_of(data);
   if (std::optional<Taken> taken = take_next(s)) {
     if (taken->item.is_frame())
       push_frame(s, std::move(*taken));
@@ -415,12 +403,12 @@ void guarded_loop(gpointer data) {
   });
   if (fine)
     return;
-  CombineState& s = state_of(data);
+  CombineState& s = GstTerrainCombine::state_of(data);
   const Lock lock(s.mutex);
   s.flow = GST_FLOW_ERROR;
   s.pushing = false;
   s.changed.notify_all();
-  gst_pad_pause_task(state_of(data).src);
+  gst_pad_pause_task(s.src);
 }
 
 // ---- the video's side ------------------------------------------------------------------------------------
@@ -446,10 +434,6 @@ GstFlowReturn take_frame(CombineState& s, GstBuffer* frame) {
   s.queue.splice(s.queue.end(), item);
   s.changed.notify_all();
   return GST_FLOW_OK;
-}
-
-GstFlowReturn video_chain(GstPad*, GstObject* parent, GstBuffer* frame) {
-  return guarded(parent, GST_FLOW_ERROR, [&] { return take_frame(state_of(parent), frame); });
 }
 
 void flush_video(CombineState& s, bool flushing) noexcept {
@@ -533,8 +517,7 @@ GstFlowReturn flow_of(gboolean done) {
   return done ? GST_FLOW_OK : GST_FLOW_ERROR;
 }
 
-GstFlowReturn video_event(GstPad* pad, GstObject* parent, GstEvent* event) {
-  CombineState& s = state_of(parent);
+GstFlowReturn video_event(CombineState& s, GstEvent* event) {
   switch (GST_EVENT_TYPE(event)) {
   case GST_EVENT_FLUSH_START: {
     const gboolean pushed = gst_pad_push_event(s.src, event);
@@ -560,8 +543,8 @@ GstFlowReturn video_event(GstPad* pad, GstObject* parent, GstEvent* event) {
     break;
   }
   if (!(gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_SERIALIZED))
-    return flow_of(gst_pad_event_default(pad, parent, event));
-  return guarded(s.element, GST_FLOW_ERROR, [&] { return queue_event(s, event); });
+    return flow_of(gst_pad_event_default(s.sink, GST_OBJECT(s.element), event));
+  return queue_event(s, event);
 }
 
 /// Adds the frames that wait here to what downstream wants of a pool.
@@ -589,10 +572,9 @@ gboolean query_allocation(CombineState& s, GstQuery* query) {
   return TRUE;
 }
 
-gboolean video_query(GstPad* pad, GstObject* parent, GstQuery* query) {
-  CombineState& s = state_of(parent);
+gboolean video_query(CombineState& s, GstQuery* query) {
   if (!(gst_query_type_get_flags(GST_QUERY_TYPE(query)) & GST_QUERY_TYPE_SERIALIZED))
-    return gst_pad_query_default(pad, parent, query);
+    return gst_pad_query_default(s.sink, GST_OBJECT(s.element), query);
   {
     // In order: what came before it has left.
     Lock lock(s.mutex);
@@ -605,16 +587,15 @@ gboolean video_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   return gst_pad_peer_query(s.src, query);
 }
 
-gboolean video_activate(GstPad*, GstObject* parent, GstPadMode mode, gboolean active) {
-  CombineState& s = state_of(parent);
+bool video_activate(CombineState& s, GstPadMode mode, gboolean active) {
   if (mode != GST_PAD_MODE_PUSH)
-    return FALSE;
+    return false;
   flush_video(s, !active);
   if (!active) {
     const Lock lock(s.mutex);
     s.queue.clear();
   }
-  return TRUE;
+  return true;
 }
 
 // ---- the units' side -------------------------------------------------------------------------------------
@@ -673,14 +654,10 @@ void keep_unit(CombineState& s, OwnedBuffer unit) {
                         ("units without PTS, or in a segment that is not in time"));
 }
 
-GstFlowReturn meta_chain(GstPad*, GstObject* parent, GstBuffer* buffer) {
-  OwnedBuffer unit(buffer);
-  return guarded(parent, GST_FLOW_ERROR, [&] {
-    CombineState& s = state_of(parent);
-    keep_unit(s, std::move(unit));
-    const Lock lock(s.mutex);
-    return s.meta_flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK;
-  });
+GstFlowReturn meta_chain(CombineState& s, GstBuffer* unit) {
+  keep_unit(s, OwnedBuffer(unit));
+  const Lock lock(s.mutex);
+  return s.meta_flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK;
 }
 
 void flush_meta(CombineState& s, bool flushing) noexcept {
@@ -704,8 +681,7 @@ void take_gap(CombineState& s, GstEvent* event) {
 }
 
 /// Nothing of the units' stream goes on: the video's events are the output's.
-gboolean meta_event(GstPad*, GstObject* parent, GstEvent* event) {
-  CombineState& s = state_of(parent);
+bool meta_event(CombineState& s, GstEvent* event) {
   {
     const Lock lock(s.mutex);
     s.note_meta();
@@ -740,30 +716,27 @@ gboolean meta_event(GstPad*, GstObject* parent, GstEvent* event) {
     break;
   }
   gst_event_unref(event);
-  return TRUE;
+  return true;
 }
 
 gboolean meta_query(GstPad* pad, GstObject* parent, GstQuery* query) {
-  if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION)
-    return FALSE;
-  return gst_pad_query_default(pad, parent, query);
+  return GST_QUERY_TYPE(query) != GST_QUERY_ALLOCATION && gst_pad_query_default(pad, parent, query);
 }
 
-gboolean meta_activate(GstPad*, GstObject* parent, GstPadMode mode, gboolean active) {
+bool meta_activate(CombineState& s, GstPadMode mode, gboolean active) {
   if (mode != GST_PAD_MODE_PUSH)
-    return FALSE;
-  flush_meta(state_of(parent), !active);
-  return TRUE;
+    return false;
+  flush_meta(s, !active);
+  return true;
 }
 
 // ---- the output's side -----------------------------------------------------------------------------------
 
-gboolean src_activate(GstPad* pad, GstObject* parent, GstPadMode mode, gboolean active) {
-  CombineState& s = state_of(parent);
+gboolean src_activate(CombineState& s, GstPadMode mode, gboolean active) {
   if (mode != GST_PAD_MODE_PUSH)
     return FALSE;
   flush_video(s, !active);
-  return active ? gst_pad_start_task(pad, guarded_loop, s.element, nullptr) : gst_pad_stop_task(pad);
+  return active ? gst_pad_start_task(s.src, guarded_loop, s.element, nullptr) : gst_pad_stop_task(s.src);
 }
 
 gboolean query_latency(CombineState& s, GstQuery* query) {
@@ -780,26 +753,25 @@ gboolean query_latency(CombineState& s, GstQuery* query) {
   return TRUE;
 }
 
-gboolean src_query(GstPad* pad, GstObject* parent, GstQuery* query) {
+gboolean src_query(CombineState& s, GstQuery* query) {
   if (GST_QUERY_TYPE(query) == GST_QUERY_LATENCY)
-    return query_latency(state_of(parent), query);
-  return gst_pad_query_default(pad, parent, query);
+    return query_latency(s, query);
+  return gst_pad_query_default(s.src, GST_OBJECT(s.element), query);
 }
 
-gboolean src_event(GstPad* pad, GstObject* parent, GstEvent* event) {
-  CombineState& s = state_of(parent);
+gboolean src_event(CombineState& s, GstEvent* event) {
   // Seeks also reach a separate source of the units; a source that knows the latency waits for it.
   const GstEventType type = GST_EVENT_TYPE(event);
   if ((type == GST_EVENT_SEEK || type == GST_EVENT_LATENCY) && gst_pad_is_linked(s.meta))
     gst_pad_push_event(s.meta, gst_event_ref(event));
   if (type == GST_EVENT_RECONFIGURE)
     resume(s);
-  return gst_pad_event_default(pad, parent, event);
+  return gst_pad_event_default(s.src, GST_OBJECT(s.element), event);
 }
 
 /// Video in and video out belong together; the units are an end.
 GstIterator* internal_links(GstPad* pad, GstObject* parent) {
-  CombineState& s = state_of(parent);
+  const CombineState& s = GstTerrainCombine::state_of(parent);
   GstPad* other = pad == s.src ? s.sink : pad == s.sink ? s.src : nullptr;
   if (!other)
     return nullptr;
@@ -812,7 +784,7 @@ GstIterator* internal_links(GstPad* pad, GstObject* parent) {
 // ---- the object ------------------------------------------------------------------------------------------
 
 GstStateChangeReturn change_state(GstElement* element, GstStateChange transition) {
-  CombineState& s = state_of(element);
+  CombineState& s = GstTerrainCombine::state_of(element);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
     const Lock lock(s.mutex);
     s.matcher.start();
@@ -830,7 +802,7 @@ GstStateChangeReturn change_state(GstElement* element, GstStateChange transition
 }
 
 GstStructure* statistics_of(gpointer object) {
-  CombineState& s = state_of(object);
+  CombineState& s = GstTerrainCombine::state_of(object);
   Lock lock(s.mutex);
   const Matcher::Counts counts = s.matcher.counts();
   lock.unlock();
@@ -864,9 +836,7 @@ void set_property(GObject* object, guint id, const GValue* value, GParamSpec* sp
     gst_element_post_message(GST_ELEMENT(object), gst_message_new_latency(GST_OBJECT(object)));
 }
 
-} // namespace
-
-static void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
+void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terraincombine_debug, "terraincombine", 0, "terrain metadata from KLV");
   init_class<GstTerrainCombine, gst_terrain_combine_parent_class, table>(
       klass, {"Terrain combiner", "Combiner/Metadata/Video",
@@ -879,28 +849,30 @@ static void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &src_template);
 }
 
-static void gst_terrain_combine_init(GstTerrainCombine* self) {
-  self->state.make();
-  CombineState& s = *self->state;
-  s.element = GST_ELEMENT(self);
+void gst_terrain_combine_init(GstTerrainCombine* self) {
+  CombineState& s = self->make_state();
   s.sink = gst_pad_new_from_static_template(&sink_template, "sink");
-  gst_pad_set_chain_function(s.sink, video_chain);
-  gst_pad_set_event_full_function(s.sink, video_event);
-  gst_pad_set_query_function(s.sink, video_query);
-  gst_pad_set_activatemode_function(s.sink, video_activate);
+  gst_pad_set_chain_function(s.sink, GstTerrainCombine::pad_call<take_frame>);
+  gst_pad_set_event_full_function(s.sink, GstTerrainCombine::pad_call<video_event>);
+  gst_pad_set_query_function(s.sink, GstTerrainCombine::pad_call<video_query>);
+  gst_pad_set_activatemode_function(s.sink, GstTerrainCombine::pad_call<video_activate>);
   GST_PAD_SET_PROXY_CAPS(s.sink);
   s.meta = gst_pad_new_from_static_template(&meta_template, "meta");
-  gst_pad_set_chain_function(s.meta, meta_chain);
-  gst_pad_set_event_function(s.meta, meta_event);
+  gst_pad_set_chain_function(s.meta, GstTerrainCombine::pad_call<meta_chain>);
+  gst_pad_set_event_function(s.meta, GstTerrainCombine::pad_call<meta_event>);
   gst_pad_set_query_function(s.meta, meta_query);
-  gst_pad_set_activatemode_function(s.meta, meta_activate);
+  gst_pad_set_activatemode_function(s.meta, GstTerrainCombine::pad_call<meta_activate>);
   s.src = gst_pad_new_from_static_template(&src_template, "src");
-  gst_pad_set_activatemode_function(s.src, src_activate);
-  gst_pad_set_event_function(s.src, src_event);
-  gst_pad_set_query_function(s.src, src_query);
+  gst_pad_set_activatemode_function(s.src, GstTerrainCombine::pad_call<src_activate>);
+  gst_pad_set_event_function(s.src, GstTerrainCombine::pad_call<src_event>);
+  gst_pad_set_query_function(s.src, GstTerrainCombine::pad_call<src_query>);
   GST_PAD_SET_PROXY_CAPS(s.src);
   for (GstPad* pad : {s.sink, s.meta, s.src}) {
     gst_pad_set_iterate_internal_links_function(pad, internal_links);
-    gst_element_add_pad(GST_ELEMENT(self), pad);
+    gst_element_add_pad(s.element, pad);
   }
 }
+
+} // namespace
+
+GST_ELEMENT_REGISTER_DEFINE(terraincombine, "terraincombine", GST_RANK_NONE, gst_terrain_combine_get_type())

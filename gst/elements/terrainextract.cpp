@@ -26,7 +26,8 @@ GST_DEBUG_CATEGORY_STATIC(terrainextract_debug);
   "video/x-raw, format = (string) GRAY8, width = (int) [ 1, 32767 ], height = (int) [ 1, 32767 ], "          \
   "framerate = (fraction) [ 0, max ]"
 
-namespace terrainseg {
+using namespace terrainseg;
+
 namespace {
 
 enum class Output : std::uint8_t { gray, lines, klv, mavlink };
@@ -88,8 +89,6 @@ const Property<ExtractSettings> table[] = {
      property_playing, field<&ExtractSettings::component_id>(1, 255)},
 };
 
-} // namespace
-
 /// Everything behind the instance.
 struct ExtractState {
   GstElement* element = nullptr;
@@ -127,10 +126,6 @@ struct ExtractState {
   }
 };
 
-} // namespace terrainseg
-
-using namespace terrainseg;
-
 /**
  * SECTION:element-terrainextract
  * @title: terrainextract
@@ -152,9 +147,6 @@ using GstTerrainExtract = Instance<GstElement, ExtractState>;
 using GstTerrainExtractClass = GstElementClass;
 
 G_DEFINE_TYPE(GstTerrainExtract, gst_terrain_extract, GST_TYPE_ELEMENT)
-GST_ELEMENT_REGISTER_DEFINE(terrainextract, "terrainextract", GST_RANK_NONE, gst_terrain_extract_get_type())
-
-namespace {
 
 GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS_ANY);
@@ -162,10 +154,6 @@ GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     "src", GST_PAD_SRC, GST_PAD_ALWAYS,
     GST_STATIC_CAPS(GRAY_CAPS
                     "; application/x-ndjson; meta/x-klv, parsed = (boolean) true; application/x-mavlink"));
-
-ExtractState& state_of(gpointer object) {
-  return *reinterpret_cast<GstTerrainExtract*>(object)->state;
-}
 
 // ---- negotiation -----------------------------------------------------------------------------------------
 
@@ -488,11 +476,9 @@ GstFlowReturn extract(ExtractState& s, GstBuffer* frame) {
   return gst_pad_push(s.src, unit);
 }
 
-GstFlowReturn chain(GstPad*, GstObject* parent, GstBuffer* frame) {
-  ExtractState& s = state_of(parent);
-  const GstFlowReturn flow = guarded(s.element, GST_FLOW_ERROR, [&] { return extract(s, frame); });
-  gst_buffer_unref(frame);
-  return flow;
+GstFlowReturn chain(ExtractState& s, GstBuffer* buffer) {
+  const OwnedBuffer frame(buffer);
+  return extract(s, frame.get());
 }
 
 // ---- events and queries ----------------------------------------------------------------------------------
@@ -532,13 +518,12 @@ GstEvent* own_stream(ExtractState& s, GstEvent* event) {
   return own;
 }
 
-gboolean sink_event(GstPad* pad, GstObject* parent, GstEvent* event) {
-  ExtractState& s = state_of(parent);
+gboolean sink_event(ExtractState& s, GstEvent* event) {
   switch (GST_EVENT_TYPE(event)) {
   case GST_EVENT_STREAM_START:
     return gst_pad_push_event(s.src, own_stream(s, event));
   case GST_EVENT_CAPS:
-    return guarded<gboolean>(s.element, FALSE, [&] { return take_caps(s, event); });
+    return take_caps(s, event);
   case GST_EVENT_SEGMENT:
     gst_event_copy_segment(event, &s.segment);
     if (gst_pad_has_current_caps(s.src))
@@ -572,18 +557,16 @@ gboolean sink_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   default:
     break;
   }
-  return gst_pad_event_default(pad, parent, event);
+  return gst_pad_event_default(s.sink, GST_OBJECT(s.element), event);
 }
 
 /// Of a plain FALSE the pad that sends a sticky event again makes an error, also while this element is only
 /// being stopped: its output goes first.
-GstFlowReturn sink_event_full(GstPad* pad, GstObject* parent, GstEvent* event) {
+GstFlowReturn sink_event_full(ExtractState& s, GstEvent* event) {
   const bool caps = GST_EVENT_TYPE(event) == GST_EVENT_CAPS;
-  if (sink_event(pad, parent, event))
+  if (sink_event(s, event))
     return GST_FLOW_OK;
-  return GST_PAD_IS_FLUSHING(state_of(parent).src) ? GST_FLOW_FLUSHING
-         : caps                                    ? GST_FLOW_NOT_NEGOTIATED
-                                                   : GST_FLOW_ERROR;
+  return GST_PAD_IS_FLUSHING(s.src) ? GST_FLOW_FLUSHING : caps ? GST_FLOW_NOT_NEGOTIATED : GST_FLOW_ERROR;
 }
 
 gboolean sink_query(GstPad* pad, GstObject* parent, GstQuery* query) {
@@ -611,13 +594,11 @@ GstStateChangeReturn change_state(GstElement* element, GstStateChange transition
   const GstStateChangeReturn result =
       GST_ELEMENT_CLASS(gst_terrain_extract_parent_class)->change_state(element, transition);
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY)
-    state_of(element).reset();
+    GstTerrainExtract::state_of(element).reset();
   return result;
 }
 
-} // namespace
-
-static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
+void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainextract_debug, "terrainextract", 0,
                           "terrain masks, lines, KLV and MAVLink from metadata");
   init_class<GstTerrainExtract, gst_terrain_extract_parent_class, table>(
@@ -630,16 +611,18 @@ static void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &src_template);
 }
 
-static void gst_terrain_extract_init(GstTerrainExtract* self) {
-  self->state.make();
-  ExtractState& s = *self->state;
-  s.element = GST_ELEMENT(self);
+void gst_terrain_extract_init(GstTerrainExtract* self) {
+  ExtractState& s = self->make_state();
   s.sink = gst_pad_new_from_static_template(&sink_template, "sink");
-  gst_pad_set_chain_function(s.sink, chain);
-  gst_pad_set_event_full_function(s.sink, sink_event_full);
+  gst_pad_set_chain_function(s.sink, GstTerrainExtract::pad_call<chain>);
+  gst_pad_set_event_full_function(s.sink, GstTerrainExtract::pad_call<sink_event_full>);
   gst_pad_set_query_function(s.sink, sink_query);
-  gst_element_add_pad(GST_ELEMENT(self), s.sink);
+  gst_element_add_pad(s.element, s.sink);
   s.src = gst_pad_new_from_static_template(&src_template, "src");
   gst_pad_set_event_function(s.src, src_event);
-  gst_element_add_pad(GST_ELEMENT(self), s.src);
+  gst_element_add_pad(s.element, s.src);
 }
+
+} // namespace
+
+GST_ELEMENT_REGISTER_DEFINE(terrainextract, "terrainextract", GST_RANK_NONE, gst_terrain_extract_get_type())

@@ -15,7 +15,9 @@
 GST_DEBUG_CATEGORY_STATIC(terrainscenesrc_debug);
 #define GST_CAT_DEFAULT terrainscenesrc_debug
 
-namespace terrainseg {
+using namespace terrainseg;
+
+namespace {
 
 struct SceneSourceSettings {
   scene::Settings scene;
@@ -24,6 +26,7 @@ struct SceneSourceSettings {
 
 /// Everything behind the instance.
 struct SceneSourceState {
+  GstBaseSrc* element = nullptr;
   SceneSourceSettings settings; // object lock
 
   GstVideoInfo info = no_video(); // written by streaming under the object lock, which others read under
@@ -44,10 +47,6 @@ struct SceneSourceState {
   }
 };
 
-} // namespace terrainseg
-
-using namespace terrainseg;
-
 /**
  * SECTION:element-terrainscenesrc
  * @title: terrainscenesrc
@@ -67,16 +66,8 @@ using GstTerrainSceneSrc = Instance<GstPushSrc, SceneSourceState>;
 using GstTerrainSceneSrcClass = GstPushSrcClass;
 
 G_DEFINE_TYPE(GstTerrainSceneSrc, gst_terrain_scene_src, GST_TYPE_PUSH_SRC)
-GST_ELEMENT_REGISTER_DEFINE(terrainscenesrc, "terrainscenesrc", GST_RANK_NONE,
-                            gst_terrain_scene_src_get_type())
-
-namespace {
 
 constexpr int default_width = 640, default_height = 360, default_rate = 30;
-
-SceneSourceState& state_of(gpointer object) {
-  return *reinterpret_cast<GstTerrainSceneSrc*>(object)->state;
-}
 
 // ---- properties ------------------------------------------------------------------------------------------
 
@@ -119,12 +110,13 @@ const Property<SceneSourceSettings> table[] = {
 
 void set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
   set_in_table<GstTerrainSceneSrc, table>(object, id, value, spec);
-  gst_base_src_set_live(GST_BASE_SRC(object), locked_copy(object, state_of(object).settings.is_live));
+  const SceneSourceState& s = GstTerrainSceneSrc::state_of(object);
+  gst_base_src_set_live(s.element, locked_copy(object, s.settings.is_live));
 }
 
 // ---- negotiation -----------------------------------------------------------------------------------------
 
-GstCaps* fixate(GstBaseSrc* source, GstCaps* caps) {
+GstCaps* fixate(SceneSourceState& s, GstCaps* caps) {
   caps = gst_caps_make_writable(caps);
   GstStructure* fields = gst_caps_get_structure(caps, 0);
   gst_structure_fixate_field_nearest_int(fields, "width", default_width);
@@ -134,22 +126,21 @@ GstCaps* fixate(GstBaseSrc* source, GstCaps* caps) {
     gst_structure_fixate_field_nearest_fraction(fields, "pixel-aspect-ratio", 1, 1);
   if (gst_structure_has_field(fields, "interlace-mode"))
     gst_structure_fixate_field_string(fields, "interlace-mode", "progressive");
-  return GST_BASE_SRC_CLASS(gst_terrain_scene_src_parent_class)->fixate(source, caps);
+  return GST_BASE_SRC_CLASS(gst_terrain_scene_src_parent_class)->fixate(s.element, caps);
 }
 
-gboolean set_caps(GstBaseSrc* source, GstCaps* caps) {
-  SceneSourceState& s = state_of(source);
+bool set_caps(SceneSourceState& s, GstCaps* caps) {
   GstVideoInfo info;
   if (!gst_video_info_from_caps(&info, caps) || !pixel_format_of(GST_VIDEO_INFO_FORMAT(&info))) {
-    GST_ELEMENT_ERROR(source, CORE, NEGOTIATION, ("Unsupported video format."),
+    GST_ELEMENT_ERROR(s.element, CORE, NEGOTIATION, ("Unsupported video format."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
-    return FALSE;
+    return false;
   }
   if (GST_VIDEO_INFO_IS_INTERLACED(&info)) {
-    GST_ELEMENT_ERROR(source, CORE, NEGOTIATION,
+    GST_ELEMENT_ERROR(s.element, CORE, NEGOTIATION,
                       ("terrainscenesrc renders progressive video only: put \"interlace\" after it."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
-    return FALSE;
+    return false;
   }
   // Time goes on where the old rate left it.
   if (GST_VIDEO_INFO_FORMAT(&s.info) != GST_VIDEO_FORMAT_UNKNOWN && !s.still())
@@ -162,16 +153,15 @@ gboolean set_caps(GstBaseSrc* source, GstCaps* caps) {
   const bool other_rate = GST_VIDEO_INFO_FPS_N(&info) != GST_VIDEO_INFO_FPS_N(&s.info) ||
                           GST_VIDEO_INFO_FPS_D(&info) != GST_VIDEO_INFO_FPS_D(&s.info);
   {
-    ObjectLock lock(source);
+    ObjectLock lock(s.element);
     s.info = info;
   }
-  if (other_rate && gst_base_src_is_live(source)) // a frame is another time now
-    gst_element_post_message(GST_ELEMENT(source), gst_message_new_latency(GST_OBJECT(source)));
-  return TRUE;
+  if (other_rate && gst_base_src_is_live(s.element)) // a frame is another time now
+    gst_element_post_message(GST_ELEMENT(s.element), gst_message_new_latency(GST_OBJECT(s.element)));
+  return true;
 }
 
-gboolean decide_allocation(GstBaseSrc* source, GstQuery* query) {
-  SceneSourceState& s = state_of(source);
+gboolean decide_allocation(SceneSourceState& s, GstQuery* query) {
   g_autoptr(GstBufferPool) pool = nullptr;
   guint size = static_cast<guint>(GST_VIDEO_INFO_SIZE(&s.info)), least = 0, most = 0;
   const bool offered = gst_query_get_n_allocation_pools(query) > 0;
@@ -193,44 +183,38 @@ gboolean decide_allocation(GstBaseSrc* source, GstQuery* query) {
     gst_query_set_nth_allocation_pool(query, 0, pool, size, least, most);
   else
     gst_query_add_allocation_pool(query, pool, size, least, most);
-  return GST_BASE_SRC_CLASS(gst_terrain_scene_src_parent_class)->decide_allocation(source, query);
+  return GST_BASE_SRC_CLASS(gst_terrain_scene_src_parent_class)->decide_allocation(s.element, query);
 }
 
 // ---- time ------------------------------------------------------------------------------------------------
 
-gboolean start(GstBaseSrc* source) {
-  SceneSourceState& s = state_of(source);
+bool start(SceneSourceState& s) {
   s.frame = s.first_frame = 0;
   s.first_time = 0;
   s.reverse = s.skipped = false;
   s.punctual = G_MAXINT64;
-  ObjectLock lock(source);
+  ObjectLock lock(s.element);
   s.info = no_video();
-  return TRUE;
+  return true;
 }
 
-gboolean stop(GstBaseSrc* source) {
-  state_of(source).renderer.reset();
-  return TRUE;
+bool stop(SceneSourceState& s) {
+  s.renderer.reset();
+  return true;
 }
 
-gboolean is_seekable(GstBaseSrc* source) {
-  return !gst_base_src_is_live(source);
-}
-
-gboolean do_seek(GstBaseSrc* source, GstSegment* segment) {
-  SceneSourceState& s = state_of(source);
+bool do_seek(SceneSourceState& s, GstSegment* segment) {
   segment->time = segment->start;
   s.first_frame = 0;
   s.first_time = 0;
   s.reverse = segment->rate < 0;
   if (s.reverse && !GST_CLOCK_TIME_IS_VALID(segment->stop) && !GST_CLOCK_TIME_IS_VALID(segment->duration))
-    return FALSE; // backwards from an end that there is not
+    return false; // backwards from an end that there is not
   const guint64 rate_n = static_cast<guint64>(GST_VIDEO_INFO_FPS_N(&s.info)),
                 rate_d = static_cast<guint64>(GST_VIDEO_INFO_FPS_D(&s.info)) * GST_SECOND;
   if (rate_n == 0) {
     s.frame = s.reverse ? 1 : 0;
-    return TRUE;
+    return true;
   }
   // Frame n starts at floor(n * rate_d / rate_n): forward the last frame that starts at or before the
   // position, backward those that start before it.
@@ -238,17 +222,17 @@ gboolean do_seek(GstBaseSrc* source, GstSegment* segment) {
     s.frame = gst_util_uint64_scale_ceil(segment->position, rate_n, rate_d);
   else
     s.frame = gst_util_uint64_scale_ceil(segment->position + 1, rate_n, rate_d) - 1;
-  return TRUE;
+  return true;
 }
 
-gboolean query(GstBaseSrc* source, GstQuery* query) {
-  const GstVideoInfo info = locked_copy(source, state_of(source).info);
+gboolean query(SceneSourceState& s, GstQuery* query) {
+  const GstVideoInfo info = locked_copy(s.element, s.info);
   switch (GST_QUERY_TYPE(query)) {
   case GST_QUERY_LATENCY: // a camera gives a frame when it is exposed, which takes as long as the frame
     if (GST_VIDEO_INFO_FPS_N(&info) <= 0)
       break;
     gst_query_set_latency(
-        query, gst_base_src_is_live(source),
+        query, gst_base_src_is_live(s.element),
         gst_util_uint64_scale(GST_SECOND, GST_VIDEO_INFO_FPS_D(&info), GST_VIDEO_INFO_FPS_N(&info)),
         GST_CLOCK_TIME_NONE);
     return TRUE;
@@ -265,7 +249,7 @@ gboolean query(GstBaseSrc* source, GstQuery* query) {
     GstFormat format;
     gst_query_parse_duration(query, &format, nullptr);
     gint frames = -1;
-    g_object_get(source, "num-buffers", &frames, nullptr);
+    g_object_get(s.element, "num-buffers", &frames, nullptr);
     if (frames < 0 || GST_VIDEO_INFO_FPS_N(&info) == 0 ||
         (format != GST_FORMAT_DEFAULT && format != GST_FORMAT_TIME))
       break;
@@ -277,7 +261,7 @@ gboolean query(GstBaseSrc* source, GstQuery* query) {
   default:
     break;
   }
-  return GST_BASE_SRC_CLASS(gst_terrain_scene_src_parent_class)->query(source, query);
+  return GST_BASE_SRC_CLASS(gst_terrain_scene_src_parent_class)->query(s.element, query);
 }
 
 void get_times(GstBaseSrc* source, GstBuffer* buffer, GstClockTime* from, GstClockTime* to) {
@@ -290,20 +274,20 @@ void get_times(GstBaseSrc* source, GstBuffer* buffer, GstClockTime* from, GstClo
 
 /// A camera that is too slow loses frames, it does not fall behind. The base class shifts a live source's
 /// time stamps by what starting took, so that lateness is told by the most punctual frame so far.
-void skip_missed(GstBaseSrc* source, SceneSourceState& s) {
-  if (!gst_base_src_is_live(source) || s.still())
+void skip_missed(SceneSourceState& s) {
+  if (!gst_base_src_is_live(s.element) || s.still())
     return;
-  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(source));
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(s.element));
   if (!clock)
     return;
-  const GstClockTime running = gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(source));
+  const GstClockTime running = gst_clock_get_time(clock) - gst_element_get_base_time(GST_ELEMENT(s.element));
   const GstClockTimeDiff behind = GST_CLOCK_DIFF(s.time_of(s.frame), running);
   s.punctual = MIN(s.punctual, behind);
   const auto late = static_cast<GstClockTime>(behind - s.punctual),
              duration = s.time_of(s.frame + 1) - s.time_of(s.frame);
   if (late < 2 * duration)
     return;
-  GST_DEBUG_OBJECT(source, "late by %" GST_TIME_FORMAT ": frames from %" G_GUINT64_FORMAT " on are lost",
+  GST_DEBUG_OBJECT(s.element, "late by %" GST_TIME_FORMAT ": frames from %" G_GUINT64_FORMAT " on are lost",
                    GST_TIME_ARGS(late), s.frame);
   // Not late / duration, which is 0 with more frames than nanoseconds.
   s.frame +=
@@ -321,8 +305,8 @@ void set_truth(GstStructure* truth, GstBuffer* labels, int horizon, const scene:
 }
 
 /// Renders the next frame. False after an error was posted.
-bool render(GstBaseSrc* source, SceneSourceState& s, std::uint64_t number, GstBuffer* buffer) {
-  const scene::Settings wanted = locked_copy(source, s.settings.scene);
+bool render(SceneSourceState& s, std::uint64_t number, GstBuffer* buffer) {
+  const scene::Settings wanted = locked_copy(s.element, s.settings.scene);
   const int width = GST_VIDEO_INFO_WIDTH(&s.info), height = GST_VIDEO_INFO_HEIGHT(&s.info);
   if (!s.renderer || wanted != s.rendered) {
     s.renderer.reset();
@@ -334,13 +318,13 @@ bool render(GstBaseSrc* source, SceneSourceState& s, std::uint64_t number, GstBu
   {
     const MappedBuffer map(labels.get(), GST_MAP_WRITE);
     if (!map) {
-      GST_ELEMENT_ERROR(source, RESOURCE, NO_SPACE_LEFT, ("Out of memory for the labels."),
+      GST_ELEMENT_ERROR(s.element, RESOURCE, NO_SPACE_LEFT, ("Out of memory for the labels."),
                         ("%d x %d", width, height));
       return false;
     }
     const MappedFrame frame(s.info, buffer, GST_MAP_WRITE);
     if (!frame) {
-      report_unusable(source, buffer, frame);
+      report_unusable(s.element, buffer, frame);
       return false;
     }
     horizon = s.renderer->render(number, frame.mutable_view(), {map.data(), width});
@@ -350,19 +334,17 @@ bool render(GstBaseSrc* source, SceneSourceState& s, std::uint64_t number, GstBu
   return true;
 }
 
-GstFlowReturn fill(GstPushSrc* push, GstBuffer* buffer) {
-  auto* source = GST_BASE_SRC(push);
-  SceneSourceState& s = state_of(push);
+GstFlowReturn fill(SceneSourceState& s, GstBuffer* buffer) {
   if (GST_VIDEO_INFO_FORMAT(&s.info) == GST_VIDEO_FORMAT_UNKNOWN) {
-    GST_ELEMENT_ERROR(source, CORE, NEGOTIATION, ("No video format was negotiated."),
+    GST_ELEMENT_ERROR(s.element, CORE, NEGOTIATION, ("No video format was negotiated."),
                       ("fill() before set_caps()"));
     return GST_FLOW_NOT_NEGOTIATED;
   }
   if (s.reverse ? s.frame == 0 : s.still() && s.frame == 1)
     return GST_FLOW_EOS;
-  skip_missed(source, s);
+  skip_missed(s);
   const std::uint64_t number = s.reverse ? s.frame - 1 : s.frame;
-  if (!guarded(source, false, [&] { return render(source, s, number, buffer); }))
+  if (!render(s, number, buffer))
     return GST_FLOW_ERROR;
   GST_BUFFER_OFFSET(buffer) = number;
   GST_BUFFER_OFFSET_END(buffer) = number + 1;
@@ -378,20 +360,18 @@ GstFlowReturn fill(GstPushSrc* push, GstBuffer* buffer) {
     GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_DISCONT);
     s.skipped = false;
   }
-  GST_LOG_OBJECT(source, "frame %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT, number, printable(buffer));
+  GST_LOG_OBJECT(s.element, "frame %" G_GUINT64_FORMAT ": %" GST_PTR_FORMAT, number, printable(buffer));
   s.frame = s.reverse ? number : number + 1;
   return GST_FLOW_OK;
 }
 
-} // namespace
-
-static void gst_terrain_scene_src_init(GstTerrainSceneSrc* self) {
-  self->state.make();
-  gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
-  gst_base_src_set_live(GST_BASE_SRC(self), FALSE);
+void gst_terrain_scene_src_init(GstTerrainSceneSrc* self) {
+  const SceneSourceState& s = self->make_state();
+  gst_base_src_set_format(s.element, GST_FORMAT_TIME);
+  gst_base_src_set_live(s.element, FALSE);
 }
 
-static void gst_terrain_scene_src_class_init(GstTerrainSceneSrcClass* klass) {
+void gst_terrain_scene_src_class_init(GstTerrainSceneSrcClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainscenesrc_debug, "terrainscenesrc", 0,
                           "A rover's view, rendered, with its ground truth");
   init_class<GstTerrainSceneSrc, gst_terrain_scene_src_parent_class, table>(
@@ -402,15 +382,19 @@ static void gst_terrain_scene_src_class_init(GstTerrainSceneSrcClass* klass) {
       GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
   gst_element_class_add_static_pad_template(GST_ELEMENT_CLASS(klass), &pad);
   auto* source_class = GST_BASE_SRC_CLASS(klass);
-
-  source_class->start = start;
-  source_class->stop = stop;
-  source_class->fixate = fixate;
-  source_class->set_caps = set_caps;
-  source_class->decide_allocation = decide_allocation;
-  source_class->is_seekable = is_seekable;
-  source_class->do_seek = do_seek;
-  source_class->query = query;
+  source_class->start = GstTerrainSceneSrc::call<start>;
+  source_class->stop = GstTerrainSceneSrc::call<stop>;
+  source_class->fixate = GstTerrainSceneSrc::call<fixate>;
+  source_class->set_caps = GstTerrainSceneSrc::call<set_caps>;
+  source_class->decide_allocation = GstTerrainSceneSrc::call<decide_allocation>;
+  source_class->is_seekable = [](GstBaseSrc* source) -> gboolean { return !gst_base_src_is_live(source); };
+  source_class->do_seek = GstTerrainSceneSrc::call<do_seek>;
+  source_class->query = GstTerrainSceneSrc::call<query>;
   source_class->get_times = get_times;
-  GST_PUSH_SRC_CLASS(klass)->fill = fill;
+  GST_PUSH_SRC_CLASS(klass)->fill = GstTerrainSceneSrc::call<fill>;
 }
+
+} // namespace
+
+GST_ELEMENT_REGISTER_DEFINE(terrainscenesrc, "terrainscenesrc", GST_RANK_NONE,
+                            gst_terrain_scene_src_get_type())

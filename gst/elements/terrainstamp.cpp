@@ -16,7 +16,8 @@
 GST_DEBUG_CATEGORY_STATIC(terrainstamp_debug);
 #define GST_CAT_DEFAULT terrainstamp_debug
 
-namespace terrainseg {
+using namespace terrainseg;
+
 namespace {
 
 enum class StampMode : std::uint8_t { write, read };
@@ -35,21 +36,15 @@ const Property<StampSettings> stamp_table[] = {
      field<&StampSettings::mode>("GstTerrainStampMode", modes)},
 };
 
-} // namespace
-
 /// Everything behind the instance.
 struct StampState {
-  GstElement* element = nullptr;
+  GstBaseTransform* element = nullptr;
   StampSettings settings; // any thread
   NalFraming framing;     // streaming
   bool first = true;      // streaming; nothing has passed since the start or a flush
   Once<> formless;        // streaming; a buffer without a slice
   Once<> timeless;        // streaming
 };
-
-} // namespace terrainseg
-
-using namespace terrainseg;
 
 /**
  * SECTION:element-terrainstamp
@@ -78,9 +73,6 @@ using GstTerrainStamp = Instance<GstBaseTransform, StampState>;
 using GstTerrainStampClass = GstBaseTransformClass;
 
 G_DEFINE_TYPE(GstTerrainStamp, gst_terrain_stamp, GST_TYPE_BASE_TRANSFORM)
-GST_ELEMENT_REGISTER_DEFINE(terrainstamp, "terrainstamp", GST_RANK_NONE, gst_terrain_stamp_get_type())
-
-namespace {
 
 #define STAMP_CAPS                                                                                           \
   "video/x-h264, stream-format = (string) { byte-stream, avc, avc3 }, alignment = (string) au; "             \
@@ -91,16 +83,11 @@ GstStaticPadTemplate sink_template =
 GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(STAMP_CAPS));
 
-StampState& state_of(gpointer object) {
-  return *reinterpret_cast<GstTerrainStamp*>(object)->state;
-}
-
-gboolean start(GstBaseTransform* transform) {
-  StampState& s = state_of(transform);
+bool start(StampState& s) {
   s.first = true;
   s.formless.again();
   s.timeless.again();
-  return TRUE;
+  return true;
 }
 
 /// The codec_data of the caps; nullptr when there is none.
@@ -117,28 +104,28 @@ std::optional<unsigned> length_bytes_of(const GstStructure* fields, VideoCodec c
   return map ? nal_length_bytes(codec, {map.data(), map.size()}) : std::nullopt;
 }
 
-gboolean set_caps(GstBaseTransform* transform, GstCaps* caps, GstCaps*) {
+bool set_caps(StampState& s, GstCaps* caps, GstCaps*) {
   const GstStructure* fields = gst_caps_get_structure(caps, 0);
   const VideoCodec codec =
       gst_structure_has_name(fields, "video/x-h265") ? VideoCodec::h265 : VideoCodec::h264;
   const auto length_bytes = length_bytes_of(fields, codec);
   if (!length_bytes) {
-    GST_ELEMENT_ERROR(transform, STREAM, FORMAT,
+    GST_ELEMENT_ERROR(s.element, STREAM, FORMAT,
                       ("%s: put h264parse or h265parse before terrainstamp.",
                        codec_data_of(fields)
                            ? "The codec_data in the video's caps does not give the size of NAL length fields"
                            : "The video's caps lack the codec_data that its stream-format needs"),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
-    return FALSE;
+    return false;
   }
-  state_of(transform).framing = {codec, *length_bytes};
-  return TRUE;
+  s.framing = {codec, *length_bytes};
+  return true;
 }
 
-gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
+gboolean sink_event(StampState& s, GstEvent* event) {
   if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP)
-    state_of(transform).first = true;
-  return GST_BASE_TRANSFORM_CLASS(gst_terrain_stamp_parent_class)->sink_event(transform, event);
+    s.first = true;
+  return GST_BASE_TRANSFORM_CLASS(gst_terrain_stamp_parent_class)->sink_event(s.element, event);
 }
 
 /// A buffer with the stamp at its place, which shares the memory of `in`.
@@ -186,8 +173,7 @@ OwnedBuffer write_stamp(StampState& s, GstBuffer* in, const StampSearch& found) 
     warn_formless(s, in);
   if (!found.place || found.several || (found.time_us && stamp_of(in)))
     return nullptr;
-  const auto time_us =
-      found.time_us ? found.time_us : precision_time(in, GST_BASE_TRANSFORM(s.element)->segment);
+  const auto time_us = found.time_us ? found.time_us : precision_time(in, s.element->segment);
   if (!time_us) {
     warn_timeless(s, in);
     return nullptr;
@@ -234,23 +220,11 @@ GstFlowReturn stamped(StampState& s, GstBuffer* in, GstBuffer** out) {
   return GST_FLOW_OK;
 }
 
-GstFlowReturn prepare_output(GstBaseTransform* transform, GstBuffer* in, GstBuffer** out) {
-  return guarded(transform, GST_FLOW_ERROR, [&] { return stamped(state_of(transform), in, out); });
+void gst_terrain_stamp_init(GstTerrainStamp* self) {
+  gst_base_transform_set_gap_aware(self->make_state().element, TRUE);
 }
 
-GstFlowReturn nothing_left(GstBaseTransform*, GstBuffer*, GstBuffer*) {
-  return GST_FLOW_OK;
-}
-
-} // namespace
-
-static void gst_terrain_stamp_init(GstTerrainStamp* self) {
-  self->state.make();
-  self->state->element = GST_ELEMENT(self);
-  gst_base_transform_set_gap_aware(GST_BASE_TRANSFORM(self), TRUE);
-}
-
-static void gst_terrain_stamp_class_init(GstTerrainStampClass* klass) {
+void gst_terrain_stamp_class_init(GstTerrainStampClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainstamp_debug, "terrainstamp", 0,
                           "The precision time of pictures in H.264 and H.265");
   init_class<GstTerrainStamp, gst_terrain_stamp_parent_class, stamp_table>(
@@ -260,9 +234,13 @@ static void gst_terrain_stamp_class_init(GstTerrainStampClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
-  transform_class->start = start;
-  transform_class->set_caps = set_caps;
-  transform_class->sink_event = sink_event;
-  transform_class->prepare_output_buffer = prepare_output;
-  transform_class->transform = nothing_left;
+  transform_class->start = GstTerrainStamp::call<start>;
+  transform_class->set_caps = GstTerrainStamp::call<set_caps>;
+  transform_class->sink_event = GstTerrainStamp::call<sink_event>;
+  transform_class->prepare_output_buffer = GstTerrainStamp::call<stamped>;
+  transform_class->transform = [](GstBaseTransform*, GstBuffer*, GstBuffer*) { return GST_FLOW_OK; };
 }
+
+} // namespace
+
+GST_ELEMENT_REGISTER_DEFINE(terrainstamp, "terrainstamp", GST_RANK_NONE, gst_terrain_stamp_get_type())

@@ -65,7 +65,7 @@ constexpr std::array<Property<OwnerOf<path...>>, 6> message_rows(const char* cam
   }};
 }
 /// What messages are made with, calibration included. Returns nothing after posting an error.
-inline std::optional<recording::MessageOptions> read_options(GstElement* element,
+inline std::optional<recording::MessageOptions> read_options(gpointer element,
                                                              const MessageSettings& settings) {
   recording::MessageOptions options = settings.options;
   const auto flaw = read_calibration(settings.camera_info, settings.mount, options.camera, options.mount);
@@ -84,7 +84,7 @@ class FrameReader {
 
   /// Returns false after posting an error: an H.264 picture refers to a later one (B-frame), which `players`
   /// of messages do not show. Warns once of invalid metadata, which are not `used`.
-  bool check(GstElement* element, const char* players, const char* used, bool& warned) const {
+  bool check(gpointer element, const char* players, const char* used, bool& warned) const {
     if (recording::inspect_h264(frame(0).video).b_slice) {
       GST_ELEMENT_ERROR(
           element, STREAM, FORMAT,

@@ -21,7 +21,8 @@
 GST_DEBUG_CATEGORY_STATIC(terrainmcapsink_debug);
 #define GST_CAT_DEFAULT terrainmcapsink_debug
 
-namespace terrainseg {
+using namespace terrainseg;
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -227,11 +228,9 @@ class RecordingClock {
   GstClockTimeDiff step_ = 0;
 };
 
-} // namespace
-
 /// Everything behind the instance.
 struct SinkState {
-  GstElement* element = nullptr;
+  GstBaseSink* element = nullptr;
   SinkSettings settings; // under the object lock
 
   RecordingFile file;                                   // streaming
@@ -244,10 +243,6 @@ struct SinkState {
 
   SinkState() noexcept {} // the frame names are short strings and need no allocation
 };
-
-} // namespace terrainseg
-
-using namespace terrainseg;
 
 /**
  * SECTION:element-terrainmcapsink
@@ -269,14 +264,6 @@ using GstTerrainMcapSink = Instance<GstBaseSink, SinkState>;
 using GstTerrainMcapSinkClass = GstBaseSinkClass;
 
 G_DEFINE_TYPE(GstTerrainMcapSink, gst_terrain_mcap_sink, GST_TYPE_BASE_SINK)
-GST_ELEMENT_REGISTER_DEFINE(terrainmcapsink, "terrainmcapsink", GST_RANK_NONE,
-                            gst_terrain_mcap_sink_get_type())
-
-namespace {
-
-SinkState& state_of(gpointer object) {
-  return *reinterpret_cast<GstTerrainMcapSink*>(object)->state;
-}
 
 // ---- the file --------------------------------------------------------------------------------------------
 
@@ -285,7 +272,7 @@ void report(SinkState& s, const FileProblem& problem, bool opening) {
   const GstResourceError code = full      ? GST_RESOURCE_ERROR_NO_SPACE_LEFT
                                 : opening ? GST_RESOURCE_ERROR_OPEN_WRITE
                                           : GST_RESOURCE_ERROR_WRITE;
-  gst_element_message_full(s.element, GST_MESSAGE_ERROR, GST_RESOURCE_ERROR, code,
+  gst_element_message_full(GST_ELEMENT(s.element), GST_MESSAGE_ERROR, GST_RESOURCE_ERROR, code,
                            g_strconcat(problem.text.c_str(), problem.text.ends_with('.') ? "" : ".", nullptr),
                            g_strdup_printf("errno %d", problem.error), __FILE__, GST_FUNCTION, __LINE__);
 }
@@ -363,7 +350,7 @@ bool finish(SinkState& s) {
 
 /// Returns nothing after posting an error.
 std::optional<std::uint64_t> time_of(SinkState& s, GstBuffer* buffer) {
-  const GstSegment& segment = GST_BASE_SINK(s.element)->segment;
+  const GstSegment& segment = s.element->segment;
   GstClockTime stream = GST_BUFFER_PTS(buffer);
   if (segment.format == GST_FORMAT_TIME && GST_CLOCK_TIME_IS_VALID(stream))
     stream = stream_time_of(segment, stream);
@@ -379,7 +366,8 @@ std::optional<std::uint64_t> time_of(SinkState& s, GstBuffer* buffer) {
                         ("The time of day became known after the start of the recording, which continues in "
                          "stream time. Start the recording later, or set start-time on terrainseg."),
                         (nullptr));
-  const std::uint64_t time = s.clock.time_of({utc, stream, gst_element_get_base_time(s.element)});
+  const std::uint64_t time =
+      s.clock.time_of({utc, stream, gst_element_get_base_time(GST_ELEMENT(s.element))});
   if (const GstClockTimeDiff step = s.clock.take_step(); step != 0 && !std::exchange(s.warned_step, true))
     GST_ELEMENT_WARNING(s.element, STREAM, FAILED,
                         ("%s jumped by %.3f s, as when a clock is set. The recording continues from the "
@@ -407,55 +395,49 @@ GstFlowReturn record(SinkState& s, GstBuffer* buffer) {
   return added ? GST_FLOW_OK : GST_FLOW_ERROR;
 }
 
-gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
-  GST_DEBUG_OBJECT(sink, "caps %" GST_PTR_FORMAT, printable(caps));
-  state_of(sink).kind = kind_of(caps);
-  return TRUE;
+bool set_caps(SinkState& s, GstCaps* caps) {
+  GST_DEBUG_OBJECT(s.element, "caps %" GST_PTR_FORMAT, printable(caps));
+  s.kind = kind_of(caps);
+  return true;
 }
 
-gboolean take_event(GstBaseSink* sink, GstEvent* event) {
-  const bool whole =
-      GST_EVENT_TYPE(event) != GST_EVENT_EOS || guarded(sink, false, [&] { return finish(state_of(sink)); });
-  if (!whole) { // only the error is reported
+gboolean take_event(SinkState& s, GstEvent* event) {
+  if (GST_EVENT_TYPE(event) == GST_EVENT_EOS && !finish(s)) { // only the error is reported
     gst_event_unref(event);
     return FALSE;
   }
-  return GST_BASE_SINK_CLASS(gst_terrain_mcap_sink_parent_class)->event(sink, event);
+  return GST_BASE_SINK_CLASS(gst_terrain_mcap_sink_parent_class)->event(s.element, event);
 }
 
-} // namespace
-
-static void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
+void gst_terrain_mcap_sink_class_init(GstTerrainMcapSinkClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainmcapsink_debug, "terrainmcapsink", 0, "recordings of terrain metadata");
   init_class<GstTerrainMcapSink, gst_terrain_mcap_sink_parent_class, table>(
       klass, {"Terrain recorder", "Sink/File/Metadata/Video",
               "Records video and terrain metadata as MCAP, for Foxglove and ROS 2"});
   init_message_sink_class(klass);
   GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
-  sink_class->start = [](GstBaseSink* sink) {
-    return guarded<gboolean>(sink, FALSE, [&] { return open_recording(state_of(sink)); });
-  };
+  sink_class->start = GstTerrainMcapSink::call<open_recording>;
   // Also called when the pipeline is stopped without EOS.
-  sink_class->stop = [](GstBaseSink* sink) {
-    return guarded<gboolean>(sink, FALSE, [&] { return finish(state_of(sink)); });
-  };
-  sink_class->set_caps = set_caps;
-  sink_class->render = [](GstBaseSink* sink, GstBuffer* buffer) {
-    return guarded(sink, GST_FLOW_ERROR, [&] { return record(state_of(sink), buffer); });
-  };
-  sink_class->event = take_event;
+  sink_class->stop = GstTerrainMcapSink::call<finish>;
+  sink_class->set_caps = GstTerrainMcapSink::call<set_caps>;
+  sink_class->render = GstTerrainMcapSink::call<record>;
+  sink_class->event = GstTerrainMcapSink::call<take_event>;
 }
 
-static void gst_terrain_mcap_sink_init(GstTerrainMcapSink* self) {
-  self->state.make();
-  self->state->element = GST_ELEMENT(self);
-  gst_base_sink_set_sync(GST_BASE_SINK(self), FALSE); // a file is written as fast as frames come
-  gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
+void gst_terrain_mcap_sink_init(GstTerrainMcapSink* self) {
+  const SinkState& s = self->make_state();
+  gst_base_sink_set_sync(s.element, FALSE); // a file is written as fast as frames come
+  gst_base_sink_set_last_sample_enabled(s.element, FALSE);
 }
+
+} // namespace
+
+GST_ELEMENT_REGISTER_DEFINE(terrainmcapsink, "terrainmcapsink", GST_RANK_NONE,
+                            gst_terrain_mcap_sink_get_type())
 
 // A separate plugin, so that the main one does not depend on zstd.
 static gboolean plugin_init(GstPlugin* plugin) {
-  return terrainseg::register_metas() && GST_ELEMENT_REGISTER(terrainmcapsink, plugin);
+  return register_metas() && GST_ELEMENT_REGISTER(terrainmcapsink, plugin);
 }
 
 GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, terrainmcap,

@@ -23,7 +23,8 @@
 GST_DEBUG_CATEGORY_STATIC(terrainros2sink_debug);
 #define GST_CAT_DEFAULT terrainros2sink_debug
 
-namespace terrainseg {
+using namespace terrainseg;
+
 namespace {
 
 using recording::Topic;
@@ -133,8 +134,6 @@ class Outlet : public recording::MessageOutlet {
   bool sent_static_ = false;              ///< sent, and no attitude of a frame sent since
 };
 
-} // namespace
-
 /// Everything behind the instance.
 struct Ros2State {
   GstElement* element = nullptr;
@@ -162,10 +161,6 @@ struct Ros2State {
   }
 };
 
-} // namespace terrainseg
-
-using namespace terrainseg;
-
 /**
  * SECTION:element-terrainros2sink
  * @title: terrainros2sink
@@ -185,14 +180,6 @@ using GstTerrainRos2Sink = Instance<GstBaseSink, Ros2State>;
 using GstTerrainRos2SinkClass = GstBaseSinkClass;
 
 G_DEFINE_TYPE(GstTerrainRos2Sink, gst_terrain_ros2_sink, GST_TYPE_BASE_SINK)
-GST_ELEMENT_REGISTER_DEFINE(terrainros2sink, "terrainros2sink", GST_RANK_NONE,
-                            gst_terrain_ros2_sink_get_type())
-
-namespace {
-
-Ros2State& state_of(gpointer object) {
-  return *reinterpret_cast<GstTerrainRos2Sink*>(object)->state;
-}
 
 // ---- what comes in ---------------------------------------------------------------------------------------
 
@@ -402,35 +389,30 @@ GstFlowReturn send(Ros2State& s, GstBuffer* buffer) {
   return GST_FLOW_OK;
 }
 
-gboolean set_caps(GstBaseSink* sink, GstCaps* caps) {
-  GST_DEBUG_OBJECT(sink, "caps %" GST_PTR_FORMAT, printable(caps));
-  return guarded<gboolean>(sink, FALSE, [&]() -> gboolean {
-    Ros2State& s = state_of(sink);
-    s.kind = kind_of(caps);
-    if (s.kind == PictureKind::raw)
-      return TRUE;
-    const SinkSettings set = settings_of(s);
-    return reported(s, [&] {
-      const std::lock_guard lock(s.mutex);
-      open_topic(s, s.kind == PictureKind::h264 ? Topic::video : Topic::picture);
-      announce(s, set);
-    });
+bool set_caps(Ros2State& s, GstCaps* caps) {
+  GST_DEBUG_OBJECT(s.element, "caps %" GST_PTR_FORMAT, printable(caps));
+  s.kind = kind_of(caps);
+  if (s.kind == PictureKind::raw)
+    return true;
+  const SinkSettings set = settings_of(s);
+  return reported(s, [&] {
+    const std::lock_guard lock(s.mutex);
+    open_topic(s, s.kind == PictureKind::h264 ? Topic::video : Topic::picture);
+    announce(s, set);
   });
 }
 
-gboolean start(GstBaseSink* sink) {
-  return guarded<gboolean>(sink, FALSE, [&]() -> gboolean {
-    if (open_topics(state_of(sink)))
-      return TRUE;
-    close_topics(state_of(sink));
-    return FALSE;
-  });
+bool start(Ros2State& s) {
+  const bool open = open_topics(s);
+  if (!open)
+    close_topics(s);
+  return open;
 }
 
 // ---- the object ------------------------------------------------------------------------------------------
 
 GstStructure* statistics_of(gpointer object) {
-  Ros2State& s = state_of(object);
+  Ros2State& s = GstTerrainRos2Sink::state_of(object);
   const std::lock_guard lock(s.mutex);
   GstStructure* all = gst_structure_new("terrainros2sink-stats", "frames", G_TYPE_UINT64, s.frames.load(),
                                         "messages-taken", G_TYPE_UINT64, s.taken.load(), "messages-refused",
@@ -492,14 +474,14 @@ void set_property(GObject* object, guint id, const GValue* value, GParamSpec* sp
     return set_in_table<GstTerrainRos2Sink, table>(object, id, value, spec);
   const gchar* text = g_value_get_string(value);
   ObjectLock lock(object);
-  state_of(object).names.at(id - first_topic_id) = text ? text : "";
+  GstTerrainRos2Sink::state_of(object).names.at(id - first_topic_id) = text ? text : "";
 }
 
 void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
   if (id < first_topic_id)
     return get_in_table<GstTerrainRos2Sink, table>(object, id, value, spec);
   ObjectLock lock(object);
-  const char* name = state_of(object).names.at(id - first_topic_id).c_str();
+  const char* name = GstTerrainRos2Sink::state_of(object).names.at(id - first_topic_id).c_str();
   g_value_set_static_string(value, *name ? name : nullptr);
 }
 
@@ -515,39 +497,39 @@ void install_topics(GObjectClass* object_class) {
   }
 }
 
-} // namespace
-
-static void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
+void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
   GST_DEBUG_CATEGORY_INIT(terrainros2sink_debug, "terrainros2sink", 0, "terrain metadata as ROS 2 topics");
   init_class<GstTerrainRos2Sink, gst_terrain_ros2_sink_parent_class, table>(
       klass, {"ROS 2 sink", "Sink/Network/Metadata/Video",
               "Sends terrain metadata and video as ROS 2 topics over DDS"});
   init_message_sink_class(klass);
   GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
-  sink_class->start = start;
+  sink_class->start = GstTerrainRos2Sink::call<start>;
   sink_class->stop = [](GstBaseSink* sink) -> gboolean {
-    close_topics(state_of(sink));
+    close_topics(GstTerrainRos2Sink::state_of(sink));
     return TRUE;
   };
-  sink_class->set_caps = set_caps;
-  sink_class->render = [](GstBaseSink* sink, GstBuffer* buffer) {
-    return guarded(sink, GST_FLOW_ERROR, [&] { return send(state_of(sink), buffer); });
-  };
+  sink_class->set_caps = GstTerrainRos2Sink::call<set_caps>;
+  sink_class->render = GstTerrainRos2Sink::call<send>;
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->set_property = set_property;
   object_class->get_property = get_property;
   install_topics(object_class);
 }
 
-static void gst_terrain_ros2_sink_init(GstTerrainRos2Sink* self) {
-  self->state.make();
-  self->state->element = GST_ELEMENT(self);
+void gst_terrain_ros2_sink_init(GstTerrainRos2Sink* self) {
+  self->make_state();
   gst_base_sink_set_last_sample_enabled(GST_BASE_SINK(self), FALSE);
 }
 
+} // namespace
+
+GST_ELEMENT_REGISTER_DEFINE(terrainros2sink, "terrainros2sink", GST_RANK_NONE,
+                            gst_terrain_ros2_sink_get_type())
+
 // A separate plugin, so that the main one does not depend on Cyclone DDS.
 static gboolean plugin_init(GstPlugin* plugin) {
-  return terrainseg::register_metas() && GST_ELEMENT_REGISTER(terrainros2sink, plugin);
+  return register_metas() && GST_ELEMENT_REGISTER(terrainros2sink, plugin);
 }
 
 GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, terrainros2,

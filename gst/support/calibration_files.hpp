@@ -63,7 +63,7 @@ inline std::optional<SettingsError> read_calibration(const std::string& camera_i
 }
 
 /// Posts the flaw as an element error.
-inline void post_error(GstElement* element, const SettingsError& flaw) {
+inline void post_error(gpointer element, const SettingsError& flaw) {
   GST_ELEMENT_ERROR(
       element, RESOURCE, SETTINGS,
       ("\"%s\" of property %s cannot be used: %s.", flaw.value.c_str(), flaw.property.c_str(),

@@ -87,6 +87,31 @@ template <class State> class InstanceState {
 template <class Base, class State> struct Instance {
   Base parent;
   InstanceState<State> state;
+
+  /// For init: makes the state, whose member `element` is the instance.
+  State& make_state() noexcept {
+    state.make();
+    state->element = reinterpret_cast<decltype(state->element)>(this);
+    return *state;
+  }
+  static State& state_of(gpointer object) { return *reinterpret_cast<Instance*>(object)->state; }
+  /// A virtual function: calls `function` with the state instead of the object. Posts what it throws, and
+  /// returns FALSE, nullptr or GST_FLOW_ERROR.
+  template <auto function, class Result, class Object, class... Rest>
+  static Result call(Object* object, Rest... rest) {
+    const auto body = [&] { return static_cast<Result>(function(state_of(object), rest...)); };
+    if constexpr (std::is_void_v<Result>)
+      guarded(object, body);
+    else if constexpr (std::is_same_v<Result, GstFlowReturn>)
+      return guarded(object, GST_FLOW_ERROR, body);
+    else
+      return guarded(object, Result(), body);
+  }
+  /// The same as a function of a pad.
+  template <auto function, class Result, class... Rest>
+  static Result pad_call(GstPad*, GstObject* parent, Rest... rest) {
+    return call<function, Result>(parent, rest...);
+  }
 };
 
 /// Sets and gets the properties of `table`, whose ids begin at 1: fields of the member `settings` of the
