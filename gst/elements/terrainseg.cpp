@@ -429,10 +429,9 @@ void note_times(SegState& s, const Outcome& outcome, bool supplied,
 }
 
 /// Runs the segmenter into the buffers of `outcome`.
-Status run(SegState& s, GstBuffer* buffer, const Frame& frame, const Supervision& supervision,
-           const Veto& veto, const MaskTarget& target, guint8* boundary, Outcome& outcome) {
-  const LearnedTerrain::Turn turn(s.shared.learned);
-  Segmenter& segmenter = turn.segmenter();
+Status run(SegState& s, Segmenter& segmenter, GstBuffer* buffer, const Frame& frame,
+           const Supervision& supervision, const Veto& veto, const MaskTarget& target, guint8* boundary,
+           Outcome& outcome) {
   s.settings.configure(segmenter, is_learnable(s.element->segment, buffer));
   Status status = segmenter.process(frame, supervision, target, veto);
   if (!status.ok())
@@ -469,8 +468,10 @@ bool label(SegState& s, GstBuffer* buffer, const MappedFrame& mapped, Outcome& o
   const Supervision supervision = read_pixels(s, buffer, s.training, s.told.training_flaw, "training pixels");
   s.veto.choose(set.veto_roi_types);
   const Veto veto = read_pixels(s, buffer, s.veto, s.told.veto_flaw, "veto");
-  const Status status = run(s, buffer, frame, supervision, veto, {{mask.data(), width}, width, height},
-                            boundary.data(), outcome);
+  const Status status = s.shared.learned.use([&](Segmenter& segmenter) {
+    return run(s, segmenter, buffer, frame, supervision, veto, {{mask.data(), width}, width, height},
+               boundary.data(), outcome);
+  });
   s.training.release();
   s.veto.release();
   if (!status.ok())

@@ -25,23 +25,6 @@ std::string name_of(const ColorSpace& space) {
   return std::string("YUV ") + matrix + range;
 }
 
-LearnedTerrain::Turn::Turn(LearnedTerrain& owner) : owner_(owner) {
-  const Lock lock(owner_.mutex_);
-  owner_.processing_ = true;
-  segmenter_ = owner_.segmenter_.get();
-}
-
-LearnedTerrain::Turn::~Turn() {
-  const Lock lock(owner_.mutex_);
-  owner_.processing_ = false;
-  owner_.processed_.notify_all();
-}
-
-void LearnedTerrain::wait_for_frame(Lock& lock) {
-  while (processing_)
-    lock.wait(processed_);
-}
-
 bool LearnedTerrain::start(const Settings& settings) {
   const Lock lock(mutex_);
   if (segmenter_) {
@@ -66,8 +49,7 @@ void LearnedTerrain::stop(ResetOn reset_on, const std::string& stream) {
 }
 
 std::optional<Terrain> LearnedTerrain::learned() {
-  Lock lock(mutex_);
-  wait_for_frame(lock);
+  const Lock lock(mutex_);
   if (!segmenter_)
     return std::nullopt;
   std::optional<Terrain> terrain = segmenter_->terrain();
@@ -75,14 +57,12 @@ std::optional<Terrain> LearnedTerrain::learned() {
 }
 
 Rectangle LearnedTerrain::window() {
-  Lock lock(mutex_);
-  wait_for_frame(lock);
+  const Lock lock(mutex_);
   return segmenter_ ? segmenter_->estimate().window : Rectangle{};
 }
 
 Status LearnedTerrain::load(Terrain terrain, std::string name) {
-  Lock lock(mutex_);
-  wait_for_frame(lock);
+  const Lock lock(mutex_);
   Status adopted = segmenter_ ? segmenter_->adopt(terrain) : Status();
   if (adopted.ok()) {
     loaded_ = {std::move(terrain), std::move(name), true};
@@ -117,8 +97,7 @@ std::optional<std::string> LearnedTerrain::foreign(const ColorSpace& space) {
 }
 
 void LearnedTerrain::reset() {
-  Lock lock(mutex_);
-  wait_for_frame(lock);
+  const Lock lock(mutex_);
   loaded_.reset();
   others_.clear();
   recalled_.reset();
@@ -127,8 +106,7 @@ void LearnedTerrain::reset() {
 }
 
 void LearnedTerrain::forget() {
-  Lock lock(mutex_);
-  wait_for_frame(lock);
+  const Lock lock(mutex_);
   if (!segmenter_)
     return;
   segmenter_->reset();
@@ -137,8 +115,7 @@ void LearnedTerrain::forget() {
 }
 
 void LearnedTerrain::reset_temporal() {
-  Lock lock(mutex_);
-  wait_for_frame(lock);
+  const Lock lock(mutex_);
   if (segmenter_)
     segmenter_->reset_temporal();
 }
@@ -157,8 +134,7 @@ void LearnedTerrain::keep(const std::string& stream) {
 }
 
 void LearnedTerrain::change_stream(const std::string& from, const std::string& to) {
-  Lock lock(mutex_);
-  wait_for_frame(lock);
+  const Lock lock(mutex_);
   std::optional<Terrain> known; // taken before the one that is left pushes it out
   const auto found = std::ranges::find(others_, to, &decltype(others_)::value_type::first);
   if (found != others_.end()) {
@@ -170,8 +146,7 @@ void LearnedTerrain::change_stream(const std::string& from, const std::string& t
 }
 
 bool LearnedTerrain::recall(const std::optional<ColorSpace>& space) {
-  Lock lock(mutex_);
-  wait_for_frame(lock);
+  const Lock lock(mutex_);
   const auto terrain = std::exchange(recalled_, std::nullopt);
   return segmenter_ && terrain && terrain->space == space && segmenter_->adopt(*terrain).ok();
 }

@@ -2,7 +2,6 @@
 // The segmenter with the terrain it has learned, and the terrains it can go on from.
 #pragma once
 
-#include <condition_variable>
 #include <memory>
 #include <optional>
 #include <string>
@@ -15,23 +14,14 @@
 
 namespace terrainseg {
 
-/// Any thread may call; what needs the segmenter waits until the frame that is being processed is done.
+/// Any thread may call, and waits until the frame that is being processed is done.
 class LearnedTerrain {
  public:
-  /// The streaming thread uses the segmenter, without the lock.
-  class Turn {
-   public:
-    explicit Turn(LearnedTerrain& owner);
-    ~Turn();
-    Turn(const Turn&) = delete;
-    Turn& operator=(const Turn&) = delete;
-    Segmenter& segmenter() const { return *segmenter_; }
-
-   private:
-    LearnedTerrain& owner_;
-    Segmenter* segmenter_;
-  };
-
+  /// Calls `use` with the segmenter, which is there between start() and stop().
+  template <class Use> auto use(Use use) {
+    const Lock lock(mutex_);
+    return use(*segmenter_);
+  }
   /// Makes a segmenter, or configures the one that reset-on=never kept; true when it is a new one.
   bool start(const Settings& settings);
   /// Drops the segmenter and what was loaded from model-location, unless `reset_on` is never.
@@ -61,7 +51,6 @@ class LearnedTerrain {
   bool recall(const std::optional<ColorSpace>& space);
 
  private:
-  void wait_for_frame(Lock& lock) TERRAINSEG_REQUIRES(mutex_);
   void keep(const std::string& stream) TERRAINSEG_REQUIRES(mutex_);
 
   /// A terrain that new streams start from.
@@ -71,9 +60,6 @@ class LearnedTerrain {
     bool by_signal; ///< of load(), not of offer()
   };
   Mutex mutex_;
-  std::condition_variable processed_; ///< when processing_ ends
-  bool processing_ TERRAINSEG_GUARDED_BY(mutex_) = false;
-  /// While processing_ the streaming thread's.
   std::unique_ptr<Segmenter> segmenter_ TERRAINSEG_GUARDED_BY(mutex_);
   std::optional<Loaded> loaded_ TERRAINSEG_GUARDED_BY(mutex_);
   /// Of streams that are away, by their ids; the one that was left last is at the end.
