@@ -119,9 +119,8 @@ const Field<Shared>* field_of(guint id) {
 void set_property(SegState& s, guint id, const GValue* value, GParamSpec*) {
   if (const Field<Shared>* own = field_of(id))
     return own->set(s.shared, value);
-  SettingsBook::Ids changed;
   Lock lock(s.shared.mutex);
-  s.shared.book.set(id, value, changed);
+  const SettingsBook::Ids changed = s.shared.book.set(id, value);
   lock.unlock();
   SettingsBook::notify(s.element, changed);
 }

@@ -12,12 +12,11 @@
 namespace terrainseg {
 namespace {
 
-/// The caller notifies when the lock is free again.
+/// The caller notifies when the lock is free again: of what it sets, because nothing else changes.
 void set(GstElement* element, Shared& shared, const char* name, const GValue* value)
     TERRAINSEG_REQUIRES(shared.mutex) {
   const GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), name);
-  SettingsBook::Ids changed; // what the caller sets, and nothing else
-  shared.book.set(spec->param_id, value, changed);
+  shared.book.set(spec->param_id, value);
 }
 
 const char* take_near(GstElement* element, Shared& shared, const GstStructure* fields) {

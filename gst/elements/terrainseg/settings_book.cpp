@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <iterator>
-#include <span>
 #include <vector>
 
 #include "support/properties.hpp"
@@ -70,13 +69,9 @@ GType stages_type() {
 
 // ---- the tables ------------------------------------------------------------------------------------------
 
-std::span<const Setting> rows() {
-  return setting_table();
-}
-
 guint stages_of(const Settings& settings) {
   guint flags = 0, bit = 1;
-  for (const Setting& setting : rows())
+  for (const Setting& setting : setting_table())
     if (setting.stage) {
       flags |= setting.get(settings) ? bit : 0;
       bit <<= 1;
@@ -162,7 +157,7 @@ const Property<ElementSettings> own_table[] = {
 
 // Ids in this order: the core's rows from 1 on, the element's own.
 guint row_count() {
-  return static_cast<guint>(rows().size());
+  return static_cast<guint>(setting_table().size());
 }
 guint id_of(Special special) {
   return row_count() + 1 + special;
@@ -171,10 +166,10 @@ bool is_row(guint id) {
   return id <= row_count();
 }
 const Setting& row_of(guint id) {
-  return rows()[id - 1];
+  return setting_table()[id - 1];
 }
-const Field<ElementSettings>& own_of(guint id) {
-  return own_table[id - row_count() - 1].field;
+const Property<ElementSettings>& own_of(guint id) {
+  return own_table[id - row_count() - 1];
 }
 
 /// By id; filled once, when the class is made.
@@ -276,15 +271,10 @@ constexpr const char* regions_rule =
 // ---- the class -------------------------------------------------------------------------------------------
 
 void SettingsBook::install(GObjectClass* object_class) {
-  for (guint i = 0; i < row_count(); ++i)
-    g_object_class_install_property(object_class, i + 1, spec_of(rows()[i]));
-  install_table(object_class, row_count() + 1, own_table);
-
-  guint count = 0;
-  g_autofree GParamSpec** all = g_object_class_list_properties(object_class, &count);
-  for (guint i = 0; i < count; ++i)
-    if (GParamSpec* spec = all[i]; spec->owner_type == G_OBJECT_CLASS_TYPE(object_class))
-      specs.at(spec->param_id) = spec;
+  for (guint id = 1; id <= last_id(); ++id) {
+    specs.at(id) = is_row(id) ? spec_of(row_of(id)) : own_of(id).field.spec(own_of(id));
+    g_object_class_install_property(object_class, id, specs[id]);
+  }
 }
 
 guint SettingsBook::last_id() {
@@ -299,8 +289,8 @@ void SettingsBook::notify(gpointer object, const Ids& changed) {
 
 // ---- setting ---------------------------------------------------------------------------------------------
 
-void SettingsBook::set(guint id, const GValue* value, Ids& changed) {
-  changed |= changed_by([&] { apply(id, value, Layer::user); });
+SettingsBook::Ids SettingsBook::set(guint id, const GValue* value) {
+  return changed_by([&] { apply(id, value, Layer::user); });
 }
 
 /// What users read of the rows, the preset and the stages, by id.
@@ -347,7 +337,7 @@ void SettingsBook::apply(guint id, const GValue* value, Layer layer) {
 void SettingsBook::store(guint id, const GValue* value) {
   if (id == id_of(special_ignore_regions))
     return set_ignore_regions(value);
-  own_of(id).set(settings_, value);
+  own_of(id).field.set(settings_, value);
   if (id == id_of(special_preset))
     choose_preset();
   if (id == id_of(special_window_rect))
@@ -496,7 +486,7 @@ std::optional<SettingsError> SettingsBook::apply_entry(const SettingsFile::Entry
 
 void SettingsBook::get(guint id, GValue* value) const {
   if (!is_row(id))
-    return own_of(id).get(settings_, value);
+    return own_of(id).field.get(settings_, value);
   if (row_of(id).kind == SettingKind::fraction)
     return g_value_set_double(value, shown()[id]);
   GValue number = G_VALUE_INIT;

@@ -69,8 +69,8 @@ class SettingsBook {
   /// Tells that properties changed. Not with the object lock held.
   static void notify(gpointer object, const Ids& changed);
 
-  /// Other properties that changed with it are added to `changed`.
-  void set(guint id, const GValue* value, Ids& changed);
+  /// Returns the properties that changed.
+  Ids set(guint id, const GValue* value);
   void get(guint id, GValue* value) const;
   /// Gives a property back to the preset as if it had never been set; nullptr = all of them. False when there
   /// is none of that name.
