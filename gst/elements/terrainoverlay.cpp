@@ -110,10 +110,8 @@ GstFlowReturn draw(OverlayState& s, GstBuffer* buffer) {
   // Mapping for writing copies pixels that are shared; a frame that is not drawn on is
   // never mapped.
   const MappedFrame frame(s.info, buffer, GST_MAP_READWRITE);
-  if (!frame) {
-    report_unusable(s.element, buffer, frame);
-    return GST_FLOW_ERROR;
-  }
+  if (!frame)
+    return report_unusable(s.element, buffer, frame);
   const MetricReader metres(buffer, s.settings.source.c_str());
   s.drawing.draw(frame.mutable_view(), reader.estimate(), metres ? &metres.metric() : nullptr, style);
   return GST_FLOW_OK;

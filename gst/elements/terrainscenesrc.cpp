@@ -304,8 +304,8 @@ void set_truth(GstStructure* truth, GstBuffer* labels, int horizon, const scene:
                     G_TYPE_DOUBLE, view.center_x, "center-y", G_TYPE_DOUBLE, view.center_y, nullptr);
 }
 
-/// Renders the next frame. False after an error was posted.
-bool render(SceneSourceState& s, std::uint64_t number, GstBuffer* buffer) {
+/// Renders the next frame.
+GstFlowReturn render(SceneSourceState& s, std::uint64_t number, GstBuffer* buffer) {
   const scene::Settings wanted = locked_copy(s.element, s.settings.scene);
   const int width = GST_VIDEO_INFO_WIDTH(&s.info), height = GST_VIDEO_INFO_HEIGHT(&s.info);
   if (!s.renderer || wanted != s.rendered) {
@@ -320,18 +320,16 @@ bool render(SceneSourceState& s, std::uint64_t number, GstBuffer* buffer) {
     if (!map) {
       GST_ELEMENT_ERROR(s.element, RESOURCE, NO_SPACE_LEFT, ("Out of memory for the labels."),
                         ("%d x %d", width, height));
-      return false;
+      return GST_FLOW_ERROR;
     }
     const MappedFrame frame(s.info, buffer, GST_MAP_WRITE);
-    if (!frame) {
-      report_unusable(s.element, buffer, frame);
-      return false;
-    }
+    if (!frame)
+      return report_unusable(s.element, buffer, frame);
     horizon = s.renderer->render(number, frame.mutable_view(), {map.data(), width});
   }
   if (GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, GST_TERRAIN_TRUTH_META_NAME))
     set_truth(gst_custom_meta_get_structure(meta), labels.get(), horizon, s.renderer->view_of(number));
-  return true;
+  return GST_FLOW_OK;
 }
 
 GstFlowReturn fill(SceneSourceState& s, GstBuffer* buffer) {
@@ -344,8 +342,8 @@ GstFlowReturn fill(SceneSourceState& s, GstBuffer* buffer) {
     return GST_FLOW_EOS;
   skip_missed(s);
   const std::uint64_t number = s.reverse ? s.frame - 1 : s.frame;
-  if (!render(s, number, buffer))
-    return GST_FLOW_ERROR;
+  if (const GstFlowReturn flow = render(s, number, buffer); flow != GST_FLOW_OK)
+    return flow;
   GST_BUFFER_OFFSET(buffer) = number;
   GST_BUFFER_OFFSET_END(buffer) = number + 1;
   GST_BUFFER_DTS(buffer) = GST_CLOCK_TIME_NONE;

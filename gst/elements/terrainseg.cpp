@@ -549,17 +549,13 @@ GstFlowReturn transform_ip(SegState& s, GstBuffer* buffer) {
   if (set.reset_on == ResetOn::per_stream && s.shared.learned.recall(s.space))
     GST_INFO_OBJECT(s.element, "stream \"%s\" is back, and what was learned in it", s.stream_id.c_str());
   s.fresh = false;
-  if (!is_progressive(s.info, buffer)) {
-    report_interlaced(s.element, "interlace-mode=mixed, and this buffer holds two fields");
-    return GST_FLOW_ERROR;
-  }
+  if (!is_progressive(s.info, buffer))
+    return report_interlaced(s.element, "interlace-mode=mixed, and this buffer holds two fields");
   Outcome outcome;
   {
     const MappedFrame frame(s.info, buffer, set.overlay ? GST_MAP_READWRITE : GST_MAP_READ);
-    if (!frame) {
-      report_unusable(s.element, buffer, frame);
-      return GST_FLOW_ERROR;
-    }
+    if (!frame)
+      return report_unusable(s.element, buffer, frame);
     if (s.colours.see(frame.frame()))
       TERRAINSEG_POST_WARNING(s.element, STREAM, FORMAT, colourless_warning(s.info));
     if (!label(s, buffer, frame, outcome))

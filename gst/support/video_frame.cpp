@@ -182,11 +182,12 @@ bool is_progressive(const GstVideoInfo& info, const GstBuffer* buffer) {
          !GST_BUFFER_FLAG_IS_SET(buffer, GST_VIDEO_BUFFER_FLAG_INTERLACED);
 }
 
-void report_interlaced(gpointer element, const char* where) {
+GstFlowReturn report_interlaced(gpointer element, const char* where) {
   GST_ELEMENT_ERROR(
       GST_ELEMENT(element), STREAM, WRONG_TYPE,
       ("%s needs progressive video: put \"deinterlace\" before it.", name_of_kind(GST_ELEMENT(element))),
       ("%s", where));
+  return GST_FLOW_ERROR;
 }
 
 MappedFrame::MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlags flags)
@@ -222,10 +223,11 @@ MutableFrame MappedFrame::mutable_view() const {
   return make_view<MutableFrame>(frame_);
 }
 
-void report_unusable(gpointer element, GstBuffer* buffer, const MappedFrame& frame) {
+GstFlowReturn report_unusable(gpointer element, GstBuffer* buffer, const MappedFrame& frame) {
   GST_ELEMENT_ERROR(GST_ELEMENT(element), STREAM, FORMAT,
                     ("A buffer does not contain a complete frame: %s.", frame.error().c_str()),
                     ("buffer %" GST_PTR_FORMAT ": %s", printable(buffer), frame.error().c_str()));
+  return GST_FLOW_ERROR;
 }
 
 MappedMask::MappedMask(GstBuffer* buffer) : buffer_(gst_buffer_ref(buffer)) {

@@ -45,8 +45,9 @@ Colorimetry colorimetry_of(const GstVideoInfo& info);
 bool may_be_progressive(const GstVideoInfo& info);
 /// Whether the picture in `buffer` is a frame and not two fields.
 bool is_progressive(const GstVideoInfo& info, const GstBuffer* buffer);
-/// Posts an error: `element` does not support interlaced pictures. `where` is a debug detail.
-void report_interlaced(gpointer element, const char* where);
+/// Posts an error: `element` does not support interlaced pictures. `where` is a debug detail. Returns
+/// GST_FLOW_ERROR.
+GstFlowReturn report_interlaced(gpointer element, const char* where);
 
 /// GstBaseTransform::propose_allocation: the answer of the base class, which asks downstream. Any stride and
 /// offset are supported. Crops must be in the pixels, because GstVideoCropMeta is not supported.
@@ -86,8 +87,8 @@ class MappedFrame {
   std::string error_;
 };
 
-/// Posts an error: `frame`, mapped from `buffer`, cannot be read.
-void report_unusable(gpointer element, GstBuffer* buffer, const MappedFrame& frame);
+/// Posts an error: `frame`, mapped from `buffer`, cannot be read. Returns GST_FLOW_ERROR.
+GstFlowReturn report_unusable(gpointer element, GstBuffer* buffer, const MappedFrame& frame);
 
 /// A GRAY8 picture (a mask) with a GstVideoMeta, referenced and mapped for reading for its lifetime.
 class MappedMask {
