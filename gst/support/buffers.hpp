@@ -21,23 +21,21 @@ namespace terrainseg {
 class MappedBuffer {
  public:
   /// data() is nullptr if `buffer` is nullptr or cannot be mapped.
-  MappedBuffer(GstBuffer* buffer, GstMapFlags flags) : buffer_(buffer) {
-    mapped_ = buffer && gst_buffer_map(buffer, &map_, flags);
-  }
+  MappedBuffer(GstBuffer* buffer, GstMapFlags flags)
+      : buffer_(buffer && gst_buffer_map(buffer, &map_, flags) ? buffer : nullptr) {}
   ~MappedBuffer() {
-    if (mapped_)
+    if (buffer_)
       gst_buffer_unmap(buffer_, &map_);
   }
   MappedBuffer(const MappedBuffer&) = delete;
   MappedBuffer& operator=(const MappedBuffer&) = delete;
-  explicit operator bool() const { return mapped_; }
-  guint8* data() const { return mapped_ ? map_.data : nullptr; }
-  gsize size() const { return mapped_ ? map_.size : 0; }
+  explicit operator bool() const { return buffer_; }
+  guint8* data() const { return buffer_ ? map_.data : nullptr; }
+  gsize size() const { return buffer_ ? map_.size : 0; }
 
  private:
-  GstBuffer* buffer_;
   GstMapInfo map_{};
-  bool mapped_ = false;
+  GstBuffer* buffer_; ///< nullptr if it is not mapped
 };
 
 struct ObjectUnref {

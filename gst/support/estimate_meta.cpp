@@ -258,16 +258,30 @@ MetricReader::MetricReader(GstBuffer* buffer, const char* source) {
 }
 
 const char* MetricReader::read(const GstStructure* fields) {
+  std::span<const float> ticks;
   const std::pair<GstBuffer*, std::span<const float>*> wanted[] = {
       {gst_terrain_metric_meta_get_ranges(fields), &metric_.ranges},
       {gst_terrain_metric_meta_get_bearings(fields), &metric_.bearings},
       {gst_terrain_metric_meta_get_low(fields), &metric_.low},
-      {gst_terrain_metric_meta_get_high(fields), &metric_.high}};
-  for (std::size_t i = 0; i < 4; ++i)
-    if (const char* error = map(columns_[i], wanted[i].first, *wanted[i].second))
-      return error;
-  if (const char* error = read_ticks(fields))
-    return error;
+      {gst_terrain_metric_meta_get_high(fields), &metric_.high},
+      {gst_terrain_metric_meta_get_ticks(fields), &ticks}};
+  for (std::size_t i = 0; i < columns_.size(); ++i) {
+    const auto& [buffer, values] = wanted[i];
+    if (!buffer && values == &ticks)
+      break;
+    if (!buffer)
+      return "ranges, bearings, low or high is missing";
+    if (!columns_[i].map(buffer))
+      return "the metres cannot be mapped";
+    if (!columns_[i].is_whole())
+      return "ranges, bearings, low and high do not have one float each for every mask column";
+    *values = columns_[i].values();
+  }
+  if (ticks.size() % 3 || ticks.size() / 3 > ticks_.size())
+    return "ticks are not three floats each, or too many";
+  for (std::size_t i = 0; i < ticks.size() / 3; ++i)
+    ticks_[i] = {ticks[3 * i], ticks[3 * i + 1], ticks[3 * i + 2]};
+  metric_.ticks = {ticks_.data(), ticks.size() / 3};
   metric_.height = gst_terrain_metric_meta_get_height(fields);
   metric_.pitch = gst_terrain_metric_meta_get_pitch(fields);
   metric_.roll = gst_terrain_metric_meta_get_roll(fields);
@@ -279,32 +293,6 @@ const char* MetricReader::read(const GstStructure* fields) {
       gst_terrain_metric_meta_get_fan_angle_min(fields), gst_terrain_metric_meta_get_fan_increment(fields),
       gst_terrain_metric_meta_get_fan_beams(fields), gst_terrain_metric_meta_get_fan_range_min(fields)};
   return flaw_of(metric_);
-}
-
-const char* MetricReader::read_ticks(const GstStructure* fields) {
-  GstBuffer* const ticks = gst_terrain_metric_meta_get_ticks(fields);
-  if (!ticks)
-    return nullptr;
-  std::span<const float> values;
-  if (const char* error = map(columns_[4], ticks, values))
-    return error;
-  if (values.size() % 3 || values.size() / 3 > ticks_.size())
-    return "ticks are not three floats each, or too many";
-  for (std::size_t i = 0; i < values.size() / 3; ++i)
-    ticks_[i] = {values[3 * i], values[3 * i + 1], values[3 * i + 2]};
-  metric_.ticks = {ticks_.data(), values.size() / 3};
-  return nullptr;
-}
-
-const char* MetricReader::map(ValueReader<float>& column, GstBuffer* buffer, std::span<const float>& values) {
-  if (!buffer)
-    return "ranges, bearings, low or high is missing";
-  if (!column.map(buffer))
-    return "the metres cannot be mapped";
-  values = column.values();
-  return column.is_whole()
-             ? nullptr
-             : "ranges, bearings, low and high do not have one float each for every mask column";
 }
 
 } // namespace terrainseg

@@ -88,8 +88,6 @@ class MetricReader : public MetaReader {
 
  private:
   const char* read(const GstStructure* fields);
-  const char* read_ticks(const GstStructure* fields);
-  const char* map(ValueReader<float>& column, GstBuffer* buffer, std::span<const float>& values);
 
   MetricEstimate metric_;
   std::array<ValueReader<float>, 5> columns_; ///< ranges, bearings, low, high, and the ticks

@@ -111,12 +111,6 @@ inline std::optional<std::uint64_t> time_in(const GstMeta* meta) {
   return stamp_time(message->uuid, {message->data, message->size});
 }
 
-inline gboolean remove_stamp(GstBuffer*, GstMeta** meta, gpointer) {
-  if ((*meta)->info->api == GST_VIDEO_SEI_USER_DATA_UNREGISTERED_META_API_TYPE && time_in(*meta))
-    *meta = nullptr;
-  return TRUE;
-}
-
 /// The stamp that parsers and decoders attached (GstVideoSEIUserDataUnregisteredMeta), microseconds. Nothing
 /// if there is none, or if there are several different ones: a lossy link then merged two pictures.
 inline std::optional<std::uint64_t> stamp_of(GstBuffer* buffer) {
@@ -142,6 +136,11 @@ inline void note_stamp(GstBuffer* buffer, VideoCodec codec, std::uint64_t time_u
 
 /// Removes all stamps from a buffer (writable); keeps other SEI messages.
 inline void forget_stamps(GstBuffer* buffer) {
+  const auto remove_stamp = [](GstBuffer*, GstMeta** meta, gpointer) -> gboolean {
+    if ((*meta)->info->api == GST_VIDEO_SEI_USER_DATA_UNREGISTERED_META_API_TYPE && time_in(*meta))
+      *meta = nullptr;
+    return TRUE;
+  };
   gst_buffer_foreach_meta(buffer, remove_stamp, nullptr);
 }
 
