@@ -57,8 +57,9 @@ constexpr Time most_tolerance = 1800 * Time{GST_SECOND};
 /// A frame or a serialized event on its way through.
 struct Item {
   std::unique_ptr<GstMiniObject, ObjectUnref> object;
-  Matcher::Clock::time_point arrival;
-  Matcher::Frame frame; ///< without its tolerance, which the caps decide
+  Clock::time_point arrival;
+  Matcher::Frame frame; ///< with its tolerance when it leaves: the caps decide
+  OwnedBuffer unit;     ///< of a frame that leaves, where it has one
   bool is_frame() const { return GST_IS_BUFFER(object.get()); }
   GstEventType event_type() const { return GST_EVENT_TYPE(object.get()); }
   bool is_sticky() const { return gst_event_type_get_flags(event_type()) & GST_EVENT_TYPE_STICKY; }
@@ -268,13 +269,6 @@ Upstream ask_upstream(CombineState& s) {
   return all;
 }
 
-/// What leaves next.
-struct Taken {
-  Item item;
-  Matcher::Frame frame; ///< with its tolerance
-  OwnedBuffer unit;     ///< where it has one
-};
-
 /// Waits for the unit of the frame in front, under the lock. False when the frame is not there any more.
 bool wait_for_unit(CombineState& s, Lock& lock, const Matcher::Frame& frame, Clock::time_point arrival,
                    OwnedBuffer& unit) TERRAINSEG_REQUIRES(s.mutex) {
@@ -298,13 +292,13 @@ bool wait_for_unit(CombineState& s, Lock& lock, const Matcher::Frame& frame, Clo
 
 /// Waits for the next item and, of a frame, for its unit. Nothing when there is none yet: to be called again,
 /// unless it is flushing.
-std::optional<Taken> take_next(CombineState& s) {
+std::optional<Item> take_next(CombineState& s) {
   Lock lock(s.mutex);
   while (!s.flushing && s.queue.empty())
     lock.wait(s.changed);
   if (s.flushing)
     return std::nullopt;
-  Matcher::Frame frame;
+  Matcher::Frame frame = s.queue.front().frame;
   OwnedBuffer unit;
   if (s.queue.front().is_frame()) {
     if (std::exchange(s.live_is_old, false)) {
@@ -315,25 +309,24 @@ std::optional<Taken> take_next(CombineState& s) {
       s.matcher.set_live(upstream.live || !upstream.answered ? Live::yes : Live::no);
       return std::nullopt;
     }
-    frame = s.queue.front().frame;
     const Time duration = duration_of(GST_BUFFER(s.queue.front().object.get()));
     frame.tolerance = half_of(duration > 0 ? duration : duration_of(s.attacher.video()));
     if (!wait_for_unit(s, lock, frame, s.queue.front().arrival, unit))
       return std::nullopt;
     ++s.frames_left;
   }
-  Taken taken{std::move(s.queue.front()), frame, std::move(unit)};
+  Item item{std::move(s.queue.front().object), {}, frame, std::move(unit)};
   s.queue.pop_front();
   s.pushing = true;
   s.changed.notify_all();
-  return taken;
+  return item;
 }
 
-void push_frame(CombineState& s, Taken taken) {
-  OwnedBuffer frame(GST_BUFFER(taken.item.object.release()));
-  bool matched = taken.unit != nullptr;
+void push_frame(CombineState& s, Item item) {
+  OwnedBuffer frame(GST_BUFFER(item.object.release()));
+  bool matched = item.unit != nullptr;
   if (matched)
-    if (const std::string flaw = s.attacher.decode(taken.unit.get()); !flaw.empty()) {
+    if (const std::string flaw = s.attacher.decode(item.unit.get()); !flaw.empty()) {
       matched = false;
       reject(s, "useless", flaw);
     }
@@ -341,7 +334,7 @@ void push_frame(CombineState& s, Taken taken) {
   unsigned reconfigured = 0;
   {
     const Lock lock(s.mutex);
-    reason = s.matcher.end_frame(taken.frame, matched, s.latency());
+    reason = s.matcher.end_frame(item.frame, matched, s.latency());
     reconfigured = s.reconfigured;
   }
   GST_LOG_OBJECT(s.element, "%s: %" GST_PTR_FORMAT, matched ? "with its unit" : "without a unit",
@@ -383,32 +376,24 @@ void push_event(CombineState& s, Item item) {
 
 void loop(gpointer data) {
   CombineState& s = GstTerrainCombine::state_of(data);
-  if (std::optional<Taken> taken = take_next(s)) {
-    if (taken->item.is_frame())
-      push_frame(s, std::move(*taken));
-    else
-      push_event(s, std::move(taken->item));
-  }
+  const bool fine = guarded(data, false, [&] {
+    std::optional<Item> item = take_next(s);
+    if (item && item->is_frame())
+      push_frame(s, std::move(*item));
+    else if (item)
+      push_event(s, std::move(*item));
+    return true;
+  });
   const Lock lock(s.mutex);
+  if (!fine) {
+    s.flow = GST_FLOW_ERROR;
+    s.pushing = false;
+    s.changed.notify_all();
+  }
   if (s.flushing || s.flow != GST_FLOW_OK) {
     GST_DEBUG_OBJECT(s.element, "task pauses: %s", gst_flow_get_name(s.flow));
     gst_pad_pause_task(s.src);
   }
-}
-
-void guarded_loop(gpointer data) {
-  const bool fine = guarded(data, false, [&] {
-    loop(data);
-    return true;
-  });
-  if (fine)
-    return;
-  CombineState& s = GstTerrainCombine::state_of(data);
-  const Lock lock(s.mutex);
-  s.flow = GST_FLOW_ERROR;
-  s.pushing = false;
-  s.changed.notify_all();
-  gst_pad_pause_task(s.src);
 }
 
 // ---- the video's side ------------------------------------------------------------------------------------
@@ -476,7 +461,7 @@ GstFlowReturn queue_event(CombineState& s, GstEvent* event) {
       s.live_is_old = true;
       if (flow == GST_FLOW_EOS) {
         s.flow = flow = GST_FLOW_OK;
-        gst_pad_start_task(s.src, guarded_loop, s.element, nullptr);
+        gst_pad_start_task(s.src, loop, s.element, nullptr);
       }
     }
     if (flow == GST_FLOW_OK || keeps_unlinked(s, item.front())) {
@@ -499,7 +484,7 @@ void resume(CombineState& s) {
     return;
   GST_DEBUG_OBJECT(s.element, "linked again, frames go on");
   s.flow = GST_FLOW_OK;
-  gst_pad_start_task(s.src, guarded_loop, s.element, nullptr);
+  gst_pad_start_task(s.src, loop, s.element, nullptr);
 }
 
 /// The caps' frame rate, as soon as they come: the task sees them later.
@@ -530,7 +515,7 @@ GstFlowReturn video_event(CombineState& s, GstEvent* event) {
     const gboolean pushed = gst_pad_push_event(s.src, event);
     flush_video(s, false);
     if (GST_PAD_IS_ACTIVE(s.src))
-      gst_pad_start_task(s.src, guarded_loop, s.element, nullptr);
+      gst_pad_start_task(s.src, loop, s.element, nullptr);
     return flow_of(pushed);
   }
   case GST_EVENT_SEGMENT:
@@ -736,7 +721,7 @@ gboolean src_activate(CombineState& s, GstPadMode mode, gboolean active) {
   if (mode != GST_PAD_MODE_PUSH)
     return FALSE;
   flush_video(s, !active);
-  return active ? gst_pad_start_task(s.src, guarded_loop, s.element, nullptr) : gst_pad_stop_task(s.src);
+  return active ? gst_pad_start_task(s.src, loop, s.element, nullptr) : gst_pad_stop_task(s.src);
 }
 
 gboolean query_latency(CombineState& s, GstQuery* query) {

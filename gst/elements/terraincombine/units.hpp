@@ -5,12 +5,12 @@
 #include <gst/gst.h>
 
 #include <algorithm>
+#include <compare>
 #include <cstdint>
 #include <limits>
 #include <list>
 #include <map>
 #include <optional>
-#include <tuple>
 
 #include "support/buffers.hpp"
 
@@ -82,9 +82,7 @@ class UnitStore {
     std::uint64_t run;
     PrecisionTime time;
     std::uint64_t arrived;
-    bool operator<(const Key& other) const {
-      return std::tie(run, time, arrived) < std::tie(other.run, other.time, other.arrived);
-    }
+    auto operator<=>(const Key&) const = default;
   };
   struct Unit {
     OwnedBuffer buffer;
