@@ -186,13 +186,6 @@ using GstTerrainCombineClass = GstElementClass;
 
 G_DEFINE_TYPE(GstTerrainCombine, gst_terrain_combine, GST_TYPE_ELEMENT)
 
-GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("video/x-raw(ANY)"));
-GstStaticPadTemplate meta_template = GST_STATIC_PAD_TEMPLATE(
-    "meta", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("meta/x-klv, parsed = (boolean) true"));
-GstStaticPadTemplate src_template =
-    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS("video/x-raw(ANY)"));
-
 /// Signed running time of a position in a segment; never when it has none, or one of centuries that no sum
 /// of times must overflow with.
 Time running_time(const GstSegment& segment, GstClockTime position) {
@@ -827,35 +820,32 @@ void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
       klass, {"Terrain combiner", "Combiner/Metadata/Video",
               "Attaches the terrain metadata in KLV units to the video they belong to"});
   G_OBJECT_CLASS(klass)->set_property = set_property;
-  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = change_state;
-  gst_element_class_add_static_pad_template(element_class, &sink_template);
-  gst_element_class_add_static_pad_template(element_class, &meta_template);
-  gst_element_class_add_static_pad_template(element_class, &src_template);
+  GST_ELEMENT_CLASS(klass)->change_state = change_state;
+  add_pad_template(klass, "sink", GST_PAD_SINK, "video/x-raw(ANY)");
+  add_pad_template(klass, "meta", GST_PAD_SINK, "meta/x-klv, parsed = (boolean) true");
+  add_pad_template(klass, "src", GST_PAD_SRC, "video/x-raw(ANY)");
 }
 
 void gst_terrain_combine_init(GstTerrainCombine* self) {
   CombineState& s = self->make_state();
-  s.sink = gst_pad_new_from_static_template(&sink_template, "sink");
+  s.sink = add_pad(s.element, "sink");
   gst_pad_set_chain_function(s.sink, GstTerrainCombine::pad_call<take_frame>);
   gst_pad_set_event_full_function(s.sink, GstTerrainCombine::pad_call<video_event>);
   gst_pad_set_query_function(s.sink, GstTerrainCombine::pad_call<video_query>);
   gst_pad_set_activatemode_function(s.sink, GstTerrainCombine::pad_call<video_activate>);
   GST_PAD_SET_PROXY_CAPS(s.sink);
-  s.meta = gst_pad_new_from_static_template(&meta_template, "meta");
+  s.meta = add_pad(s.element, "meta");
   gst_pad_set_chain_function(s.meta, GstTerrainCombine::pad_call<meta_chain>);
   gst_pad_set_event_function(s.meta, GstTerrainCombine::pad_call<meta_event>);
   gst_pad_set_query_function(s.meta, meta_query);
   gst_pad_set_activatemode_function(s.meta, GstTerrainCombine::pad_call<meta_activate>);
-  s.src = gst_pad_new_from_static_template(&src_template, "src");
+  s.src = add_pad(s.element, "src");
   gst_pad_set_activatemode_function(s.src, GstTerrainCombine::pad_call<src_activate>);
   gst_pad_set_event_function(s.src, GstTerrainCombine::pad_call<src_event>);
   gst_pad_set_query_function(s.src, GstTerrainCombine::pad_call<src_query>);
   GST_PAD_SET_PROXY_CAPS(s.src);
-  for (GstPad* pad : {s.sink, s.meta, s.src}) {
+  for (GstPad* pad : {s.sink, s.meta, s.src})
     gst_pad_set_iterate_internal_links_function(pad, internal_links);
-    gst_element_add_pad(s.element, pad);
-  }
 }
 
 } // namespace

@@ -22,10 +22,6 @@
 GST_DEBUG_CATEGORY_STATIC(terrainextract_debug);
 #define GST_CAT_DEFAULT terrainextract_debug
 
-#define GRAY_CAPS                                                                                            \
-  "video/x-raw, format = (string) GRAY8, width = (int) [ 1, 32767 ], height = (int) [ 1, 32767 ], "          \
-  "framerate = (fraction) [ 0, max ]"
-
 using namespace terrainseg;
 
 namespace {
@@ -147,13 +143,6 @@ using GstTerrainExtract = Instance<GstElement, ExtractState>;
 using GstTerrainExtractClass = GstElementClass;
 
 G_DEFINE_TYPE(GstTerrainExtract, gst_terrain_extract, GST_TYPE_ELEMENT)
-
-GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS_ANY);
-GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
-    "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(GRAY_CAPS
-                    "; application/x-ndjson; meta/x-klv, parsed = (boolean) true; application/x-mavlink"));
 
 // ---- negotiation -----------------------------------------------------------------------------------------
 
@@ -605,22 +594,22 @@ void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
       klass,
       {"Terrain extractor", "Formatter/Metadata/Video",
        "Turns the terrain metadata of video into mask pictures, JSON lines, MISB ST 0903 KLV or MAVLink"});
-  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = change_state;
-  gst_element_class_add_static_pad_template(element_class, &sink_template);
-  gst_element_class_add_static_pad_template(element_class, &src_template);
+  GST_ELEMENT_CLASS(klass)->change_state = change_state;
+  add_pad_template(klass, "sink", GST_PAD_SINK, "ANY");
+  add_pad_template(klass, "src", GST_PAD_SRC,
+                   "video/x-raw, format = (string) GRAY8, width = (int) [ 1, 32767 ], height = (int) [ 1, "
+                   "32767 ], framerate = (fraction) [ 0, max ]; application/x-ndjson; meta/x-klv, parsed = "
+                   "(boolean) true; application/x-mavlink");
 }
 
 void gst_terrain_extract_init(GstTerrainExtract* self) {
   ExtractState& s = self->make_state();
-  s.sink = gst_pad_new_from_static_template(&sink_template, "sink");
+  s.sink = add_pad(s.element, "sink");
   gst_pad_set_chain_function(s.sink, GstTerrainExtract::pad_call<chain>);
   gst_pad_set_event_full_function(s.sink, GstTerrainExtract::pad_call<sink_event_full>);
   gst_pad_set_query_function(s.sink, sink_query);
-  gst_element_add_pad(s.element, s.sink);
-  s.src = gst_pad_new_from_static_template(&src_template, "src");
+  s.src = add_pad(s.element, "src");
   gst_pad_set_event_function(s.src, src_event);
-  gst_element_add_pad(s.element, s.src);
 }
 
 } // namespace

@@ -376,9 +376,7 @@ void gst_terrain_scene_src_class_init(GstTerrainSceneSrcClass* klass) {
       klass, {"Rover scene source", "Source/Video",
               "Renders a moving rover's view, with the true label of every pixel as metadata"});
   G_OBJECT_CLASS(klass)->set_property = set_property;
-  static GstStaticPadTemplate pad =
-      GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS));
-  gst_element_class_add_static_pad_template(GST_ELEMENT_CLASS(klass), &pad);
+  add_pad_template(klass, "src", GST_PAD_SRC, TERRAINSEG_VIDEO_CAPS);
   auto* source_class = GST_BASE_SRC_CLASS(klass);
   source_class->start = GstTerrainSceneSrc::call<start>;
   source_class->stop = GstTerrainSceneSrc::call<stop>;

@@ -74,15 +74,6 @@ using GstTerrainStampClass = GstBaseTransformClass;
 
 G_DEFINE_TYPE(GstTerrainStamp, gst_terrain_stamp, GST_TYPE_BASE_TRANSFORM)
 
-#define STAMP_CAPS                                                                                           \
-  "video/x-h264, stream-format = (string) { byte-stream, avc, avc3 }, alignment = (string) au; "             \
-  "video/x-h265, stream-format = (string) { byte-stream, hvc1, hev1 }, alignment = (string) au"
-
-GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(STAMP_CAPS));
-GstStaticPadTemplate src_template =
-    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(STAMP_CAPS));
-
 bool start(StampState& s) {
   s.first = true;
   s.formless.again();
@@ -230,9 +221,11 @@ void gst_terrain_stamp_class_init(GstTerrainStampClass* klass) {
   init_class<GstTerrainStamp, gst_terrain_stamp_parent_class, stamp_table>(
       klass, {"Terrain stamp", "Codec/Metadata/Video",
               "Writes and reads the precision time of each picture in H.264 and H.265"});
-  auto* element_class = GST_ELEMENT_CLASS(klass);
-  gst_element_class_add_static_pad_template(element_class, &sink_template);
-  gst_element_class_add_static_pad_template(element_class, &src_template);
+  for (const auto& [name, direction] : {std::pair{"sink", GST_PAD_SINK}, {"src", GST_PAD_SRC}})
+    add_pad_template(
+        klass, name, direction,
+        "video/x-h264, stream-format = (string) { byte-stream, avc, avc3 }, alignment = (string) au; "
+        "video/x-h265, stream-format = (string) { byte-stream, hvc1, hev1 }, alignment = (string) au");
   auto* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
   transform_class->start = GstTerrainStamp::call<start>;
   transform_class->set_caps = GstTerrainStamp::call<set_caps>;

@@ -29,11 +29,9 @@ inline PictureKind kind_of(const GstCaps* caps) {
 
 /// Adds the pad for raw, H.264 and JPEG video. Upstream need not map or copy pixels: none are read.
 inline void init_message_sink_class(gpointer klass) {
-  static GstStaticPadTemplate sink_template =
-      GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS,
-                              GST_STATIC_CAPS("video/x-h264, stream-format = (string) byte-stream, alignment "
-                                              "= (string) au; image/jpeg; video/x-raw(ANY)"));
-  gst_element_class_add_static_pad_template(GST_ELEMENT_CLASS(klass), &sink_template);
+  add_pad_template(klass, "sink", GST_PAD_SINK,
+                   "video/x-h264, stream-format = (string) byte-stream, alignment = (string) au; image/jpeg; "
+                   "video/x-raw(ANY)");
   GST_BASE_SINK_CLASS(klass)->propose_allocation = [](GstBaseSink*, GstQuery* query) -> gboolean {
     gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
     return TRUE;

@@ -130,6 +130,19 @@ void get_in_table(GObject* object, guint id, GValue* value, GParamSpec*) {
   field.get(reinterpret_cast<Self*>(object)->state->settings, value);
 }
 
+/// Adds the template of a pad that is always there.
+inline void add_pad_template(gpointer klass, const char* name, GstPadDirection direction, const char* caps) {
+  g_autoptr(GstCaps) parsed = gst_caps_from_string(caps);
+  gst_element_class_add_pad_template(GST_ELEMENT_CLASS(klass),
+                                     gst_pad_template_new(name, direction, GST_PAD_ALWAYS, parsed));
+}
+/// Adds the pad of such a template.
+inline GstPad* add_pad(GstElement* element, const char* name) {
+  GstPad* pad = gst_pad_new_from_template(gst_element_get_pad_template(element, name), name);
+  gst_element_add_pad(element, pad);
+  return pad;
+}
+
 /// The texts that users see of an element, all static.
 struct ElementTexts {
   const char *name, *classification, *description;

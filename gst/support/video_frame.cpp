@@ -165,11 +165,8 @@ template <class View> View make_view(const GstVideoFrame& frame) {
 
 void add_video_pad_templates(GstElementClass* element_class) {
   // System memory first: elements that support both then choose it.
-  static GstStaticCaps caps = GST_STATIC_CAPS(TERRAINSEG_VIDEO_CAPS "; " TERRAINSEG_DMABUF_CAPS);
-  g_autoptr(GstCaps) video = gst_static_caps_get(&caps);
   for (const auto& [name, direction] : {std::pair{"sink", GST_PAD_SINK}, {"src", GST_PAD_SRC}})
-    gst_element_class_add_pad_template(element_class,
-                                       gst_pad_template_new(name, direction, GST_PAD_ALWAYS, video));
+    add_pad_template(element_class, name, direction, TERRAINSEG_VIDEO_CAPS "; " TERRAINSEG_DMABUF_CAPS);
 }
 
 bool may_be_progressive(const GstVideoInfo& info) {
