@@ -234,9 +234,13 @@ void take_near(Ros2State& s, std::optional<bool> clear) {
     push_upstream(s, gst_structure_new("terrainseg-near", "clear", G_TYPE_BOOLEAN, *clear, nullptr));
 }
 
-/// Creates a reader for a topic that is set. `take` runs in a thread of DDS.
+/// Creates a reader for a topic, if it has a name. `take` runs in a thread of DDS.
 template <class Take>
-std::unique_ptr<ros2::Reader> read(Ros2State& s, const std::string& name, const char* type, Take take) {
+std::unique_ptr<ros2::Reader> read(Ros2State& s, const SinkSettings& set, const std::string& topic,
+                                   const char* type, Take take) {
+  if (topic.empty())
+    return nullptr;
+  const std::string name = ros2::full_name(set.name_space, topic);
   ros2::check_name(name);
   return std::make_unique<ros2::Reader>(
       *s.participant, name, recording::message_type(type), recording::longest_input,
@@ -252,24 +256,20 @@ void read_poses(Ros2State& s, const SinkSettings& set) {
                             {"geometry_msgs/PoseStamped", recording::decode_pose_stamped},
                             {"sensor_msgs/Imu", recording::decode_imu}};
   const Kind& kind = kinds[static_cast<std::size_t>(set.pose)];
-  if (!set.pose_topic.empty())
-    s.poses = read(s, ros2::full_name(set.name_space, set.pose_topic), kind.type,
-                   [&s, decode = kind.decode](recording::ByteView bytes) { take_pose(s, decode(bytes)); });
+  s.poses = read(s, set, set.pose_topic, kind.type,
+                 [&s, decode = kind.decode](recording::ByteView bytes) { take_pose(s, decode(bytes)); });
 }
 
 void read_near(Ros2State& s, const SinkSettings& set) {
-  if (set.near_topic.empty())
-    return;
-  const std::string name = ros2::full_name(set.name_space, set.near_topic);
   if (set.near == NearType::boolean)
-    s.near = read(s, name, "std_msgs/Bool",
+    s.near = read(s, set, set.near_topic, "std_msgs/Bool",
                   [&s](recording::ByteView bytes) { take_near(s, recording::decode_bool(bytes)); });
   else
-    s.near =
-        read(s, name, "sensor_msgs/Range", [&s, distance = set.near_distance](recording::ByteView bytes) {
-          const auto range = recording::decode_range(bytes);
-          take_near(s, range ? std::optional(*range > distance) : std::nullopt);
-        });
+    s.near = read(s, set, set.near_topic, "sensor_msgs/Range",
+                  [&s, distance = set.near_distance](recording::ByteView bytes) {
+                    const auto range = recording::decode_range(bytes);
+                    take_near(s, range ? std::optional(*range > distance) : std::nullopt);
+                  });
 }
 
 // ---- the topics ------------------------------------------------------------------------------------------
@@ -301,12 +301,7 @@ void announce(Ros2State& s, const SinkSettings& set) {
                                            set.node_name, readers, s.outlet->entities()));
 }
 
-SinkSettings settings_of(Ros2State& s) {
-  ObjectLock lock(s.element);
-  return s.settings;
-}
-
-void close_topics(Ros2State& s) {
+bool close_topics(Ros2State& s) {
   s.poses.reset(); // waits for a message in progress
   s.near.reset();
   const std::lock_guard lock(s.mutex);
@@ -314,6 +309,7 @@ void close_topics(Ros2State& s) {
   s.outlet.reset();
   s.participant.reset();
   s.messages.reset();
+  return true;
 }
 
 /// Creates everything that depends on the settings.
@@ -347,8 +343,8 @@ template <class Body> bool reported(Ros2State& s, Body body) {
   }
 }
 
-bool open_topics(Ros2State& s) {
-  const SinkSettings set = settings_of(s);
+bool start(Ros2State& s) {
+  const SinkSettings set = locked_copy(s.element, s.settings);
   auto options = read_options(s.element, set.messages);
   if (!options)
     return false;
@@ -356,7 +352,10 @@ bool open_topics(Ros2State& s) {
   s.frames = s.taken = s.refused = 0;
   s.near_state = Ros2State::near_unknown;
   s.warned_metadata = s.warned_input = false;
-  return reported(s, [&] { make_topics(s, set, std::move(*options)); });
+  const bool made = reported(s, [&] { make_topics(s, set, std::move(*options)); });
+  if (!made)
+    close_topics(s);
+  return made;
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
@@ -394,19 +393,12 @@ bool set_caps(Ros2State& s, GstCaps* caps) {
   s.kind = kind_of(caps);
   if (s.kind == PictureKind::raw)
     return true;
-  const SinkSettings set = settings_of(s);
+  const SinkSettings set = locked_copy(s.element, s.settings);
   return reported(s, [&] {
     const std::lock_guard lock(s.mutex);
     open_topic(s, s.kind == PictureKind::h264 ? Topic::video : Topic::picture);
     announce(s, set);
   });
-}
-
-bool start(Ros2State& s) {
-  const bool open = open_topics(s);
-  if (!open)
-    close_topics(s);
-  return open;
 }
 
 // ---- the object ------------------------------------------------------------------------------------------
@@ -505,10 +497,7 @@ void gst_terrain_ros2_sink_class_init(GstTerrainRos2SinkClass* klass) {
   init_message_sink_class(klass);
   GstBaseSinkClass* sink_class = GST_BASE_SINK_CLASS(klass);
   sink_class->start = GstTerrainRos2Sink::call<start>;
-  sink_class->stop = [](GstBaseSink* sink) -> gboolean {
-    close_topics(GstTerrainRos2Sink::state_of(sink));
-    return TRUE;
-  };
+  sink_class->stop = GstTerrainRos2Sink::call<close_topics>;
   sink_class->set_caps = GstTerrainRos2Sink::call<set_caps>;
   sink_class->render = GstTerrainRos2Sink::call<send>;
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
