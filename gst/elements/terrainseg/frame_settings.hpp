@@ -55,6 +55,7 @@ class FrameSettings {
       const Lock lock(shared.mutex);
       shared.book.forget_told();
     }
+    sequence_ = 0;
     const auto error = take(element, shared);
     if (error) {
       GST_ELEMENT_ERROR(element, LIBRARY, SETTINGS,
@@ -71,7 +72,7 @@ class FrameSettings {
   /// Takes properties that changed since the last frame, and fits them to the frame. Contradictory values are
   /// reported, and the previous ones are kept.
   void update(GstElement* element, Shared& shared, const GstVideoInfo& info) {
-    const auto error = is_current(shared) ? std::nullopt : take(element, shared);
+    const auto error = take(element, shared);
     if (error)
       GST_ELEMENT_WARNING(element, LIBRARY, SETTINGS,
                           ("Property %s cannot be %s: %s. The previous values are kept.",
@@ -93,9 +94,12 @@ class FrameSettings {
   }
 
  private:
-  /// Takes the values of the book. Returns what is wrong with them: then the previous ones are kept.
+  /// Takes the values of the book if they are others. Returns what is wrong with them: then the previous ones
+  /// are kept.
   std::optional<SettingsError> take(GstElement* element, Shared& shared) {
     Lock lock(shared.mutex);
+    if (sequence_ == shared.book.sequence())
+      return std::nullopt;
     sequence_ = shared.book.sequence();
     auto error = shared.book.error();
     if (error)
@@ -110,10 +114,6 @@ class FrameSettings {
                            unused.c_str(), values_.core.free_space ? "default" : "paper's"),
                           ("properties %s", unused.c_str()));
     return error;
-  }
-  bool is_current(Shared& shared) const {
-    const Lock lock(shared.mutex);
-    return sequence_ == shared.book.sequence();
   }
   /// Moves and cuts a window that does not fit the frame: a stream may shrink at any time.
   void fit_window(GstElement* element, int width, int height) {
@@ -142,7 +142,7 @@ class FrameSettings {
   }
 
   ElementSettings values_;
-  std::uint64_t sequence_ = 0;           ///< of values_
+  std::uint64_t sequence_ = 0;           ///< of values_; 0 = of none
   Settings fitted_;                      ///< with a window that fits the frame
   std::optional<WindowRequest> request_; ///< that it was made from; nothing: of older values
   std::optional<bool> configured_;       ///< the segmenter has it, and whether it may learn
