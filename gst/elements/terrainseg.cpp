@@ -427,23 +427,16 @@ void note_times(SegState& s, const Outcome& outcome, bool supplied,
                  e.frame, e.flags, e.model_generation, e.horizon_row, e.traversable_permille, took / 1000);
 }
 
-/// Runs the segmenter into the buffers of `outcome`.
-Status run(SegState& s, Segmenter& segmenter, GstBuffer* buffer, const Frame& frame,
-           const Supervision& supervision, const Veto& veto, const MaskTarget& target, guint8* boundary,
-           Outcome& outcome) {
-  s.settings.configure(segmenter, is_learnable(s.element->segment, buffer));
-  Status status = segmenter.process(frame, supervision, target, veto);
-  if (!status.ok())
-    return status;
-  outcome.estimate = segmenter.estimate();
-  outcome.confidence_map = s.confidence_maps.copy_of(outcome.estimate.confidence_map);
-  outcome.estimate.confidence_map = {}; // the segmenter's memory
+/// Copies what the segmenter holds of the frame.
+void keep(SegState& s, const Segmenter& segmenter, guint8* boundary, Outcome& outcome) {
+  Estimate& e = outcome.estimate;
+  e = segmenter.estimate();
+  outcome.confidence_map = s.confidence_maps.copy_of(e.confidence_map);
+  e.confidence_map = {}; // the segmenter's memory
   outcome.counters = segmenter.counters();
   outcome.stage_times = segmenter.stage_times();
-  write_values(outcome.estimate.boundary, boundary); // a row for every column of the mask
-  outcome.estimate.boundary = {reinterpret_cast<const std::uint16_t*>(boundary),
-                               static_cast<std::size_t>(target.width)};
-  return status;
+  write_values(e.boundary, boundary); // a row for every column of the mask
+  e.boundary = {reinterpret_cast<const std::uint16_t*>(boundary), e.boundary.size()};
 }
 
 /// Labels the frame into new buffers and draws when asked to. False after an error was posted.
@@ -468,8 +461,11 @@ bool label(SegState& s, GstBuffer* buffer, const MappedFrame& mapped, Outcome& o
   s.veto.choose(set.veto_roi_types);
   const Veto veto = read_pixels(s, buffer, s.veto, s.told.veto_flaw, "veto");
   const Status status = s.shared.learned.use([&](Segmenter& segmenter) {
-    return run(s, segmenter, buffer, frame, supervision, veto, {{mask.data(), width}, width, height},
-               boundary.data(), outcome);
+    s.settings.configure(segmenter, is_learnable(s.element->segment, buffer));
+    Status processed = segmenter.process(frame, supervision, {{mask.data(), width}, width, height}, veto);
+    if (processed.ok())
+      keep(s, segmenter, boundary.data(), outcome);
+    return processed;
   });
   s.training.release();
   s.veto.release();
