@@ -395,12 +395,15 @@ GstBuffer* make_klv(ExtractState& s, GstBuffer* frame, const EstimateReader& rea
   return unit.empty() ? nullptr : copy_of(unit).release();
 }
 
-/// The unit of a frame; nullptr when its metadata holds nothing that this output could show.
+/// The unit of a frame; nullptr when its metadata holds nothing that this output could show, or it is not
+/// time for messages.
 GstBuffer* make_unit(ExtractState& s, GstBuffer* frame, const EstimateReader& reader) {
   if (s.output == Output::gray)
     return make_picture(s, reader);
   if (s.output == Output::klv)
     return make_klv(s, frame, reader);
+  if (s.output == Output::mavlink)
+    return make_messages(s, frame);
   s.line.clear();
   const auto pts = static_cast<std::int64_t>(GST_BUFFER_PTS(frame)); // none is -1
   const MetricReader metres(frame, s.settings.source.c_str());
@@ -447,10 +450,8 @@ GstFlowReturn extract(ExtractState& s, GstBuffer* frame) {
   if (reader.error())
     warn_once(s, reader.error());
   // An autopilot treats silence as free: it also receives frames without ranges.
-  const bool to_autopilot = s.negotiated && s.output == Output::mavlink;
-  if (!to_autopilot && (!reader || !s.negotiated))
-    return push_gap(s, frame);
-  GstBuffer* unit = to_autopilot ? make_messages(s, frame) : make_unit(s, frame, reader);
+  const bool wanted = s.negotiated && (reader || s.output == Output::mavlink);
+  GstBuffer* unit = wanted ? make_unit(s, frame, reader) : nullptr;
   if (!unit)
     return push_gap(s, frame);
   GST_LOG_OBJECT(s.element, "frame %" G_GUINT64_FORMAT " as a unit of %" G_GSIZE_FORMAT " bytes", e.frame,

@@ -125,13 +125,12 @@ OwnedBuffer with_stamp(GstBuffer* in, std::span<const std::uint8_t> stamp, std::
   const OwnedBuffer unit = copy_of(stamp);
   if (!unit)
     return nullptr;
-  constexpr auto whole = static_cast<gssize>(-1);
-  constexpr auto everything = static_cast<GstBufferCopyFlags>(GST_BUFFER_COPY_METADATA);
-  if (!gst_buffer_copy_into(out.get(), in, everything, 0, static_cast<gsize>(whole)) ||
+  constexpr auto whole = static_cast<gsize>(-1);
+  if (!gst_buffer_copy_into(out.get(), in, GST_BUFFER_COPY_METADATA, 0, whole) ||
       (place > 0 && !gst_buffer_copy_into(out.get(), in, GST_BUFFER_COPY_MEMORY, 0, place)))
     return nullptr;
   gst_buffer_append_memory(out.get(), gst_buffer_get_all_memory(unit.get()));
-  if (!gst_buffer_copy_into(out.get(), in, GST_BUFFER_COPY_MEMORY, place, static_cast<gsize>(whole)))
+  if (!gst_buffer_copy_into(out.get(), in, GST_BUFFER_COPY_MEMORY, place, whole))
     return nullptr;
   return out;
 }
