@@ -12,10 +12,53 @@
 #include "support/meta.hpp"
 
 namespace terrainseg {
-
-using namespace fields;
-
 namespace {
+
+template <std::size_t size> struct FieldName {
+  char text[size];
+  consteval FieldName(const char (&name)[size]) { std::copy_n(name, size, text); }
+};
+/// The quark of a field's name, looked up once.
+template <FieldName name> GQuark operator""_field() {
+  static const GQuark quark = g_quark_from_static_string(name.text);
+  return quark;
+}
+
+/// Sets a field by its quark, which is faster than variadic calls with names.
+template <class Store> void set(GstStructure* fields, GQuark name, GType type, Store store) {
+  GValue value = G_VALUE_INIT;
+  g_value_init(&value, type);
+  store(&value);
+  gst_structure_id_take_value(fields, name, &value);
+}
+template <GType type, auto store, class Number> void set_number(GstStructure* fields, GQuark name, Number v) {
+  set(fields, name, type, [&](GValue* value) { store(value, v); });
+}
+constexpr auto set_int = set_number<G_TYPE_INT, g_value_set_int, int>;
+constexpr auto set_uint = set_number<G_TYPE_UINT, g_value_set_uint, guint>;
+constexpr auto set_uint64 = set_number<G_TYPE_UINT64, g_value_set_uint64, guint64>;
+constexpr auto set_double = set_number<G_TYPE_DOUBLE, g_value_set_double, double>;
+/// Nothing for nullptr. The structure takes its own reference.
+void set_buffer(GstStructure* fields, GQuark name, GstBuffer* v) {
+  if (v)
+    set(fields, name, GST_TYPE_BUFFER, [&](GValue* value) { g_value_set_boxed(value, v); });
+}
+
+/// Adds the custom meta `name` of the filter `instance` (static or interned) instead of those that it has,
+/// with its version. Returns its fields; nullptr if the meta is not registered.
+GstStructure* replace_meta(GstBuffer* buffer, const char* name, const char* instance, guint version) {
+  if (!gst_meta_get_info(name))
+    return nullptr;
+  remove_metas(buffer, name, instance);
+  GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, name);
+  GstStructure* fields = meta ? gst_custom_meta_get_structure(meta) : nullptr;
+  if (fields)
+    set_uint(fields, "version"_field, version);
+  if (fields && *instance)
+    set(fields, "instance"_field, G_TYPE_STRING,
+        [&](GValue* value) { g_value_set_static_string(value, instance); });
+  return fields;
+}
 
 template <class Fixed> void set_triple(GstStructure* fields, GQuark name, const std::array<Fixed, 3>& q8) {
   set(fields, name, GST_TYPE_ARRAY, [&](GValue* array) {

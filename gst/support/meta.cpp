@@ -120,19 +120,6 @@ bool register_metas() {
          register_one(GST_TERRAIN_TRUTH_META_NAME);
 }
 
-GstStructure* replace_meta(GstBuffer* buffer, const char* name, const char* instance, guint version) {
-  if (!gst_meta_get_info(name))
-    return nullptr;
-  remove_metas(buffer, name, instance);
-  GstCustomMeta* meta = gst_buffer_add_custom_meta(buffer, name);
-  GstStructure* fields = meta ? gst_custom_meta_get_structure(meta) : nullptr;
-  if (fields)
-    fields::set_uint(fields, fields::operator""_field<"version">(), version);
-  if (fields && *instance)
-    fields::set_static_string(fields, fields::operator""_field<"instance">(), instance);
-  return fields;
-}
-
 void remove_metas(GstBuffer* buffer, const char* name, const char* instance) {
   struct Wanted {
     GType api;
