@@ -3,7 +3,6 @@
 #include <gst/video/video.h>
 
 #include <algorithm>
-#include <cstring>
 #include <optional>
 #include <string>
 #include <utility>
@@ -92,7 +91,7 @@ struct ExtractState {
   Video video;                       // streaming
   GstSegment segment = in_time();    // streaming
   bool negotiated = false;           // streaming
-  Output output = Output::gray;      // streaming
+  Output output = Output::gray;      // streaming; what downstream takes
   GstVideoInfo picture = no_video(); // streaming; of the GRAY8 output
   bool video_meta_welcome = false;   // streaming; downstream reads GstVideoMeta, any stride will do
   SmallPool pictures;                // streaming; pictures that are not the mask's own memory
@@ -166,15 +165,13 @@ Video video_of(const GstCaps* caps) {
 /// The size that downstream asks for, as near to the frame's as it lets; a side that is free follows the
 /// other.
 void fixate_size(GstStructure* s, const Video& v) {
-  int width = 0, height = 0;
+  int width = v.width, height = v.height;
   const bool width_set = gst_structure_get_int(s, "width", &width);
   const bool height_set = gst_structure_get_int(s, "height", &height);
-  if (!height_set)
-    height =
-        width_set ? static_cast<int>(gst_util_uint64_scale_int_round(width, v.height, v.width)) : v.height;
-  if (!width_set)
-    width =
-        height_set ? static_cast<int>(gst_util_uint64_scale_int_round(height, v.width, v.height)) : v.width;
+  if (width_set && !height_set)
+    height = static_cast<int>(gst_util_uint64_scale_int_round(width, v.height, v.width));
+  if (height_set && !width_set)
+    width = static_cast<int>(gst_util_uint64_scale_int_round(height, v.width, v.height));
   gst_structure_fixate_field_nearest_int(s, "height", std::max(height, 1));
   gst_structure_fixate_field_nearest_int(s, "width", std::max(width, 1));
 }
@@ -194,8 +191,9 @@ void fixate_aspect(GstStructure* s, const Video& v) {
     gst_structure_set(s, "pixel-aspect-ratio", GST_TYPE_FRACTION, n, d, nullptr);
 }
 
-/// What downstream takes first of what is there; nullptr with a posted error when it takes nothing.
-GstCaps* choose_caps(ExtractState& s, Output& output) {
+/// What downstream takes first of what is there, which decides the output; nullptr with a posted error when
+/// it takes nothing.
+GstCaps* choose_caps(ExtractState& s) {
   const Video& v = s.video;
   g_autoptr(GstCaps) offer = gst_caps_make_writable(gst_pad_get_pad_template_caps(s.src));
   if (v.fps_n >= 0) // the rate is the video's: it cannot be converted here
@@ -213,10 +211,10 @@ GstCaps* choose_caps(ExtractState& s, Output& output) {
   }
   GstCaps* chosen = gst_caps_copy_nth(taken, 0);
   const GstStructure* fields = gst_caps_get_structure(chosen, 0);
-  output = gst_structure_has_name(fields, "video/x-raw")            ? Output::gray
-           : gst_structure_has_name(fields, "application/x-ndjson") ? Output::lines
-           : gst_structure_has_name(fields, "meta/x-klv")           ? Output::klv
-                                                                    : Output::mavlink;
+  s.output = gst_structure_has_name(fields, "video/x-raw")            ? Output::gray
+             : gst_structure_has_name(fields, "application/x-ndjson") ? Output::lines
+             : gst_structure_has_name(fields, "meta/x-klv")           ? Output::klv
+                                                                      : Output::mavlink;
   return chosen;
 }
 
@@ -231,21 +229,21 @@ void ask_allocation(ExtractState& s, GstCaps* caps) {
 /// Settles the output. True also when it has to wait for a frame that tells its size.
 bool negotiate(ExtractState& s) {
   s.negotiated = false;
-  Output output = Output::gray;
-  g_autoptr(GstCaps) caps = choose_caps(s, output);
+  g_autoptr(GstCaps) caps = choose_caps(s);
   if (!caps)
     return false;
-  if (output == Output::gray && s.video.width == 0)
+  const bool gray = s.output == Output::gray;
+  if (gray && s.video.width == 0)
     return true;
-  GstStructure* fields = gst_caps_get_structure(caps, 0);
-  if (output == Output::gray) {
+  if (gray) {
+    GstStructure* fields = gst_caps_get_structure(caps, 0);
     fixate_size(fields, s.video);
     fixate_aspect(fields, s.video);
     gst_structure_fixate_field_nearest_fraction(fields, "framerate", std::max(s.video.fps_n, 0),
                                                 s.video.fps_d);
   }
   caps = gst_caps_fixate(caps);
-  if (output == Output::gray && !gst_video_info_from_caps(&s.picture, caps)) {
+  if (gray && !gst_video_info_from_caps(&s.picture, caps)) {
     GST_ELEMENT_ERROR(s.element, CORE, NEGOTIATION,
                       ("terrainextract cannot produce masks in the format that downstream requests."),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
@@ -255,11 +253,10 @@ bool negotiate(ExtractState& s) {
   g_autoptr(GstCaps) old = gst_pad_get_current_caps(s.src);
   const bool pushed =
       (old && gst_caps_is_equal(old, caps)) || gst_pad_push_event(s.src, gst_event_new_caps(caps));
-  if (pushed && output == Output::gray)
-    ask_allocation(s, caps);
   if (!pushed)
     return false;
-  s.output = output;
+  if (gray)
+    ask_allocation(s, caps);
   s.negotiated = true;
   if (s.held_segment)
     gst_pad_push_event(s.src, std::exchange(s.held_segment, nullptr));
@@ -313,12 +310,14 @@ void copy_reference_timestamps(GstBuffer* unit, GstBuffer* frame) {
       meta->info->transform_func(unit, meta, frame, _gst_meta_transform_copy, &whole);
 }
 
-void warn_once(ExtractState& s, const char* error) {
-  GST_WARNING_OBJECT(s.element, "unreadable metadata: %s", error);
-  if (!s.unreadable.first())
+/// Once, of metadata that cannot be read.
+void check(ExtractState& s, const MetaReader& reader) {
+  if (!reader.error())
     return;
-  GST_ELEMENT_WARNING(s.element, STREAM, DECODE, ("Invalid terrain metadata, ignored: %s.", error),
-                      ("%s", error));
+  GST_WARNING_OBJECT(s.element, "unreadable metadata: %s", reader.error());
+  if (s.unreadable.first())
+    GST_ELEMENT_WARNING(s.element, STREAM, DECODE, ("Invalid terrain metadata, ignored: %s.", reader.error()),
+                        ("%s", reader.error()));
 }
 
 /// Without ranges the autopilot receives an obstacle in all directions: the user has to know.
@@ -372,8 +371,7 @@ UasPlatform platform_of(ExtractState& s, GstBuffer* frame, const std::string& po
   read_place(s, position);
   UasPlatform platform = s.place;
   const MetricReader metres(frame, s.settings.source.c_str());
-  if (metres.error())
-    warn_once(s, metres.error());
+  check(s, metres);
   if (!metres)
     return platform;
   // Ours are radians, pitch positive = down, yaw positive = left.
@@ -407,8 +405,7 @@ GstBuffer* make_unit(ExtractState& s, GstBuffer* frame, const EstimateReader& re
   s.line.clear();
   const auto pts = static_cast<std::int64_t>(GST_BUFFER_PTS(frame)); // none is -1
   const MetricReader metres(frame, s.settings.source.c_str());
-  if (metres.error())
-    warn_once(s, metres.error());
+  check(s, metres);
   append_json_line(s.line, reader.estimate(), pts, locked_copy(s.element, s.settings.json_mask),
                    {metres ? &metres.metric() : nullptr, utc_of(frame)});
   return copy_of({reinterpret_cast<const std::uint8_t*>(s.line.data()), s.line.size()}).release();
@@ -447,8 +444,7 @@ GstFlowReturn extract(ExtractState& s, GstBuffer* frame) {
     gst_pad_mark_reconfigure(s.src);
     return GST_PAD_IS_FLUSHING(s.src) ? GST_FLOW_FLUSHING : GST_FLOW_NOT_NEGOTIATED;
   }
-  if (reader.error())
-    warn_once(s, reader.error());
+  check(s, reader);
   // An autopilot treats silence as free: it also receives frames without ranges.
   const bool wanted = s.negotiated && (reader || s.output == Output::mavlink);
   GstBuffer* unit = wanted ? make_unit(s, frame, reader) : nullptr;
