@@ -3,7 +3,6 @@
 #include <gst/base/gstpushsrc.h>
 #include <gst/terrainseg/terrainsegmeta.h>
 
-#include <iterator>
 #include <memory>
 
 #include "scene/scene.hpp"

@@ -5,7 +5,6 @@
 #include <gst/gst.h>
 
 #include <exception>
-#include <iterator>
 #include <memory>
 #include <new>
 #include <type_traits>

@@ -4,7 +4,6 @@
 
 #include <gst/video/video.h>
 
-#include <algorithm>
 #include <cstdint>
 #include <string>
 #include <vector>
