@@ -317,10 +317,6 @@ bool set_caps(SegState& s, GstCaps* caps, GstCaps*) {
 
 // ---- events ----------------------------------------------------------------------------------------------
 
-bool take_custom_event(SegState& s, GstEvent* event) {
-  return take_custom_event(GST_ELEMENT(s.element), s.shared, s.metres, event);
-}
-
 void take_stream_start(SegState& s, GstEvent* event) {
   const gchar* id = nullptr;
   gst_event_parse_stream_start(event, &id);
@@ -348,7 +344,7 @@ gboolean sink_event(SegState& s, GstEvent* event) {
     case GST_EVENT_CUSTOM_DOWNSTREAM_OOB:
     case GST_EVENT_CUSTOM_BOTH:
     case GST_EVENT_CUSTOM_BOTH_OOB:
-      return take_custom_event(s, event);
+      return take_custom_event(GST_ELEMENT(s.element), s.shared, s.metres, event);
     default:
       break;
     }
@@ -365,7 +361,8 @@ gboolean src_event(SegState& s, GstEvent* event) {
     gst_event_unref(event);
     return TRUE;
   }
-  const bool taken = guarded(s.element, false, [&] { return take_custom_event(s, event); });
+  const bool taken = guarded(
+      s.element, false, [&] { return take_custom_event(GST_ELEMENT(s.element), s.shared, s.metres, event); });
   return GST_BASE_TRANSFORM_CLASS(gst_terrain_seg_parent_class)->src_event(s.element, event) || taken;
 }
 

@@ -267,23 +267,20 @@ G_DEFINE_TYPE(GstTerrainMcapSink, gst_terrain_mcap_sink, GST_TYPE_BASE_SINK)
 
 // ---- the file --------------------------------------------------------------------------------------------
 
-void report(SinkState& s, const FileProblem& problem, bool opening) {
-  const bool full = problem.error == ENOSPC || problem.error == EDQUOT;
-  const GstResourceError code = full      ? GST_RESOURCE_ERROR_NO_SPACE_LEFT
-                                : opening ? GST_RESOURCE_ERROR_OPEN_WRITE
-                                          : GST_RESOURCE_ERROR_WRITE;
-  gst_element_message_full(GST_ELEMENT(s.element), GST_MESSAGE_ERROR, GST_RESOURCE_ERROR, code,
-                           g_strconcat(problem.text.c_str(), problem.text.ends_with('.') ? "" : ".", nullptr),
-                           g_strdup_printf("errno %d", problem.error), __FILE__, GST_FUNCTION, __LINE__);
-}
-
 /// Runs `body`. When it throws, posts the error, and stops recording.
 template <class Body> bool reported(SinkState& s, bool opening, Body body) {
   try {
     body();
     return true;
   } catch (const FileProblem& problem) {
-    report(s, problem, opening);
+    const bool full = problem.error == ENOSPC || problem.error == EDQUOT;
+    const GstResourceError code = full      ? GST_RESOURCE_ERROR_NO_SPACE_LEFT
+                                  : opening ? GST_RESOURCE_ERROR_OPEN_WRITE
+                                            : GST_RESOURCE_ERROR_WRITE;
+    gst_element_message_full(
+        GST_ELEMENT(s.element), GST_MESSAGE_ERROR, GST_RESOURCE_ERROR, code,
+        g_strconcat(problem.text.c_str(), problem.text.ends_with('.') ? "" : ".", nullptr),
+        g_strdup_printf("errno %d", problem.error), __FILE__, GST_FUNCTION, __LINE__);
     s.recording.reset();
     s.file.abandon();
     return false;

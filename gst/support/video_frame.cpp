@@ -101,31 +101,22 @@ bool lies_in(const PlaneNeed& need, gint stride, std::uint64_t offset, std::uint
   return offset <= size && span <= size - offset;
 }
 
-/// The error in the picture that `meta` describes; empty if there is none.
-std::string describe_misfit(const GstVideoInfo& info, const GstVideoMeta& meta) {
-  if (meta.format != GST_VIDEO_INFO_FORMAT(&info))
-    return std::string("its GstVideoMeta says ") + gst_video_format_to_string(meta.format) +
-           " and its caps say " + gst_video_format_to_string(GST_VIDEO_INFO_FORMAT(&info));
-  if (meta.width < static_cast<guint>(GST_VIDEO_INFO_WIDTH(&info)) ||
-      meta.height < static_cast<guint>(GST_VIDEO_INFO_HEIGHT(&info)))
-    return "its GstVideoMeta says " + std::to_string(meta.width) + "x" + std::to_string(meta.height) +
-           ", less than its caps say";
-  if (meta.n_planes != GST_VIDEO_INFO_N_PLANES(&info))
-    return "its GstVideoMeta has " + std::to_string(meta.n_planes) + " planes";
-  return {};
-}
-
 /// The error in `buffer` that can be found before mapping; empty if there is none.
 std::string describe_unusable(const GstVideoInfo& info, GstBuffer* buffer) {
   const gsize size = gst_buffer_get_size(buffer);
   const GstVideoMeta* meta = gst_buffer_get_video_meta(buffer);
-  if (meta) {
-    if (std::string misfit = describe_misfit(info, *meta); !misfit.empty())
-      return misfit;
-  } else if (size < GST_VIDEO_INFO_SIZE(&info)) {
+  if (!meta && size < GST_VIDEO_INFO_SIZE(&info))
     return "it has " + std::to_string(size) + " bytes and its caps need " +
            std::to_string(GST_VIDEO_INFO_SIZE(&info));
-  }
+  if (meta && meta->format != GST_VIDEO_INFO_FORMAT(&info))
+    return std::string("its GstVideoMeta says ") + gst_video_format_to_string(meta->format) +
+           " and its caps say " + gst_video_format_to_string(GST_VIDEO_INFO_FORMAT(&info));
+  if (meta && (meta->width < static_cast<guint>(GST_VIDEO_INFO_WIDTH(&info)) ||
+               meta->height < static_cast<guint>(GST_VIDEO_INFO_HEIGHT(&info))))
+    return "its GstVideoMeta says " + std::to_string(meta->width) + "x" + std::to_string(meta->height) +
+           ", less than its caps say";
+  if (meta && meta->n_planes != GST_VIDEO_INFO_N_PLANES(&info))
+    return "its GstVideoMeta has " + std::to_string(meta->n_planes) + " planes";
   for (guint plane = 0; plane < GST_VIDEO_INFO_N_PLANES(&info); ++plane) {
     const gint stride = meta ? meta->stride[plane] : GST_VIDEO_INFO_PLANE_STRIDE(&info, plane);
     const gsize offset = meta ? meta->offset[plane] : GST_VIDEO_INFO_PLANE_OFFSET(&info, plane);
