@@ -13,7 +13,7 @@
 #include "elements/terrainseg/frame_settings.hpp"
 #include "elements/terrainseg/metric_stage.hpp"
 #include "elements/terrainseg/shared.hpp"
-#include "elements/terrainseg/summary.hpp"
+#include "elements/terrainseg/statistics.hpp"
 #include "exchange/model_file.hpp"
 #include "support/buffers.hpp"
 #include "support/colour_watch.hpp"
