@@ -94,9 +94,9 @@ std::optional<std::int32_t> MetricStage::vanishing_row(GstClockTime running_time
   return mount ? metric::vanishing_row_q8(*mount, *frame_camera_) : std::nullopt;
 }
 
-const MetricEstimate* MetricStage::refuse(Notice why) {
-  if (!told_[why])
-    notice_ = why;
+const MetricEstimate* MetricStage::refuse(Notice why, const char* text) {
+  if (!std::exchange(told_[why], true))
+    notice_ = text;
   return nullptr;
 }
 
@@ -119,14 +119,25 @@ const MetricEstimate* MetricStage::measure(const Estimate& e, GstClockTime runni
     return nullptr;
   bool posed = false;
   const auto mount = attitude(running_time, posed);
+  if (!mount && !GST_CLOCK_TIME_IS_VALID(running_time))
+    return refuse(no_time,
+                  "Ranges are disabled: frames have no time stamps, which are needed to find the pose. Set "
+                  "do-timestamp=true on the source.");
   if (!mount)
-    return refuse(GST_CLOCK_TIME_IS_VALID(running_time) ? stale : no_time);
+    return refuse(
+        stale,
+        "Ranges are disabled: the last " GST_TERRAIN_SEG_POSE_EVENT
+        " event is more than 100 ms away from the frame. They resume with the next pose; check that its "
+        "running-time uses the pipeline's clock.");
   ranges_.adapt(*camera_, e.frame_width, e.frame_height, e.mask_region, static_cast<int>(e.boundary.size()));
   const double limit =
       range_max > 0 ? range_max : metric::expected_range_limit(*mount_, *camera_, e.frame_height);
   const double nearest = ranges_.nearest(*mount);
   if (!(nearest < limit))
-    return refuse(short_range);
+    return refuse(
+        short_range,
+        "Ranges are disabled: the nearest ground in the frame is beyond range-max. Tilt the camera down, "
+        "increase range-max, or check height and pitch of the mount.");
   const metric::RangeColumns& columns =
       ranges_.measure(e.boundary, (e.flags & flag_unknown) != 0, *mount, limit);
   watch_horizon(e, *mount, running_time);
@@ -198,37 +209,15 @@ void MetricStage::watch_horizon(const Estimate& e, const metric::Mount& mount, G
   const metric::Camera& camera = ranges_.camera();
   if (const auto ray = metric::undistort(camera, camera.cx, e.horizon_row))
     monitor_.add(static_cast<std::int64_t>(running_time), metric::horizon_offset(mount, *ray));
-  if (monitor_.disagrees())
-    refuse(horizon);
-}
-
-std::optional<std::string> MetricStage::take_notice() {
-  if (!notice_)
-    return std::nullopt;
-  const Notice notice = *notice_;
-  notice_.reset();
-  told_[notice] = true;
-  switch (notice) {
-  case no_time:
-    return "Ranges are disabled: frames have no time stamps, which are needed to find the pose. Set "
-           "do-timestamp=true on the source.";
-  case stale:
-    return "Ranges are disabled: the last " GST_TERRAIN_SEG_POSE_EVENT
-           " event is more than 100 ms away from the frame. They resume with the next pose; check that its "
-           "running-time uses the pipeline's clock.";
-  case short_range:
-    return "Ranges are disabled: the nearest ground in the frame is beyond range-max. Tilt the camera down, "
-           "increase range-max, or check height and pitch of the mount.";
-  default: {
-    const double degrees = monitor_.median().value_or(0) * 180 / std::numbers::pi;
-    char text[200];
-    g_snprintf(text, sizeof text,
-               "For ten seconds the horizon in the frame has been %.1f degrees %s than the mount predicts. "
-               "Check the pitch of the mount: ranges may be wrong.",
-               std::abs(degrees), degrees > 0 ? "higher" : "lower");
-    return text;
-  }
-  }
+  if (!monitor_.disagrees() || told_[horizon])
+    return;
+  const double degrees = monitor_.median().value_or(0) * 180 / std::numbers::pi;
+  char text[200];
+  g_snprintf(text, sizeof text,
+             "For ten seconds the horizon in the frame has been %.1f degrees %s than the mount predicts. "
+             "Check the pitch of the mount: ranges may be wrong.",
+             std::abs(degrees), degrees > 0 ? "higher" : "lower");
+  refuse(horizon, text);
 }
 
 } // namespace terrainseg

@@ -8,6 +8,7 @@
 #include <array>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "exchange/metric_estimate.hpp"
 #include "metric/free_space_ranges.hpp"
@@ -40,11 +41,11 @@ class MetricStage {
   /// be NONE. `range_max` is in metres, 0 = where the expected error reaches 20 %.
   const MetricEstimate* measure(const Estimate& estimate, GstClockTime running_time, double range_max);
   /// A warning after measure(), if any; each at most once until the next start.
-  std::optional<std::string> take_notice();
+  std::optional<std::string> take_notice() { return std::exchange(notice_, std::nullopt); }
 
  private:
   enum Notice : std::uint8_t { no_time, stale, short_range, horizon, notices };
-  const MetricEstimate* refuse(Notice why);
+  const MetricEstimate* refuse(Notice why, const char* text);
   std::optional<metric::Mount> attitude(GstClockTime running_time, bool& posed);
   void choose_fan(const metric::Mount& mount, bool posed, double nearest);
   void find_ticks(const metric::Mount& mount, double range_max);
@@ -58,7 +59,7 @@ class MetricStage {
   MetricEstimate result_;
   std::array<RangeTick, most_ticks> ticks_{};
   bool told_[notices] = {};
-  std::optional<Notice> notice_;
+  std::optional<std::string> notice_; ///< not taken yet
 
   Mutex mutex_; ///< pose events come on other threads
   metric::PoseTrack poses_ TERRAINSEG_GUARDED_BY(mutex_);
