@@ -3,9 +3,11 @@
 #pragma once
 
 #include <gst/gst.h>
+#include <gst/video/video.h>
 
 #include <algorithm>
 #include <bit>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -42,6 +44,7 @@ struct ObjectUnref {
   void operator()(gpointer object) const { gst_mini_object_unref(GST_MINI_OBJECT_CAST(object)); }
 };
 using OwnedBuffer = std::unique_ptr<GstBuffer, ObjectUnref>;
+using OwnedEvent = std::unique_ptr<GstEvent, ObjectUnref>;
 
 /// A pool of buffers of one size. It grows to the number of buffers in flight and then allocates no more.
 class SmallPool {
@@ -52,20 +55,73 @@ class SmallPool {
   SmallPool& operator=(const SmallPool&) = delete;
 
   /// Returns a buffer of `bytes` bytes, or nullptr if memory is exhausted. A new size creates a new pool.
-  OwnedBuffer acquire(gsize bytes);
-  void drop();
+  OwnedBuffer acquire(gsize bytes) {
+    if (!pool_ || bytes != bytes_) {
+      drop();
+      pool_ = gst_buffer_pool_new();
+      GstStructure* config = gst_buffer_pool_get_config(pool_);
+      gst_buffer_pool_config_set_params(config, nullptr, static_cast<guint>(bytes), 0, 0);
+      if (!gst_buffer_pool_set_config(pool_, config) || !gst_buffer_pool_set_active(pool_, TRUE)) {
+        drop();
+        return nullptr;
+      }
+      bytes_ = bytes;
+    }
+    GstBuffer* buffer = nullptr;
+    gst_buffer_pool_acquire_buffer(pool_, &buffer, nullptr);
+    return OwnedBuffer(buffer);
+  }
+  void drop() {
+    if (pool_) // buffers in flight are freed when they return, and then the pool
+      gst_buffer_pool_set_active(pool_, FALSE);
+    gst_clear_object(&pool_);
+  }
 
  private:
   GstBufferPool* pool_ = nullptr;
   gsize bytes_ = 0;
 };
 
+/// Adds the GstVideoMeta of a mask to `buffer`. Stride 0 = rows without padding, because programs may read a
+/// mask as width * height bytes.
+inline GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height, int stride = 0,
+                                   gsize offset = 0) {
+  gsize offsets[GST_VIDEO_MAX_PLANES] = {offset};
+  gint strides[GST_VIDEO_MAX_PLANES] = {stride == 0 ? width : stride};
+  return gst_buffer_add_video_meta_full(buffer, GST_VIDEO_FRAME_FLAG_NONE, GST_VIDEO_FORMAT_GRAY8, width,
+                                        height, 1, offsets, strides);
+}
+
 /// A pool of masks: the buffers have a GstVideoMeta with GRAY8, width and height.
 class MaskPool {
  public:
-  OwnedBuffer acquire(int width, int height);
+  OwnedBuffer acquire(int width, int height) {
+    OwnedBuffer buffer = pool_.acquire(static_cast<gsize>(width) * height);
+    if (!buffer)
+      return nullptr;
+    GstVideoMeta* meta = gst_buffer_get_video_meta(buffer.get());
+    if (meta && meta->width == static_cast<guint>(width) && meta->height == static_cast<guint>(height))
+      return buffer;
+    if (meta) // same size in bytes, but another width and height
+      gst_buffer_remove_meta(buffer.get(), &meta->meta);
+    meta = describe_mask(buffer.get(), width, height);
+    meta->meta.flags = static_cast<GstMetaFlags>(
+        meta->meta.flags | GST_META_FLAG_POOLED); // kept when the buffer returns to the pool
+    return buffer;
+  }
   /// A copy of a picture, or nullptr if it is empty or memory is exhausted.
-  OwnedBuffer copy_of(const GrayView& picture);
+  OwnedBuffer copy_of(const GrayView& picture) {
+    if (picture.empty())
+      return nullptr;
+    OwnedBuffer buffer = acquire(picture.width, picture.height);
+    const MappedBuffer out(buffer.get(), GST_MAP_WRITE);
+    if (!out.data())
+      return nullptr;
+    for (int y = 0; y < picture.height; ++y)
+      std::copy_n(picture.plane.row(y), picture.width,
+                  out.data() + static_cast<std::ptrdiff_t>(y) * picture.width);
+    return buffer;
+  }
   void drop() { pool_.drop(); }
 
  private:

@@ -183,13 +183,6 @@ bool attach(GstBuffer* buffer, const Estimate& e, GstBuffer* mask, GstBuffer* bo
   return true;
 }
 
-GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height, int stride, gsize offset) {
-  gsize offsets[GST_VIDEO_MAX_PLANES] = {offset};
-  gint strides[GST_VIDEO_MAX_PLANES] = {stride == 0 ? width : stride};
-  return gst_buffer_add_video_meta_full(buffer, GST_VIDEO_FRAME_FLAG_NONE, GST_VIDEO_FORMAT_GRAY8, width,
-                                        height, 1, offsets, strides);
-}
-
 GstBuffer* new_mask_buffer(int width, int height) {
   GstBuffer* buffer = gst_buffer_new_allocate(nullptr, static_cast<gsize>(width) * height, nullptr);
   if (buffer)

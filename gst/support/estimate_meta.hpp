@@ -28,9 +28,6 @@ bool attach(GstBuffer* buffer, const Estimate& estimate, GstBuffer* mask, GstBuf
 /// Returns a new, uninitialised GRAY8 buffer of `width` x `height` with a GstVideoMeta and rows without
 /// padding, for attach(); nullptr if memory is exhausted.
 GstBuffer* new_mask_buffer(int width, int height);
-/// Adds the GstVideoMeta of a mask to `buffer`. Stride 0 = rows without padding, because programs may read a
-/// mask as width * height bytes.
-GstVideoMeta* describe_mask(GstBuffer* buffer, int width, int height, int stride = 0, gsize offset = 0);
 /// Returns a buffer with these rows for attach(); nullptr if memory is exhausted.
 GstBuffer* new_boundary_buffer(std::span<const std::uint16_t> rows);
 
