@@ -144,16 +144,17 @@ struct CombineState {
     meta_thread = std::this_thread::get_id();
     matcher.note_unit_side(Clock::now());
   }
-  /// Waits until `done`, or until there is no reason to wait. Where this thread brings the units too, the
-  /// task does not wait for them meanwhile.
-  void wait_for_task(Lock& lock, bool (CombineState::*done)() const) TERRAINSEG_REQUIRES(mutex) {
+  /// Waits until `done`, or until there is no reason to wait: returns state_of_flow(). Where this thread
+  /// brings the units too, the task does not wait for them meanwhile.
+  GstFlowReturn wait_for_task(Lock& lock, bool (CombineState::*done)() const) TERRAINSEG_REQUIRES(mutex) {
     if (state_of_flow() != GST_FLOW_OK || (this->*done)())
-      return;
+      return state_of_flow();
     feeder_waits = meta_thread == std::this_thread::get_id();
     changed.notify_all();
     while (state_of_flow() == GST_FLOW_OK && !(this->*done)())
       lock.wait(changed);
     feeder_waits = false;
+    return state_of_flow();
   }
 };
 static_assert(std::is_nothrow_default_constructible_v<UnitStore> &&
@@ -402,9 +403,8 @@ GstFlowReturn take_frame(CombineState& s, GstBuffer* frame) {
   if (times.match != Match::automatic)
     times.stamp.reset();
   s.video_thread = std::this_thread::get_id();
-  s.wait_for_task(lock, &CombineState::takes_frames);
-  if (s.state_of_flow() != GST_FLOW_OK)
-    return s.state_of_flow();
+  if (const GstFlowReturn flow = s.wait_for_task(lock, &CombineState::takes_frames); flow != GST_FLOW_OK)
+    return flow;
   if (const Time duration = duration_of(frame); duration > 0)
     s.frame_duration = duration;
   s.matcher.expect_frame(times.time, times.stamp.has_value(), s.frame_duration);
@@ -447,8 +447,7 @@ GstFlowReturn queue_event(CombineState& s, GstEvent* event) {
   const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
   {
     Lock lock(s.mutex);
-    s.wait_for_task(lock, &CombineState::takes_events);
-    flow = s.state_of_flow();
+    flow = s.wait_for_task(lock, &CombineState::takes_events);
     // After an end the next stream begins; the task has paused.
     if (GST_EVENT_TYPE(event) == GST_EVENT_STREAM_START) {
       s.live_is_old = true;
@@ -556,8 +555,7 @@ gboolean video_query(CombineState& s, GstQuery* query) {
   {
     // In order: what came before it has left.
     Lock lock(s.mutex);
-    s.wait_for_task(lock, &CombineState::is_drained);
-    if (s.state_of_flow() != GST_FLOW_OK)
+    if (s.wait_for_task(lock, &CombineState::is_drained) != GST_FLOW_OK)
       return FALSE;
   }
   if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION)
