@@ -95,7 +95,7 @@ struct ExtractState {
   GstVideoInfo picture = no_video(); // streaming; of the GRAY8 output
   bool video_meta_welcome = false;   // streaming; downstream reads GstVideoMeta, any stride will do
   SmallPool pictures;                // streaming; pictures that are not the mask's own memory
-  GstEvent* held_segment = nullptr;  // streaming; waits for the caps
+  OwnedEvent held_segment;           // streaming; waits for the caps
   Once<> unreadable, unmeasured;     // streaming
   MetadataWatch metadata;            // streaming
   MaskScaler scaler;                 // streaming
@@ -106,10 +106,9 @@ struct ExtractState {
   MavlinkStream mavlink;             // streaming
   ExtractSettings settings;          // under the object lock
 
-  ~ExtractState() { reset(); }
   void reset() {
     pictures.drop();
-    gst_clear_event(&held_segment);
+    held_segment.reset();
     video = {};
     negotiated = false;
     unreadable.again();
@@ -259,7 +258,7 @@ bool negotiate(ExtractState& s) {
     ask_allocation(s, caps);
   s.negotiated = true;
   if (s.held_segment)
-    gst_pad_push_event(s.src, std::exchange(s.held_segment, nullptr));
+    gst_pad_push_event(s.src, s.held_segment.release());
   return true;
 }
 
@@ -477,11 +476,9 @@ gboolean take_caps(ExtractState& s, GstEvent* event) {
                       ("terrainextract needs raw or encoded video, but its input is %s.",
                        gst_structure_get_name(gst_caps_get_structure(caps, 0))),
                       ("caps %" GST_PTR_FORMAT, printable(caps)));
-    gst_event_unref(event);
     return FALSE;
   }
   s.video = video_of(caps);
-  gst_event_unref(event);
   gst_pad_check_reconfigure(s.src); // done now
   // A failure here may be one of the moment (a flush); the next frame tries again and reports.
   if (!negotiate(s))
@@ -500,57 +497,53 @@ GstEvent* own_stream(ExtractState& s, GstEvent* event) {
   gst_event_parse_stream_flags(event, &flags);
   gst_event_set_stream_flags(own, flags);
   gst_event_set_seqnum(own, gst_event_get_seqnum(event));
-  gst_event_unref(event);
   return own;
 }
 
-gboolean sink_event(ExtractState& s, GstEvent* event) {
-  switch (GST_EVENT_TYPE(event)) {
+gboolean sink_event(ExtractState& s, OwnedEvent event) {
+  switch (GST_EVENT_TYPE(event.get())) {
   case GST_EVENT_STREAM_START:
-    return gst_pad_push_event(s.src, own_stream(s, event));
+    return gst_pad_push_event(s.src, own_stream(s, event.get()));
   case GST_EVENT_CAPS:
-    return take_caps(s, event);
+    return take_caps(s, event.get());
   case GST_EVENT_SEGMENT:
-    gst_event_copy_segment(event, &s.segment);
+    gst_event_copy_segment(event.get(), &s.segment);
     if (gst_pad_has_current_caps(s.src))
       break;
-    gst_clear_event(&s.held_segment);
-    s.held_segment = event;
+    s.held_segment = std::move(event);
     return TRUE;
   case GST_EVENT_EOS:
     if (s.metadata.end())
       warn_bare(s);
     break;
   case GST_EVENT_GAP:
-    if (s.negotiated)
-      break;
-    gst_event_unref(event);
-    return TRUE;
+    if (!s.negotiated)
+      return TRUE;
+    break;
   case GST_EVENT_TAG: {
     // The video's codec and bitrate say nothing of the units.
     GstTagList* tags = nullptr;
-    gst_event_parse_tag(event, &tags);
-    if (gst_tag_list_get_scope(tags) == GST_TAG_SCOPE_GLOBAL)
-      break;
-    gst_event_unref(event);
-    return TRUE;
+    gst_event_parse_tag(event.get(), &tags);
+    if (gst_tag_list_get_scope(tags) != GST_TAG_SCOPE_GLOBAL)
+      return TRUE;
+    break;
   }
   case GST_EVENT_FLUSH_STOP:
     s.segment = in_time();
-    gst_clear_event(&s.held_segment);
+    s.held_segment.reset();
     s.mavlink.restart();
     break;
   default:
     break;
   }
-  return gst_pad_event_default(s.sink, GST_OBJECT(s.element), event);
+  return gst_pad_event_default(s.sink, GST_OBJECT(s.element), event.release());
 }
 
 /// Of a plain FALSE the pad that sends a sticky event again makes an error, also while this element is only
 /// being stopped: its output goes first.
 GstFlowReturn sink_event_full(ExtractState& s, GstEvent* event) {
   const bool caps = GST_EVENT_TYPE(event) == GST_EVENT_CAPS;
-  if (sink_event(s, event))
+  if (sink_event(s, OwnedEvent(event)))
     return GST_FLOW_OK;
   return GST_PAD_IS_FLUSHING(s.src) ? GST_FLOW_FLUSHING : caps ? GST_FLOW_NOT_NEGOTIATED : GST_FLOW_ERROR;
 }
