@@ -182,28 +182,17 @@ guint id_named(const char* name) {
   return 0;
 }
 
-/// The property that says the same, of one that is deprecated; else nullptr.
-const char* successor_of(const Setting& setting) {
-  return setting.stage ? "stages" : g_str_equal(setting.name, "free-space") ? "preset" : nullptr;
-}
-
-GParamFlags flags_of(const Setting& setting) {
-  const int flags = (setting.controllable ? property_controllable : property_playing) |
-                    (successor_of(setting) ? G_PARAM_DEPRECATED : 0);
-  return static_cast<GParamFlags>(flags & ~G_PARAM_STATIC_BLURB); // GLib keeps a copy
-}
-
-std::string blurb_of(const Setting& setting) {
-  const char* only = setting.used_by == UsedBy::paper        ? " (used with preset=paper only)"
-                     : setting.used_by == UsedBy::free_space ? " (not used with preset=paper)"
-                                                             : "";
-  const char* successor = successor_of(setting);
-  return (successor ? std::string("Deprecated, use ") + successor + ". " : "") + setting.blurb + only;
-}
-
 GParamSpec* spec_of(const Setting& s) {
-  const std::string blurb = blurb_of(s);
-  const GParamFlags flags = flags_of(s);
+  const char* only = s.used_by == UsedBy::paper        ? " (used with preset=paper only)"
+                     : s.used_by == UsedBy::free_space ? " (not used with preset=paper)"
+                                                       : "";
+  // The property that says the same, of one that is deprecated.
+  const char* successor = s.stage ? "stages" : g_str_equal(s.name, "free-space") ? "preset" : nullptr;
+  const std::string blurb =
+      (successor ? std::string("Deprecated, use ") + successor + ". " : "") + s.blurb + only;
+  int bits = s.controllable ? property_controllable : property_playing;
+  bits &= ~G_PARAM_STATIC_BLURB; // GLib keeps a copy
+  const auto flags = static_cast<GParamFlags>(bits | (successor ? G_PARAM_DEPRECATED : 0));
   switch (s.kind) {
   case SettingKind::natural:
     return g_param_spec_uint(s.name, s.nick, blurb.c_str(), static_cast<guint>(s.low),
@@ -257,14 +246,6 @@ bool numbers_of(const GValue* array, std::vector<int>& numbers) {
   }
   return true;
 }
-
-std::string text_of(const GValue* value) {
-  g_autofree gchar* text = gst_value_serialize(value);
-  return text ? text : "(unreadable)";
-}
-
-constexpr const char* regions_rule =
-    "must be <<x, y, width, height>, ...> in pixels, x and y from 0, sizes from 1";
 
 } // namespace
 
@@ -375,10 +356,14 @@ void SettingsBook::set_ignore_regions(const GValue* value) {
     regions.push_back(r);
   }
   regions_error_.reset();
-  if (good)
+  if (good) {
     settings_.core.ignore_regions = std::move(regions);
-  else
-    regions_error_ = SettingsError{"ignore-regions", text_of(value), regions_rule};
+    return;
+  }
+  g_autofree gchar* text = gst_value_serialize(value);
+  regions_error_ =
+      SettingsError{"ignore-regions", text ? text : "(unreadable)",
+                    "must be <<x, y, width, height>, ...> in pixels, x and y from 0, sizes from 1"};
 }
 
 // ---- giving back -----------------------------------------------------------------------------------------
