@@ -274,16 +274,10 @@ void read_near(Ros2State& s, const SinkSettings& set) {
 
 // ---- the topics ------------------------------------------------------------------------------------------
 
-void open_topic(Ros2State& s, Topic topic) {
-  std::string name;
-  {
-    ObjectLock lock(s.element);
-    const char* chosen = s.names[static_cast<std::size_t>(topic)].c_str();
-    if (!*chosen || s.outlet->writer(topic))
-      return;
-    name = ros2::full_name(s.settings.name_space, chosen);
-  }
-  s.outlet->open(topic, name);
+void open_topic(Ros2State& s, const SinkSettings& set, Topic topic) {
+  const char* name = s.names[static_cast<std::size_t>(topic)].c_str();
+  if (*name && !s.outlet->writer(topic))
+    s.outlet->open(topic, ros2::full_name(set.name_space, name));
 }
 
 /// Announces the topics as those of a node.
@@ -326,7 +320,7 @@ void make_topics(Ros2State& s, const SinkSettings& set, recording::MessageOption
     wanted.insert(wanted.end(), {Topic::tf, Topic::tf_static});
   s.messages.emplace(std::move(options));
   for (const Topic topic : wanted)
-    open_topic(s, topic);
+    open_topic(s, set, topic);
   read_poses(s, set);
   read_near(s, set);
   announce(s, set);
@@ -396,7 +390,7 @@ bool set_caps(Ros2State& s, GstCaps* caps) {
   const SinkSettings set = locked_copy(s.element, s.settings);
   return reported(s, [&] {
     const std::lock_guard lock(s.mutex);
-    open_topic(s, s.kind == PictureKind::h264 ? Topic::video : Topic::picture);
+    open_topic(s, set, s.kind == PictureKind::h264 ? Topic::video : Topic::picture);
     announce(s, set);
   });
 }
@@ -465,14 +459,12 @@ void set_property(GObject* object, guint id, const GValue* value, GParamSpec* sp
   if (id < first_topic_id)
     return set_in_table<GstTerrainRos2Sink, table>(object, id, value, spec);
   const gchar* text = g_value_get_string(value);
-  ObjectLock lock(object);
   GstTerrainRos2Sink::state_of(object).names.at(id - first_topic_id) = text ? text : "";
 }
 
 void get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
   if (id < first_topic_id)
     return get_in_table<GstTerrainRos2Sink, table>(object, id, value, spec);
-  ObjectLock lock(object);
   const char* name = GstTerrainRos2Sink::state_of(object).names.at(id - first_topic_id).c_str();
   g_value_set_static_string(value, *name ? name : nullptr);
 }
