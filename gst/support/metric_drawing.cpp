@@ -37,11 +37,6 @@ int row_of(int boundary_row, const Estimate& e, int height) {
 
 } // namespace
 
-void MetricDrawing::add(const MetricMark& mark) {
-  if (count_ < marks_.size())
-    marks_[count_++] = mark;
-}
-
 /// Only on free ground: beyond the boundary a mark would be on an obstacle.
 void MetricDrawing::add_ticks(const Estimate& e, const MetricEstimate& m, int width, int height) {
   const int apart = 2 * metric_digit_height(height);
@@ -57,7 +52,7 @@ void MetricDrawing::add_ticks(const Estimate& e, const MetricEstimate& m, int wi
     const int end = row_of(e.boundary[static_cast<std::size_t>(column)], e, height);
     if (y < end + apart / 2 || last - y < apart)
       continue;
-    add({MetricMark::Kind::tick, x, y, decimetres_of(tick.range)});
+    marks_.push_back({MetricMark::Kind::tick, x, y, decimetres_of(tick.range)});
     last = y;
   }
 }
@@ -69,8 +64,8 @@ void MetricDrawing::add_boundary(const Estimate& e, const MetricEstimate& m, int
       continue;
     const double x = e.mask_region.x + (static_cast<double>(column) + 0.5) * e.mask_region.width /
                                            static_cast<double>(m.ranges.size());
-    add({MetricMark::Kind::boundary, static_cast<int>(x * width / std::max(e.frame_width, 1)),
-         row_of(e.boundary[column], e, height), decimetres_of(m.ranges[column])});
+    marks_.push_back({MetricMark::Kind::boundary, static_cast<int>(x * width / std::max(e.frame_width, 1)),
+                      row_of(e.boundary[column], e, height), decimetres_of(m.ranges[column])});
   }
 }
 
@@ -165,14 +160,15 @@ void MetricDrawing::add_ring_labels(double ring, double shown, const MetricMarks
   for (int number = 1; number * ring < shown; ++number) {
     const double metres = number * ring;
     const int aside = static_cast<int>(metres * pixels * diagonal);
-    add({MetricMark::Kind::ring, out.map_x + side_ / 2 - aside, out.map_y + side_ - 1 - aside,
-         decimetres_of(metres)});
+    marks_.push_back({MetricMark::Kind::ring, out.map_x + side_ / 2 - aside, out.map_y + side_ - 1 - aside,
+                      decimetres_of(metres)});
   }
 }
 
 MetricMarks MetricDrawing::make(const Estimate& e, const MetricEstimate& m, OverlayStyle style, int width,
                                 int height) {
-  count_ = 0;
+  marks_.clear();
+  marks_.reserve(most_ticks + 16); // all there can be: only the first frame allocates
   MetricMarks out;
   if (e.boundary.size() != m.ranges.size() || m.ranges.empty())
     return out;
@@ -186,7 +182,7 @@ MetricMarks MetricDrawing::make(const Estimate& e, const MetricEstimate& m, Over
     size_map(side);
     draw_map(m, out);
   }
-  out.marks = {marks_.data(), count_};
+  out.marks = marks_;
   return out;
 }
 

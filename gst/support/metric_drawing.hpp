@@ -23,7 +23,6 @@ class MetricDrawing {
 
   MetricMarks make(const Estimate& estimate, const MetricEstimate& metric, OverlayStyle style,
                    int frame_width, int frame_height);
-  void add(const MetricMark& mark);
   void add_ticks(const Estimate& estimate, const MetricEstimate& metric, int width, int height);
   void add_boundary(const Estimate& estimate, const MetricEstimate& metric, int width, int height);
   void size_map(int side);
@@ -36,8 +35,7 @@ class MetricDrawing {
     float distance;    ///< pixels from the vehicle
     std::uint16_t bin; ///< direction, `bins` = behind
   };
-  std::array<MetricMark, most_ticks + 16> marks_{};
-  std::size_t count_ = 0;
+  std::vector<MetricMark> marks_;
   int side_ = 0;
   std::vector<Place> places_;
   std::vector<std::uint8_t> map_;
