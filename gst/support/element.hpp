@@ -118,7 +118,7 @@ template <class Base, class State> struct Instance {
 template <class Self, const auto& table>
 void set_in_table(GObject* object, guint id, const GValue* value, GParamSpec*) {
   const ObjectLock lock(object);
-  table[id - 1].field.set(reinterpret_cast<Self*>(object)->state->settings, value);
+  table[id - 1].field.set(Self::state_of(object).settings, value);
 }
 template <class Self, const auto& table>
 void get_in_table(GObject* object, guint id, GValue* value, GParamSpec*) {
@@ -126,7 +126,7 @@ void get_in_table(GObject* object, guint id, GValue* value, GParamSpec*) {
   if (field.make)
     return g_value_take_boxed(value, field.make(object));
   const ObjectLock lock(object);
-  field.get(reinterpret_cast<Self*>(object)->state->settings, value);
+  field.get(Self::state_of(object).settings, value);
 }
 
 /// Adds the template of a pad that is always there.
@@ -149,7 +149,7 @@ struct ElementTexts {
 /// Sets what every element sets of its class; `parent_class` is defined by G_DEFINE_TYPE.
 template <class Self, gpointer& parent_class> void init_class(gpointer klass, const ElementTexts& texts) {
   G_OBJECT_CLASS(klass)->finalize = [](GObject* object) {
-    std::destroy_at(&*reinterpret_cast<Self*>(object)->state);
+    std::destroy_at(&Self::state_of(object));
     G_OBJECT_CLASS(parent_class)->finalize(object);
   };
   gst_element_class_set_static_metadata(GST_ELEMENT_CLASS(klass), texts.name, texts.classification,
