@@ -29,8 +29,8 @@ enum class Output : std::uint8_t { gray, lines, klv, mavlink };
 
 /// What is known of the video from its caps.
 struct Video {
-  bool known = false;
-  int width = 0, height = 0; ///< 0 = the caps do not say (encoded video that was not parsed)
+  bool sized = false;        ///< the caps say the size (not those of encoded video that was not parsed)
+  int width = 0, height = 0; ///< of the caps, else of the metadata; 0 = not known yet
   int fps_n = -1, fps_d = 1; ///< -1 = the caps do not say
   int par_n = 1, par_d = 1;
 };
@@ -152,9 +152,9 @@ bool is_video(const GstCaps* caps) {
 Video video_of(const GstCaps* caps) {
   const GstStructure* fields = gst_caps_get_structure(caps, 0);
   Video v;
-  v.known = true;
-  if (!gst_structure_get_int(fields, "width", &v.width) ||
-      !gst_structure_get_int(fields, "height", &v.height) || v.width < 1 || v.height < 1)
+  v.sized = gst_structure_get_int(fields, "width", &v.width) &&
+            gst_structure_get_int(fields, "height", &v.height) && v.width > 0 && v.height > 0;
+  if (!v.sized)
     v.width = v.height = 0;
   gst_structure_get_fraction(fields, "framerate", &v.fps_n, &v.fps_d);
   gst_structure_get_fraction(fields, "pixel-aspect-ratio", &v.par_n, &v.par_d);
@@ -426,17 +426,16 @@ void warn_bare(ExtractState& s) {
 }
 
 GstFlowReturn extract(ExtractState& s, GstBuffer* frame) {
+  const OwnedBuffer owned(frame);
   const EstimateReader reader(frame, s.settings.source.c_str());
   const Estimate& e = reader.estimate();
   if (s.metadata.see(reader || reader.error()))
     warn_bare(s);
   bool renegotiate = gst_pad_check_reconfigure(s.src) || !s.negotiated;
   // Where the caps hold no size the metadata tells it.
-  if (reader && (s.video.width == 0 || !s.video.known) &&
-      (s.video.width != e.frame_width || s.video.height != e.frame_height)) {
+  if (reader && !s.video.sized && (s.video.width != e.frame_width || s.video.height != e.frame_height)) {
     s.video.width = e.frame_width;
     s.video.height = e.frame_height;
-    s.video.known = false;
     renegotiate = true;
   }
   if (renegotiate && !negotiate(s)) {
@@ -459,11 +458,6 @@ GstFlowReturn extract(ExtractState& s, GstBuffer* frame) {
   if (GST_BUFFER_IS_DISCONT(frame))
     GST_BUFFER_FLAG_SET(unit, GST_BUFFER_FLAG_DISCONT);
   return gst_pad_push(s.src, unit);
-}
-
-GstFlowReturn chain(ExtractState& s, GstBuffer* buffer) {
-  const OwnedBuffer frame(buffer);
-  return extract(s, frame.get());
 }
 
 // ---- events and queries ----------------------------------------------------------------------------------
@@ -595,7 +589,7 @@ void gst_terrain_extract_class_init(GstTerrainExtractClass* klass) {
 void gst_terrain_extract_init(GstTerrainExtract* self) {
   ExtractState& s = self->make_state();
   s.sink = add_pad(s.element, "sink");
-  gst_pad_set_chain_function(s.sink, GstTerrainExtract::pad_call<chain>);
+  gst_pad_set_chain_function(s.sink, GstTerrainExtract::pad_call<extract>);
   gst_pad_set_event_full_function(s.sink, GstTerrainExtract::pad_call<sink_event_full>);
   gst_pad_set_query_function(s.sink, sink_query);
   s.src = add_pad(s.element, "src");
