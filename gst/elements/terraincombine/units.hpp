@@ -5,7 +5,6 @@
 #include <gst/gst.h>
 
 #include <algorithm>
-#include <compare>
 #include <cstdint>
 #include <cstdlib>
 #include <iterator>
@@ -13,6 +12,7 @@
 #include <list>
 #include <map>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "support/buffers.hpp"
@@ -155,7 +155,9 @@ class UnitStore {
     std::uint64_t run;
     PrecisionTime time;
     std::uint64_t arrived;
-    auto operator<=>(const Key&) const = default;
+    bool operator<(const Key& other) const {
+      return std::tie(run, time, arrived) < std::tie(other.run, other.time, other.arrived);
+    }
   };
   struct Unit {
     OwnedBuffer buffer;
