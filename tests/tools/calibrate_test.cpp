@@ -8,9 +8,9 @@
 
 #include "metric/camera_info.hpp"
 #include "tools/calibrate/files.hpp"
-#include "tools/calibrate/grid_picture.hpp"
 #include "tools/calibrate/horizon_check.hpp"
 #include "tools/calibrate/mount_fit.hpp"
+#include "tools/calibrate/pictures.hpp"
 
 namespace terrainseg::calibrate {
 namespace {

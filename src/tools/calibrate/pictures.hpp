@@ -4,6 +4,7 @@
 // OpenCV.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -34,7 +35,14 @@ Calibration calibrate_from_folder(const std::string& folder, const Board& board,
 /// fitted() for the size of a picture file.
 metric::Camera fitted_to_picture(const metric::Camera& camera, const std::string& path);
 
-/// Reads `frame`, draws the grid for a camera of that size and writes `picture` (.png or .jpg).
+/// Returns the pixel of a point of the ground; nothing if the point is behind the camera or outside the valid
+/// range of the lens model. Only in a build with OpenCV.
+std::optional<metric::ImagePoint> pixel_of(const metric::Camera& camera, const metric::Mount& mount,
+                                           const metric::GroundPoint& point);
+
+/// Reads `frame`, draws the grid for a camera of that size and writes `picture` (.png or .jpg): labelled
+/// lines across at round distances, lines ahead one metre apart, the horizon, and each measured point as a
+/// cross with its distance, connected to its position according to the mount.
 void draw_over(const std::string& frame, const metric::Camera& camera, const metric::Mount& mount,
                std::span<const MeasuredPoint> points, const std::string& picture);
 
