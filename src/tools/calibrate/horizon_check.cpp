@@ -10,6 +10,7 @@
 
 #include "exchange/counted.hpp"
 #include "tools/calibrate/files.hpp"
+#include "tools/calibrate/mount_fit.hpp"
 
 namespace terrainseg::calibrate {
 namespace {
@@ -80,20 +81,16 @@ HorizonCheck check_horizon(const Horizons& horizons, const metric::Camera& calib
                              ", 30 are needed: record open, flat ground with the horizon in view");
   const metric::Camera camera = fitted(calibrated, horizons.width, horizons.height);
   std::vector<int> sorted = horizons.rows;
-  std::sort(sorted.begin(), sorted.end());
-  HorizonCheck check;
-  check.row = quantile(sorted, 0.5);
-  check.lower_quartile = quantile(sorted, 0.25);
-  check.upper_quartile = quantile(sorted, 0.75);
-  check.expected = horizon_row(camera, mount);
+  std::ranges::sort(sorted);
+  HorizonCheck check{.row = quantile(sorted, 0.5),
+                     .lower_quartile = quantile(sorted, 0.25),
+                     .upper_quartile = quantile(sorted, 0.75),
+                     .expected = horizon_row(camera, mount)};
   const auto ray = metric::undistort(camera, (camera.width - 1) / 2.0, check.row);
   if (!ray)
     throw std::runtime_error("the lens model has no ray at row " + std::to_string(check.row) +
                              ": is the calibration this camera's?");
-  const metric::GroundProjection ground(mount);
-  check.degrees =
-      std::atan2(-ground.along(2, *ray), std::hypot(ground.along(0, *ray), ground.along(1, *ray))) * 180 /
-      std::numbers::pi;
+  check.degrees = descent(mount, *ray) * 180 / std::numbers::pi;
   return check;
 }
 

@@ -186,15 +186,13 @@ int run_mount(const Arguments& arguments) {
       {lens_option(lens),
        {"point", 'p', 0, G_OPTION_ARG_STRING_ARRAY, &point_texts.list,
         "A point of flat ground, at least twice: its pixel, and its distance over ground from the point "
-        "below "
-        "the lens",
+        "below the lens",
         "COLUMN,ROW,METRES"},
        file_option("points", file, "Points from a file, one a line"),
        text_option("height", height, "Measured height of the lens over the ground", "METRES"),
        text_option("roll", roll,
                    "Known roll, positive = right side down (default: fitted to four or more points, with "
-                   "--height to two "
-                   "or more, if they determine it; otherwise 0)",
+                   "--height to two or more, if they determine it; otherwise 0)",
                    "DEGREES"),
        text_option("yaw", yaw, "Copied to the file, positive = the camera looks to the left", "DEGREES"),
        text_option("x", x, "Copied to the file: distance of the lens ahead of the origin", "METRES"),
@@ -224,12 +222,11 @@ int run_mount(const Arguments& arguments) {
     }
   if (points.empty())
     throw UsageError("no --point is given");
-  Known known;
-  known.height = metres(height, "--height");
-  known.roll = angle(roll, "--roll");
-  known.yaw = angle(yaw, "--yaw").value_or(0);
-  known.x = metres(x, "--x").value_or(0);
-  known.y = metres(y, "--y").value_or(0);
+  const Known known{.height = metres(height, "--height"),
+                    .roll = angle(roll, "--roll"),
+                    .yaw = angle(yaw, "--yaw").value_or(0),
+                    .x = metres(x, "--x").value_or(0),
+                    .y = metres(y, "--y").value_or(0)};
   check_picture(frame, picture);
 
   metric::Camera camera = read_camera(lens.value());

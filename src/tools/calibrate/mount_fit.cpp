@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 
@@ -93,12 +94,6 @@ std::string name_of(std::size_t index, const MeasuredPoint& point) {
   std::snprintf(text, sizeof text, "point %zu (column %g, row %g, %g m)", index + 1, point.u, point.v,
                 point.distance);
   return text;
-}
-
-/// Angle of a ray below the horizontal.
-double descent(const Mount& mount, const ImagePoint& ray) {
-  const GroundProjection ground(mount);
-  return std::atan2(-ground.along(2, ray), std::hypot(ground.along(0, ray), ground.along(1, ray)));
 }
 
 /// Searches the mount from which given points are seen.
@@ -189,11 +184,7 @@ class Search {
     return over > 0 ? std::max(least, std::sqrt(found.cost / over)) : least;
   }
   static Mount mount_at(const Values& at) {
-    Mount mount;
-    mount.height = std::exp(at[log_height]);
-    mount.pitch = at[pitch];
-    mount.roll = at[roll];
-    return mount;
+    return {.height = std::exp(at[log_height]), .pitch = at[pitch], .roll = at[roll]};
   }
   const std::vector<ImagePoint>& rays() const { return rays_; }
 
@@ -209,10 +200,8 @@ class Search {
     return out;
   }
   double cost(const Values& at) const {
-    double sum = 0;
-    for (const double error : errors(at))
-      sum += error * error;
-    return sum;
+    const auto all = errors(at);
+    return std::inner_product(all.begin(), all.end(), all.begin(), 0.0);
   }
   /// A row per point, a column per free parameter.
   std::vector<Values> slopes(const Values& at) const {
@@ -331,7 +320,7 @@ std::optional<MountFit> fit_with(const std::vector<int>& free, const Camera& cam
   const Search::Found& best = found.front();
   const Values deviation = search.deviations(best.at, search.reading_error(best, one_row));
   MountFit fit;
-  fit.roll_found = std::find(free.begin(), free.end(), roll) != free.end();
+  fit.roll_found = std::ranges::count(free, roll) > 0;
   if (fit.roll_found && !(deviation[roll] < useful_roll))
     return std::nullopt;
   fit.mount = mount_of(best.at, known);
@@ -350,6 +339,11 @@ std::optional<MountFit> fit_with(const std::vector<int>& free, const Camera& cam
 }
 
 } // namespace
+
+double descent(const Mount& mount, const ImagePoint& ray) {
+  const GroundProjection ground(mount);
+  return std::atan2(-ground.along(2, ray), std::hypot(ground.along(0, ray), ground.along(1, ray)));
+}
 
 MountFit fit_mount(const metric::Camera& camera, std::span<const MeasuredPoint> points, const Known& known) {
   check_points(points, known);

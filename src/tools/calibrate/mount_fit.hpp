@@ -35,6 +35,9 @@ struct MountFit {
   std::optional<double> other_height;
 };
 
+/// Angle of a ray below the horizontal, radians.
+double descent(const metric::Mount& mount, const metric::ImagePoint& ray);
+
 /// Least squares of the angles of the points below the horizontal, so that a pixel has the same weight near
 /// and far. Two points give height and pitch; four points on both sides of the picture also give the roll
 /// (two if the height is known). Throws std::runtime_error with the remedy if the points are not sufficient
