@@ -55,23 +55,6 @@ std::vector<fs::path> written_paths(const Input& input, const Options& options) 
   return paths;
 }
 
-/// Conflicts of a manifest.
-template <typename Files, typename Claimed>
-std::optional<std::string> manifest_clash(const fs::path& manifest, const Files& files,
-                                          const Claimed& claimed) {
-  for (const fs::path& path : {manifest, part_of(manifest)}) {
-    const std::string key = folded(path);
-    if (const std::string* victim = files.at(path, key))
-      return "the manifest " + path.string() + " would replace the input " + *victim;
-    if (const auto found = claimed.find(key); found != claimed.end())
-      return "the manifest " + path.string() + " would be written as an output of " + found->second->label;
-  }
-  if (is_there(manifest) && !is_manifest(manifest))
-    return "the manifest " + manifest.string() +
-           " would replace a file that is not a manifest; choose another name";
-  return std::nullopt;
-}
-
 /// The inputs of a batch, by file identity.
 class InputFiles {
  public:
@@ -114,6 +97,22 @@ std::optional<std::string> clash_of(const Input& input, const Options& options, 
       return input.label + " and " + other->second->label + " would both be written as " + path.string() +
              "; distinguish them with --names hash or --names path";
   }
+  return std::nullopt;
+}
+
+/// Conflicts of a manifest.
+std::optional<std::string> manifest_clash(const fs::path& manifest, const InputFiles& files,
+                                          const std::map<std::string, const Input*>& claimed) {
+  for (const fs::path& path : {manifest, part_of(manifest)}) {
+    const std::string key = folded(path);
+    if (const std::string* victim = files.at(path, key))
+      return "the manifest " + path.string() + " would replace the input " + *victim;
+    if (const auto found = claimed.find(key); found != claimed.end())
+      return "the manifest " + path.string() + " would be written as an output of " + found->second->label;
+  }
+  if (is_there(manifest) && !is_manifest(manifest))
+    return "the manifest " + manifest.string() +
+           " would replace a file that is not a manifest; choose another name";
   return std::nullopt;
 }
 

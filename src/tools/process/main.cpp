@@ -188,14 +188,11 @@ void Batch::report(const Input& input, const Outcome& outcome) {
 Outcome Batch::outcome_of(const Input& input, Worker& worker, Progress& progress) const {
   if (options_.resume && input.problem.empty() && is_complete(input, options_))
     return {Outcome::Kind::skipped, {}};
-  Outcome outcome;
   try {
-    outcome = worker.process(input, options_, progress, interruptions);
+    return worker.process(input, options_, progress, interruptions);
   } catch (const std::exception& error) {
-    outcome.record.problem = error.what();
-    outcome.record.cause = Cause::resources;
+    return failed({}, {Cause::resources, error.what()});
   }
-  return outcome;
 }
 
 /// A job: processes inputs in order until none is left or the user interrupts.

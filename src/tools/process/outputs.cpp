@@ -46,6 +46,27 @@ nlohmann::json read_record(const fs::path& path) {
   return nlohmann::json::parse(file, nullptr, false);
 }
 
+/// The settings of an input, as in Record::settings.
+std::string describe(const Options& options, const Input& input) {
+  std::string text = "preset=" + (options.preset.empty() ? std::string("default") : options.preset);
+  for (const auto& [name, value] : options.settings) {
+    text.append(" ").append(name).append("=").append(value);
+    // A calibration is identified by its content, not only by its name.
+    const bool calibration = name == "camera-info" || name == "mount";
+    if (const std::string content = calibration ? sha256_of(value) : ""; !content.empty())
+      text += "@" + content.substr(0, 16);
+  }
+  if (options.wants(Output::annotated))
+    text += " quality=" + std::to_string(options.quality);
+  if (options.json_mask)
+    text += " json-mask";
+  if (options.max_frames)
+    text += " frames=" + std::to_string(options.max_frames);
+  if (input.kind == Input::Kind::images)
+    text += " fps=" + std::to_string(options.fps_numerator) + "/" + std::to_string(options.fps_denominator);
+  return text;
+}
+
 } // namespace
 
 std::string sha256_of(const fs::path& path) {
@@ -74,7 +95,6 @@ void AtomicFile::discard() {
 
 void AtomicFile::open(const fs::path& final_path) {
   discard();
-  final_path_ = final_path;
   part_path_ = part_of(final_path);
   std::error_code ignored;
   if (fs::is_directory(final_path, ignored))
@@ -136,17 +156,9 @@ std::uint64_t AtomicFile::size() const {
                                               : 0;
 }
 
-fs::path Naming::named(const std::string& suffix, const char* bare, bool partial) const {
-  const std::string tail = (partial ? "partial." : "") + (stem_.empty() ? std::string(bare) : suffix);
+fs::path Naming::named(const OutputKind& kind, bool partial) const {
+  const std::string tail = std::string(partial ? "partial." : "") + (stem_.empty() ? kind.bare : kind.suffix);
   return folder_ / (stem_.empty() ? tail : stem_ + "." + tail);
-}
-
-fs::path Naming::output(Output kind, bool partial) const {
-  return named(names_of(kind).suffix, names_of(kind).bare, partial);
-}
-
-fs::path Naming::record(bool partial) const {
-  return named("summary.json", "summary.json", partial);
 }
 
 std::string Record::to_json() const {
@@ -179,24 +191,13 @@ std::string Record::to_json() const {
   return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
-std::string describe(const Options& options, const Input& input) {
-  std::string text = "preset=" + (options.preset.empty() ? std::string("default") : options.preset);
-  for (const auto& [name, value] : options.settings) {
-    text.append(" ").append(name).append("=").append(value);
-    // A calibration is identified by its content, not only by its name.
-    const bool calibration = name == "camera-info" || name == "mount";
-    if (const std::string content = calibration ? sha256_of(value) : ""; !content.empty())
-      text += "@" + content.substr(0, 16);
-  }
-  if (options.wants(Output::annotated))
-    text += " quality=" + std::to_string(options.quality);
-  if (options.json_mask)
-    text += " json-mask";
-  if (options.max_frames)
-    text += " frames=" + std::to_string(options.max_frames);
-  if (input.kind == Input::Kind::images)
-    text += " fps=" + std::to_string(options.fps_numerator) + "/" + std::to_string(options.fps_denominator);
-  return text;
+Record record_of(const Input& input, const Options& options) {
+  Record record;
+  record.input = input.label;
+  record.place = input.place();
+  record.identity = input.identity();
+  record.settings = describe(options, input);
+  return record;
 }
 
 std::optional<Origin> read_origin(const fs::path& record) {
@@ -290,26 +291,6 @@ void OutputFiles::write_record(const Record& record, const fs::path& path) {
   summary_.open(naming_.record());
 }
 
-void OutputFiles::name_files(Record& record, bool partial) {
-  const fs::path folder = naming_.record().parent_path();
-  for (const Output kind : options_.outputs()) {
-    const fs::path path = naming_.output(kind, partial);
-    AtomicFile& file = (*this)[kind];
-    record.outputs[static_cast<std::size_t>(kind)] = {path.lexically_relative(folder).string(), file.size()};
-    make_folder(path.parent_path());
-    file.commit(path);
-  }
-}
-
-/// The partial files of an earlier attempt are removed when all outputs are complete.
-void OutputFiles::remove_partial() const {
-  std::error_code ignored;
-  for (int i = 0; i < output_count; ++i)
-    fs::remove(naming_.output(static_cast<Output>(i), true), ignored);
-  fs::remove(naming_.output(Output::bag, true).parent_path(), ignored); // fails if it contains other files
-  fs::remove(naming_.record(true), ignored);
-}
-
 void OutputFiles::keep(Record& record) {
   const bool partial = record.cause != Cause::none;
   const fs::path path = naming_.record(partial);
@@ -319,10 +300,23 @@ void OutputFiles::keep(Record& record) {
   announced.problem = "its outputs are being renamed";
   announced.cause = Cause::interrupted; // the result if the process ends here
   write_record(announced, path);
-  name_files(record, partial);
+  for (const Output kind : options_.outputs()) {
+    const fs::path output = naming_.output(kind, partial);
+    AtomicFile& file = (*this)[kind];
+    record.outputs[static_cast<std::size_t>(kind)] = {output.lexically_relative(path.parent_path()).string(),
+                                                      file.size()};
+    make_folder(output.parent_path());
+    file.commit(output);
+  }
   write_record(record, path);
-  if (!partial)
-    remove_partial();
+  if (partial)
+    return;
+  // The partial files of an earlier attempt are removed when all outputs are complete.
+  std::error_code ignored;
+  for (int i = 0; i < output_count; ++i)
+    fs::remove(naming_.output(static_cast<Output>(i), true), ignored);
+  fs::remove(naming_.output(Output::bag, true).parent_path(), ignored); // fails if it contains other files
+  fs::remove(naming_.record(true), ignored);
 }
 
 } // namespace terrainseg::process

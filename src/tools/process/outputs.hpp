@@ -29,7 +29,6 @@ class AtomicFile {
   /// Creates the temporary file.
   void open(const std::filesystem::path& final_path);
   int fd() const { return fd_; } ///< -1 if not open
-  const std::filesystem::path& final_path() const { return final_path_; }
   /// Appends. Stores the first error for commit().
   void write(const std::string& text);
   /// Flushes the buffer to the system. Returns false after an error of this or an earlier write.
@@ -40,7 +39,7 @@ class AtomicFile {
 
  private:
   void discard();
-  std::filesystem::path final_path_, part_path_;
+  std::filesystem::path part_path_;
   int fd_ = -1;
   int failure_ = 0; ///< errno of the first failed write
   std::string buffer_;
@@ -59,11 +58,15 @@ class Naming {
       : folder_(std::move(folder)), stem_(std::move(stem)) {}
   Naming(const Options& options, const Input& input)
       : Naming(options.output_dir, options.name.value_or(input.stem)) {}
-  std::filesystem::path output(Output kind, bool partial = false) const;
-  std::filesystem::path record(bool partial = false) const;
+  std::filesystem::path output(Output kind, bool partial = false) const {
+    return named(names_of(kind), partial);
+  }
+  std::filesystem::path record(bool partial = false) const {
+    return named({"", "summary.json", "summary.json"}, partial);
+  }
 
  private:
-  std::filesystem::path named(const std::string& suffix, const char* bare, bool partial) const;
+  std::filesystem::path named(const OutputKind& kind, bool partial) const;
   std::filesystem::path folder_;
   std::string stem_;
 };
@@ -122,8 +125,8 @@ struct Origin {
 /// Returns nothing if the file is not a record of this tool.
 std::optional<Origin> read_origin(const std::filesystem::path& record);
 
-/// The settings of an input, as in Record::settings.
-std::string describe(const Options& options, const Input& input);
+/// The record of an input before it is processed.
+Record record_of(const Input& input, const Options& options);
 
 /// Whether the record of an earlier run says that these outputs of this input are complete and were made with
 /// these settings, and the files exist with the recorded sizes.
@@ -160,8 +163,6 @@ class OutputFiles {
  private:
   void make_folder(const std::filesystem::path& folder);
   void write_record(const Record& record, const std::filesystem::path& path);
-  void name_files(Record& record, bool partial);
-  void remove_partial() const;
 
   const Input& input_;
   const Options& options_;

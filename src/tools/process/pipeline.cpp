@@ -21,13 +21,6 @@ constexpr GstClockTime poll_interval = 20 * GST_MSECOND;
 /// Waiting time after "no video" for an error with the cause. Without such an error this time is lost.
 constexpr std::chrono::seconds error_delay{1};
 
-/// Stops without outputs.
-Outcome failed(Record record, const Fault& fault) {
-  record.problem = without_credentials(fault.text);
-  record.cause = fault.cause;
-  return {Outcome::Kind::failed, std::move(record)};
-}
-
 /// Adds the image of a sequence to a fault.
 Fault of_image(const std::string& image, Fault fault) {
   if (!image.empty())
@@ -49,108 +42,39 @@ Fault cut_off(const Input& input) {
   return {};
 }
 
-/// Keeps the first error of the source and of the other elements. Used by the controlling thread only.
-class Complaints {
- public:
-  Complaints(const Graph& graph, OutputFiles& files, Record& record)
-      : graph_(graph), files_(files), record_(record) {}
-
-  /// A fault without an error message; the first one is kept.
-  void blame_source(const Fault& fault) {
-    if (!source_fault_)
-      source_fault_ = fault;
-  }
-  void blame_rest(const Fault& fault) {
-    if (!behind_)
-      behind_ = fault;
-  }
-  /// Waits at most `timeout` for a message, then processes all pending ones.
-  void take_all(GstBus* bus, GstClockTime timeout);
-  const Fault& source() const { return source_fault_; }  ///< of the input
-  const Fault& behind_source() const { return behind_; } ///< of settings, encoders or the disk
-  bool source_gave_up() const { return gave_up_; }       ///< stopped without the error that has the cause
-  const std::string& decoder_warning() const { return warning_; }         ///< the first one
-  const std::string& missing_decoder() const { return missing_decoder_; } ///< cause and remedy
-
- private:
-  void take_error(GstMessage* message);
-  void warn(GstMessage* message);
-
-  const Graph& graph_;
-  OutputFiles& files_;
-  Record& record_;
-  Fault source_fault_, behind_;
-  bool gave_up_ = false;
-  std::string warning_, missing_decoder_;
+/// The first error of the source and of the other elements.
+struct Complaints {
+  Fault source;                ///< of the input
+  Fault behind_source;         ///< of settings, encoders or the disk
+  bool source_gave_up = false; ///< stopped without the error that has the cause
+  std::string decoder_warning; ///< the first one
+  std::string missing_decoder; ///< cause and remedy
 };
 
-void Complaints::take_all(GstBus* bus, GstClockTime timeout) {
-  constexpr auto wanted =
-      static_cast<GstMessageType>(GST_MESSAGE_ERROR | GST_MESSAGE_WARNING | GST_MESSAGE_ELEMENT);
-  while (const MessagePointer message{gst_bus_timed_pop_filtered(bus, timeout, wanted)}) {
-    timeout = 0;
-    if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_ERROR)
-      take_error(message.get());
-    else if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_WARNING)
-      warn(message.get());
-    else if (gst_is_missing_plugin_message(message.get()) && missing_decoder_.empty())
-      missing_decoder_ = no_decoder(message.get());
-  }
-}
-
-/// An element without a parent belongs to the source: uridecodebin removes elements while it stops.
-void Complaints::take_error(GstMessage* message) {
-  if (graph_.holds(message->src)) {
-    if (behind_)
-      return;
-    const auto output = graph_.output_of(message->src);
-    behind_ = {cause_behind_source(message, output.has_value()), text_of(message)};
-    if (output && (behind_.cause == Cause::disk || behind_.cause == Cause::unwritable))
-      behind_.text = "cannot write " + files_[*output].final_path().string() + ": " + behind_.text;
-    return;
-  }
-  if (source_fault_)
-    return;
-  gave_up_ = says_nothing(message);
-  source_fault_ = {cause_in_source(message), gave_up_ ? giving_up(message) : text_of(message)};
-  if (gave_up_ && source_fault_.cause == Cause::missing)
-    source_fault_.text = "it cannot be reached or read: " + source_fault_.text;
-}
-
-/// Without repetitions: several outputs use the same metadata.
-void Complaints::warn(GstMessage* message) {
-  const ErrorPointer error = error_in(message);
-  if (!graph_.holds(message->src) && warning_.empty() && error->domain == GST_STREAM_ERROR)
-    warning_ = text_of(message);
-  constexpr std::size_t most_warnings = 16; // a stream that changes its size may warn each time
-  std::vector<std::string>& known = record_.warnings;
-  // Of this project's elements only: those warnings are about settings and pictures.
-  if (factory_of(message->src).starts_with("terrain") && known.size() < most_warnings &&
-      std::find(known.begin(), known.end(), error->message) == known.end())
-    known.emplace_back(error->message);
-}
-
-/// Processes one input with open output files.
+/// Processes one input with open output files. Used by one thread.
 class Run {
  public:
-  Run(const Input& input, const Options& options, OutputFiles& files, Record& record, Progress& progress,
-      std::string state)
+  Run(const Input& input, const Options& options, OutputFiles& files, Record& record, Progress& progress)
       : input_(input), options_(options), files_(files), record_(record), progress_(progress),
-        state_(std::move(state)), source_(input, options), graph_(options),
-        complaints_(graph_, files, record), frames_(options, graph_, files[Output::csv], record) {}
+        source_(input, options), graph_(options), frames_(options, graph_, files[Output::csv], record) {
+    graph_.build(source_.bin(), files_);
+    frames_.watch(source_.bin());
+    bus_.reset(gst_element_get_bus(graph_.pipeline()));
+  }
 
-  void build();
-  /// Runs until every sink has its EOS, an error occurs, or the user interrupts.
+  /// Runs until every sink has its EOS or an error occurs. Throws a fault when the user interrupts.
   void play(const std::atomic<int>& interrupted);
-  Outcome conclude();
+  /// `state`: that of the input before it was read.
+  Outcome conclude(const std::string& state);
 
  private:
   enum class Step { go_on, stop };
+  void take_messages(GstClockTime timeout);
+  void take_error(GstMessage* message);
+  void take_warning(GstMessage* message);
   Step watch_source(Clock::duration now, bool interrupted);
-  bool starts(GstBus* bus);
   void end_source();
   void update_progress();
-  void learn_from_the_run();
   void check_counts() const;
   Fault broken_promise() const;
   Fault why_empty() const;
@@ -161,21 +85,63 @@ class Run {
   OutputFiles& files_;
   Record& record_;
   Progress& progress_;
-  const std::string state_; ///< state of the input before reading
   Source source_;
   Graph graph_; ///< must be destroyed (and stop the source) before the source
-  Complaints complaints_;
   Frames frames_;
+  BusPointer bus_;
+  Complaints complaints_;
   gint64 duration_ = -1;
-  bool stopped_ = false;      ///< by the user
   bool asked_to_end_ = false; ///< the source
   RunningClock clock_;
   Clock::duration last_move_{};
 };
 
-void Run::build() {
-  graph_.build(source_.bin(), files_);
-  frames_.watch(source_.bin());
+/// Waits at most `timeout` for a message, then processes all pending ones.
+void Run::take_messages(GstClockTime timeout) {
+  constexpr auto wanted =
+      static_cast<GstMessageType>(GST_MESSAGE_ERROR | GST_MESSAGE_WARNING | GST_MESSAGE_ELEMENT);
+  while (const MessagePointer message{gst_bus_timed_pop_filtered(bus_.get(), timeout, wanted)}) {
+    timeout = 0;
+    if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_ERROR)
+      take_error(message.get());
+    else if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_WARNING)
+      take_warning(message.get());
+    else if (gst_is_missing_plugin_message(message.get()) && complaints_.missing_decoder.empty())
+      complaints_.missing_decoder = no_decoder(message.get());
+  }
+}
+
+/// An element without a parent belongs to the source: uridecodebin removes elements while it stops.
+void Run::take_error(GstMessage* message) {
+  Fault &source = complaints_.source, &behind = complaints_.behind_source;
+  if (graph_.holds(message->src)) {
+    if (behind)
+      return;
+    const auto output = graph_.output_of(message->src);
+    behind = {cause_behind_source(message, output.has_value()), text_of(message)};
+    if (output && (behind.cause == Cause::disk || behind.cause == Cause::unwritable))
+      behind.text = "cannot write " + Naming(options_, input_).output(*output).string() + ": " + behind.text;
+    return;
+  }
+  if (source)
+    return;
+  const bool gave_up = complaints_.source_gave_up = says_nothing(message);
+  source = {cause_in_source(message), gave_up ? giving_up(message) : text_of(message)};
+  if (gave_up && source.cause == Cause::missing)
+    source.text = "it cannot be reached or read: " + source.text;
+}
+
+/// Without repetitions: several outputs use the same metadata.
+void Run::take_warning(GstMessage* message) {
+  const ErrorPointer error = error_in(message);
+  if (!graph_.holds(message->src) && complaints_.decoder_warning.empty() && error->domain == GST_STREAM_ERROR)
+    complaints_.decoder_warning = text_of(message);
+  constexpr std::size_t most_warnings = 16; // a stream that changes its size may warn each time
+  std::vector<std::string>& known = record_.warnings;
+  // Of this project's elements only: those warnings are about settings and pictures.
+  if (factory_of(message->src).starts_with("terrain") && known.size() < most_warnings &&
+      std::ranges::count(known, error->message) == 0)
+    known.emplace_back(error->message);
 }
 
 void Run::update_progress() {
@@ -197,15 +163,6 @@ void Run::update_progress() {
         static_cast<int>(std::min<std::uint64_t>(gst_util_uint64_scale(done, 1000, whole), 1000));
 }
 
-bool Run::starts(GstBus* bus) {
-  if (gst_element_set_state(graph_.pipeline(), GST_STATE_PLAYING) != GST_STATE_CHANGE_FAILURE)
-    return true;
-  complaints_.take_all(bus, 0);
-  if (!complaints_.source())
-    complaints_.blame_rest({Cause::resources, "the pipeline does not start"});
-  return false;
-}
-
 void Run::end_source() {
   asked_to_end_ = true;
   source_.end();
@@ -214,7 +171,7 @@ void Run::end_source() {
 /// Handles a source that failed, stalled or was interrupted.
 Run::Step Run::watch_source(Clock::duration now, bool interrupted) {
   const bool none_yet = frames_.labelled() == 0;
-  const bool has_failed = complaints_.source() || source_.fault();
+  const bool has_failed = complaints_.source || source_.fault();
   const bool quiet = now - last_move_ > grace;
   if (has_failed && none_yet && (!source_.has_video() || quiet))
     return Step::stop;
@@ -224,9 +181,10 @@ Run::Step Run::watch_source(Clock::duration now, bool interrupted) {
     return Step::stop;
   if (now - last_move_ <= std::chrono::seconds(options_.stall_seconds))
     return Step::go_on;
-  complaints_.blame_source({input_.kind == Input::Kind::uri ? Cause::missing : Cause::stalled,
-                            "no frame came for " + std::to_string(options_.stall_seconds) +
-                                " s (--stall-timeout): the decoder hangs or its source gives nothing"});
+  if (!complaints_.source)
+    complaints_.source = {input_.kind == Input::Kind::uri ? Cause::missing : Cause::stalled,
+                          "no frame came for " + std::to_string(options_.stall_seconds) +
+                              " s (--stall-timeout): the decoder hangs or its source gives nothing"};
   if (asked_to_end_ || none_yet)
     return Step::stop;
   last_move_ = now;
@@ -235,14 +193,17 @@ Run::Step Run::watch_source(Clock::duration now, bool interrupted) {
 }
 
 void Run::play(const std::atomic<int>& interrupted) {
-  const BusPointer bus(gst_element_get_bus(graph_.pipeline()));
   ++progress_.answers;
-  if (!starts(bus.get()))
+  if (gst_element_set_state(graph_.pipeline(), GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) {
+    take_messages(0);
+    if (!complaints_.source && !complaints_.behind_source)
+      complaints_.behind_source = {Cause::resources, "the pipeline does not start"};
     return;
+  }
   last_move_ = clock_.now();
   std::uint64_t last_moved = 0;
-  while (!graph_.ended() && !complaints_.behind_source()) {
-    complaints_.take_all(bus.get(), poll_interval);
+  while (!graph_.ended() && !complaints_.behind_source) {
+    take_messages(poll_interval);
     update_progress();
     const auto now = clock_.now();
     if (const std::uint64_t moved = frames_.labelled() + graph_.written(); moved != last_moved) {
@@ -250,20 +211,18 @@ void Run::play(const std::atomic<int>& interrupted) {
       last_move_ = now;
     }
     // A live stream ends with the first interruption. A file is then incomplete.
-    if (interrupted && (input_.kind != Input::Kind::uri || interrupted > 1 || frames_.labelled() == 0)) {
-      stopped_ = true;
-      return;
-    }
+    if (interrupted && (input_.kind != Input::Kind::uri || interrupted > 1 || frames_.labelled() == 0))
+      throw Fault{Cause::interrupted, "interrupted"};
     if (watch_source(now, interrupted > 0) == Step::stop) {
       // The error with the cause may arrive late on a busy machine.
-      for (const auto until = now + error_delay; !complaints_.source() && clock_.now() < until;)
-        complaints_.take_all(bus.get(), poll_interval);
+      for (const auto until = now + error_delay; !complaints_.source && clock_.now() < until;)
+        take_messages(poll_interval);
       return;
     }
   }
   // All sinks have their EOS. Stopping waits for their last writes and errors.
   gst_element_set_state(graph_.pipeline(), GST_STATE_READY);
-  complaints_.take_all(bus.get(), 0);
+  take_messages(0);
 }
 
 /// Each output must have all frames; otherwise none is kept.
@@ -276,7 +235,7 @@ void Run::check_counts() const {
     if (const std::uint64_t written = graph_.written(kind); text.empty() && written != frames)
       text = std::string(names_of(kind).name) + " holds " + std::to_string(written) + " of " +
              counted(frames, "frame");
-  const Fault& error = complaints_.source();
+  const Fault& error = complaints_.source;
   if (!text.empty())
     throw error ? Fault{error.cause, error.text + "; " + text} : Fault{Cause::resources, text};
 }
@@ -300,10 +259,10 @@ Fault Run::broken_promise() const {
 
 /// Why there was no frame.
 Fault Run::why_empty() const {
-  const Fault& error = complaints_.source();
+  const Fault& error = complaints_.source;
   const bool failed = bool(error);
-  if (!complaints_.missing_decoder().empty())
-    return {Cause::unsupported, complaints_.missing_decoder()};
+  if (!complaints_.missing_decoder.empty())
+    return {Cause::unsupported, complaints_.missing_decoder};
   if (Fault fault = source_.fault(); fault && (fault.text != no_video || !failed))
     return fault;
   if (!source_.has_video() && !source_.other_streams().empty())
@@ -317,7 +276,7 @@ Fault Run::why_empty() const {
     return listed.empty() ? Fault{Cause::unsupported, no_video} : Fault{Cause::damaged, listed};
   }
   Fault fault = of_image(source_.image_after(0), error);
-  if (complaints_.source_gave_up() && fault.cause == Cause::damaged)
+  if (complaints_.source_gave_up && fault.cause == Cause::damaged)
     fault.text += std::string("; ") + make_it_anew;
   return fault;
 }
@@ -328,11 +287,11 @@ Fault Run::damage() const {
   const std::string image = source_.image_after(record_.frames);
   if (Fault fault = source_.fault())
     return fault;
-  if (complaints_.source())
-    return of_image(image, complaints_.source());
+  if (complaints_.source)
+    return of_image(image, complaints_.source);
   if (options_.max_frames && record_.frames >= options_.max_frames)
     return {};
-  const std::string& warning = complaints_.decoder_warning();
+  const std::string& warning = complaints_.decoder_warning;
   if (!image.empty())
     return damaged(image + ": it could not be decoded" + (warning.empty() ? "" : ": " + warning));
   if (Fault cut = cut_off(input_))
@@ -348,9 +307,10 @@ Fault Run::damage() const {
   return broken_promise();
 }
 
-/// Checks that need the complete run.
-void Run::learn_from_the_run() {
+Outcome Run::conclude(const std::string& state) {
+  gst_element_set_state(graph_.pipeline(), GST_STATE_NULL);
   update_progress();
+  progress_.answers = 0;
   record_.frames = frames_.labelled();
   if (const std::string choice = source_.choice(); !choice.empty())
     record_.warnings.push_back(choice);
@@ -360,18 +320,10 @@ void Run::learn_from_the_run() {
   double microseconds = 0;
   if (stats && gst_structure_get_double(stats, "total-median-us", &microseconds))
     record_.filter_milliseconds = microseconds / 1000;
-}
-
-Outcome Run::conclude() {
-  gst_element_set_state(graph_.pipeline(), GST_STATE_NULL);
-  learn_from_the_run();
-  progress_.answers = 0;
-  if (stopped_)
-    return {Outcome::Kind::interrupted, failed(record_, {Cause::interrupted, "interrupted"}).record};
-  if (complaints_.behind_source())
-    throw complaints_.behind_source();
+  if (complaints_.behind_source)
+    throw complaints_.behind_source;
   const Fault changed{Cause::changed, "it was written to or replaced while it was read"};
-  const bool is_changed = input_.state() != state_;
+  const bool is_changed = input_.state() != state;
   if (record_.frames == 0)
     throw is_changed ? changed : why_empty();
   if (const std::string metadata = graph_.bag_metadata(); !metadata.empty()) {
@@ -390,6 +342,13 @@ Outcome Run::conclude() {
 
 } // namespace
 
+Outcome failed(Record record, const Fault& fault) {
+  record.problem = without_credentials(fault.text);
+  record.cause = fault.cause;
+  return {fault.cause == Cause::interrupted ? Outcome::Kind::interrupted : Outcome::Kind::failed,
+          std::move(record)};
+}
+
 Outcome process(const Input& input, const Options& options, Progress& progress,
                 const std::atomic<int>& interrupted) {
   Record record;
@@ -397,18 +356,15 @@ Outcome process(const Input& input, const Options& options, Progress& progress,
   try {
     if (!input.problem.empty())
       throw Fault{input.cause, input.problem};
-    std::string state = input.state(); // before its identity is read
-    record.place = input.place();
-    record.identity = input.identity();
-    record.settings = describe(options, input);
+    const std::string state = input.state(); // before its identity is read
+    record = record_of(input, options);
     OutputFiles files(input, options);
     files.open();
-    Run run(input, options, files, record, progress, std::move(state));
-    run.build();
+    Run run(input, options, files, record, progress);
     const auto begin = Clock::now();
     run.play(interrupted);
     record.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
-    return run.conclude();
+    return run.conclude(state);
   } catch (const Fault& fault) {
     return failed(record, fault);
   } catch (const std::exception& error) {

@@ -4,18 +4,17 @@
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
-#include <condition_variable>
 #include <cstdlib>
 #include <cstring>
+#include <future>
 #include <memory>
-#include <mutex>
 #include <nlohmann/json.hpp>
-#include <thread>
 #include <tuple>
 #include <utility>
 
@@ -66,7 +65,7 @@ using FramesDone = std::pair<std::uint64_t, int>;
 /// Kind of a message: its first byte.
 enum Kind : char { work = 'w', interrupt = 'i', progress_made = 'p', done = 'd' };
 
-/// Messages with a length in front. If the other end is closed, a message is lost; the reader detects that.
+/// Messages have a length in front. If the other end is closed, a message is lost; the reader detects that.
 void send(int socket, Kind kind, const std::string& content) {
   const std::uint32_t length = static_cast<std::uint32_t>(content.size() + 1);
   std::string bytes(reinterpret_cast<const char*>(&length), sizeof length);
@@ -77,11 +76,12 @@ void send(int socket, Kind kind, const std::string& content) {
 
 class Messages {
  public:
-  explicit Messages(int socket) : socket_(socket) {}
+  /// `event`: another descriptor that ends a wait; -1 = none.
+  explicit Messages(int socket, int event = -1) : socket_(socket), event_(event) {}
   /// Waits at most a tick for data. Returns false if the other end is closed.
   bool receive() {
-    pollfd what{socket_, POLLIN, 0};
-    if (poll(&what, 1, tick) <= 0)
+    pollfd what[] = {{socket_, POLLIN, 0}, {event_, POLLIN, 0}};
+    if (poll(what, 2, tick) <= 0 || what[0].revents == 0)
       return true;
     char bytes[65536];
     const ssize_t count = read(socket_, bytes, sizeof bytes);
@@ -104,20 +104,9 @@ class Messages {
   }
 
  private:
-  int socket_;
+  int socket_, event_;
   std::string bytes_;
 };
-
-Outcome lost(const Input& input, const Options& options, const Fault& fault) {
-  Outcome outcome;
-  outcome.record.input = input.label;
-  outcome.record.place = input.place();
-  outcome.record.identity = input.identity();
-  outcome.record.settings = describe(options, input);
-  outcome.record.cause = fault.cause;
-  outcome.record.problem = fault.text;
-  return outcome;
-}
 
 /// Removes the unfinished files of a crashed worker. Opening a file takes its lock, and deletes it at the
 /// end.
@@ -140,87 +129,6 @@ void remove_parts(const Input& input, const Options& options) {
     }
 }
 
-/// A worker's end of the socket, for its two threads.
-class Line {
- public:
-  Line(int socket, const Options& options) : socket_(socket), options_(options) {}
-  [[noreturn]] void work_on();
-  [[noreturn]] void listen();
-
- private:
-  void tell_progress();
-  bool hangs_now();
-
-  const int socket_;
-  const Options& options_;
-  std::atomic<int> interrupted_{0};
-  std::mutex mutex_; ///< guards the following members, and sending
-  std::condition_variable given_;
-  std::optional<Input> input_;         ///< input to process
-  std::unique_ptr<Progress> progress_; ///< progress of the current input
-  std::uint64_t told_frames_ = 0;
-  RunningClock clock_; ///< this and the following: of the listening thread
-  RunningClock::Clock::duration last_answer_{};
-  std::uint64_t last_answers_ = 0;
-};
-
-/// Processes requests.
-void Line::work_on() {
-  for (;;) {
-    std::unique_lock lock(mutex_);
-    given_.wait(lock, [this] { return input_.has_value(); });
-    const Input input = *std::exchange(input_, std::nullopt);
-    forget_the_log();
-    progress_ = std::make_unique<Progress>();
-    Progress& progress = *progress_;
-    lock.unlock();
-    const Outcome outcome = process(input, options_, progress, interrupted_);
-    lock.lock();
-    tell_progress();
-    progress_.reset();
-    send(socket_, done, packed(outcome));
-  }
-}
-
-/// Receives the run's messages and sends the progress. If the run has ended, the worker exits at once:
-/// unfinished files remain as after a power failure.
-void Line::listen() {
-  Messages messages(socket_);
-  while (messages.receive()) {
-    const std::lock_guard lock(mutex_);
-    while (const auto message = messages.next()) {
-      if (message->first == interrupt)
-        ++interrupted_;
-      else if (message->first == work)
-        input_ = unpacked<Input>(message->second);
-      given_.notify_all();
-    }
-    tell_progress();
-    if (hangs_now())
-      std::quick_exit(hangs);
-  }
-  std::quick_exit(0); // skips destructors, because other threads may hold locks
-}
-
-/// Whether an element does not return from a call, such as the one that stops it.
-bool Line::hangs_now() {
-  const auto now = clock_.now();
-  const std::uint64_t answers = progress_ ? progress_->answers.load() : 0;
-  if (answers == 0 || std::exchange(last_answers_, answers) != answers)
-    last_answer_ = now;
-  std::chrono::seconds limit(options_.stall_seconds);
-  if (interrupted_)
-    limit = std::min(limit, interrupted_limit);
-  return now - last_answer_ > limit;
-}
-
-void Line::tell_progress() {
-  if (!progress_ || progress_->frames == told_frames_)
-    return;
-  told_frames_ = progress_->frames;
-  send(socket_, progress_made, packed(FramesDone(told_frames_, progress_->permille)));
-}
-
 } // namespace
 
 Fault loss_of(int status, bool file) {
@@ -241,10 +149,53 @@ Fault loss_of(int status, bool file) {
                     : "if another program (ffmpeg) can read it, process the output of that program")};
 }
 
+/// If the run has ended, the worker exits at once: unfinished files remain as after a power failure.
+/// quick_exit() skips destructors, because the thread of an input may hold locks.
 void serve(int socket, const Options& options) {
-  static Line line(socket, options); // static: its threads run until the process ends
-  std::thread([] { line.listen(); }).detach();
-  line.work_on();
+  const int finish = eventfd(0, EFD_CLOEXEC);
+  Messages messages(socket, finish);
+  std::atomic<int> interrupted{0};
+  std::unique_ptr<Progress> progress; // of the current input
+  std::future<Outcome> outcome;
+  std::uint64_t told_frames = 0, last_answers = 0;
+  RunningClock clock;
+  RunningClock::Clock::duration last_answer{};
+  while (messages.receive()) {
+    while (const auto message = messages.next()) {
+      if (message->first == interrupt) {
+        ++interrupted;
+        continue;
+      }
+      forget_the_log();
+      progress = std::make_unique<Progress>();
+      outcome = std::async([&, input = unpacked<Input>(message->second)] {
+        Outcome result = process(input, options, *progress, interrupted);
+        eventfd_write(finish, 1);
+        return result;
+      });
+    }
+    const bool is_finished =
+        progress && outcome.wait_for(std::chrono::seconds(0)) != std::future_status::timeout;
+    if (progress && progress->frames != told_frames) {
+      told_frames = progress->frames;
+      send(socket, progress_made, packed(FramesDone(told_frames, progress->permille)));
+    }
+    if (is_finished) {
+      send(socket, done, packed(outcome.get()));
+      eventfd_t count = 0;
+      eventfd_read(finish, &count);
+      progress.reset();
+    }
+    // An element may not return from a call, such as the one that stops it.
+    const auto now = clock.now();
+    const std::uint64_t answers = progress ? progress->answers.load() : 0;
+    if (answers == 0 || std::exchange(last_answers, answers) != answers)
+      last_answer = now;
+    const std::chrono::seconds limit(options.stall_seconds);
+    if (now - last_answer > (interrupted ? std::min(limit, interrupted_limit) : limit))
+      std::quick_exit(hangs);
+  }
+  std::quick_exit(0);
 }
 
 bool Worker::start() {
@@ -324,15 +275,15 @@ Outcome Worker::process(const Input& input, const Options& options, Progress& pr
       return *outcome;
     const int status = stop();
     remove_parts(input, options);
-    const Fault loss = loss_of(status, input.kind == Input::Kind::file);
+    Fault loss = loss_of(status, input.kind == Input::Kind::file);
     if (used && !interrupted && loss.cause != Cause::stalled) { // an earlier input may have caused the crash
       progress.frames = 0;
       progress.permille = -1;
       continue;
     }
     if (interrupted && loss.cause == Cause::stalled)
-      return {Outcome::Kind::interrupted, lost(input, options, {Cause::interrupted, "interrupted"}).record};
-    return lost(input, options, loss);
+      loss = {Cause::interrupted, "interrupted"};
+    return failed(record_of(input, options), loss);
   }
 }
 

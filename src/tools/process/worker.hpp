@@ -39,7 +39,7 @@ class RunningClock {
   Clock::duration time_{};
 };
 
-/// Progress of an input: written by its pipeline, read by the display and by the worker's second thread.
+/// Progress of an input: written by its pipeline, read by the display and by the worker's main thread.
 struct Progress {
   std::atomic<std::uint64_t> frames{0};
   std::atomic<int> permille{-1}; ///< 0..1000; -1 = unknown length
@@ -52,6 +52,9 @@ struct Progress {
 /// Blocks until done. May be called in several threads. `interrupted` stops it early.
 Outcome process(const Input& input, const Options& options, Progress& progress,
                 const std::atomic<int>& interrupted);
+
+/// The result of an input without outputs: failed or, by the fault's cause, interrupted.
+Outcome failed(Record record, const Fault& fault);
 
 /// First argument of the program for a worker; the second one is a socket.
 inline constexpr const char* worker_option = "--worker";
