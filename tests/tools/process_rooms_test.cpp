@@ -623,7 +623,8 @@ TEST_F(Sources, FramesThatComeBeforeEverythingIsStartedAreNotLost) {
   Input input;
   input.kind = Input::Kind::images;
   input.images = {image, image};
-  Source source(input, Options());
+  const Options options;
+  Source source(input, options);
   GstElement* const pipeline = gst_pipeline_new(nullptr);
   GstElement* const sink = gst_element_factory_make("fakesink", nullptr);
   gst_bin_add_many(GST_BIN(pipeline), source.bin(), sink, nullptr);

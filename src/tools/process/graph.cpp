@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <numeric>
 #include <stdexcept>
 #include <vector>
 
@@ -103,11 +104,6 @@ GstElement* Graph::named(const std::string& name) const {
   return element;
 }
 
-void Graph::count_buffers(GstElement* element, const char* pad, Output kind) {
-  gst_pad_add_probe(pad_of(element, pad).get(), GST_PAD_PROBE_TYPE_BUFFER, on_buffer,
-                    &written_[static_cast<std::size_t>(kind)], nullptr);
-}
-
 /// An encoder, and a parser where one is needed, as in gst-launch-1.0.
 std::string Graph::h264(bool recording) const {
   const std::string threads = std::to_string(options_.threads);
@@ -175,7 +171,8 @@ void Graph::build(GstElement* source, OutputFiles& files) {
     add_probe<&Graph::on_end>(pad_of(sink, "sink"), GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, this);
     GstElement* mux = named(names_of(kind).name + std::string("-mux"));
     if (kind != Output::csv)
-      count_buffers(mux ? mux : sink, mux ? "video_0" : "sink", kind);
+      gst_pad_add_probe(pad_of(mux ? mux : sink, mux ? "video_0" : "sink").get(), GST_PAD_PROBE_TYPE_BUFFER,
+                        on_buffer, &written_[static_cast<std::size_t>(kind)], nullptr);
   }
   // A browser needs the index at the start of the file. Until it is known, the frames are in an unnamed file.
   if (options_.wants(Output::annotated))
@@ -197,8 +194,8 @@ void Graph::set_size(const GstVideoInfo& info) {
                                "height", G_TYPE_INT, height, "pixel-aspect-ratio", GST_TYPE_FRACTION,
                                info.par_n, info.par_d, nullptr);
   };
+  const int width = encoded_side(info.width, info), height = encoded_side(info.height, info);
   if (options_.wants(Output::annotated)) {
-    const int width = encoded_side(info.width, info), height = encoded_side(info.height, info);
     GstCaps* annotated = caps("I420", width, height);
     const std::string colors = encoded_colorimetry(info);
     gst_caps_set_simple(annotated, "colorimetry", G_TYPE_STRING, colors.c_str(), nullptr);
@@ -209,7 +206,6 @@ void Graph::set_size(const GstVideoInfo& info) {
                  height - annotated_side(height), nullptr);
   }
   if (options_.wants(Output::mcap)) {
-    const int width = encoded_side(info.width, info), height = encoded_side(info.height, info);
     GstCaps* recorded = caps("I420", width + (width & 1), height + (height & 1));
     gst_structure_remove_field(gst_caps_get_structure(recorded, 0), "pixel-aspect-ratio");
     const CharPointer colors(gst_video_colorimetry_to_string(&info.colorimetry));
@@ -235,10 +231,7 @@ bool Graph::holds(GstObject* element) const {
 }
 
 std::uint64_t Graph::written() const {
-  std::uint64_t sum = 0;
-  for (const auto& each : written_)
-    sum += each;
-  return sum;
+  return std::accumulate(written_.begin(), written_.end(), std::uint64_t{0});
 }
 
 std::string Graph::bag_metadata() const {

@@ -48,7 +48,6 @@ class Graph {
   GstElement* named(const std::string& name) const; ///< the pipeline keeps it; null if it has none
   std::string h264(bool recording) const;
   std::string description(OutputFiles& files) const;
-  void count_buffers(GstElement* element, const char* pad, Output kind);
   GstPadProbeReturn on_end(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_movie_box(GstPad* pad, GstPadProbeInfo* info);
 

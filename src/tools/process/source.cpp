@@ -20,37 +20,32 @@ namespace {
 /// loop. Others read there once or twice.
 constexpr std::uint64_t often = 1000;
 
-/// The element before one in the same bin; null when there is none.
+/// The element of a pad, inside of bins; null when there is none.
+ElementPointer element_of(PadPointer pad) {
+  while (pad && GST_IS_GHOST_PAD(pad.get()))
+    pad.reset(gst_ghost_pad_get_target(GST_GHOST_PAD(pad.get())));
+  return ElementPointer(pad ? gst_pad_get_parent_element(pad.get()) : nullptr);
+}
+
+/// The element before one; null when there is none.
 ElementPointer element_before(GstElement* element) {
   const PadPointer sink = pad_of(element, "sink");
-  const PadPointer peer(sink ? gst_pad_get_peer(sink.get()) : nullptr);
-  return ElementPointer(peer ? gst_pad_get_parent_element(peer.get()) : nullptr);
+  return element_of(PadPointer(sink ? gst_pad_get_peer(sink.get()) : nullptr));
 }
 
 /// The decoder upstream of a pad; null when there is none.
-GstElement* decoder_of(GstPad* pad) {
-  GstPad* at = GST_PAD(gst_object_ref(pad));
-  while (at) {
-    const PadPointer owner(at);
-    if (GST_IS_PROXY_PAD(at) && GST_IS_GHOST_PAD(at)) {
-      at = gst_ghost_pad_get_target(GST_GHOST_PAD(at));
-      continue;
-    }
-    GstElement* element = gst_pad_get_parent_element(at);
-    GstElementFactory* factory = element ? gst_element_get_factory(element) : nullptr;
-    if (!factory || gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_DECODER))
-      return element;
-    const ElementPointer passing(element);
-    const PadPointer sink(gst_element_get_static_pad(element, "sink"));
-    at = sink ? gst_pad_get_peer(sink.get()) : nullptr;
-  }
-  return nullptr;
+ElementPointer decoder_of(GstPad* pad) {
+  ElementPointer element = element_of(PadPointer(GST_PAD(gst_object_ref(pad))));
+  while (element && !gst_element_factory_list_is_type(gst_element_get_factory(element.get()),
+                                                      GST_ELEMENT_FACTORY_TYPE_DECODER))
+    element = element_before(element.get());
+  return element;
 }
 
 /// True when the pad's stream was encoded as still pictures.
 bool is_picture(GstPad* pad) {
-  const ElementPointer decoder(decoder_of(pad));
-  const PadPointer sink(decoder ? gst_element_get_static_pad(decoder.get(), "sink") : nullptr);
+  const ElementPointer decoder = decoder_of(pad);
+  const PadPointer sink = decoder ? pad_of(decoder.get(), "sink") : nullptr;
   const CapsPointer caps(sink ? gst_pad_get_current_caps(sink.get()) : nullptr);
   return media_type(caps.get()).starts_with("image/");
 }
@@ -169,7 +164,7 @@ GstPadProbeReturn on_decoded_caps(GstPad*, GstPadProbeInfo* info, gpointer) {
 } // namespace
 
 Source::Source(const Input& input, const Options& options)
-    : input_(input), threads_(options.threads),
+    : input_(input), options_(options),
       tables_(input.kind == Input::Kind::file ? iso_video_tracks(input.path) : std::vector<IsoTrack>()) {
   bin_ = gst_bin_new("source");
   tail_ = gst_element_factory_make("queue", nullptr);
@@ -191,7 +186,7 @@ Source::Source(const Input& input, const Options& options)
           }));
   gst_bin_add(GST_BIN(bin_), decoder);
   if (images) {
-    build_image_feeder(decoder, options);
+    build_image_feeder(decoder);
   } else {
     const CharPointer uri(input.kind == Input::Kind::uri ? g_strdup(input.path.c_str())
                                                          : gst_filename_to_uri(input.path.c_str(), nullptr));
@@ -199,9 +194,7 @@ Source::Source(const Input& input, const Options& options)
   }
 }
 
-void Source::build_image_feeder(GstElement* decoder, const Options& options) {
-  fps_numerator_ = options.fps_numerator;
-  fps_denominator_ = options.fps_denominator;
+void Source::build_image_feeder(GstElement* decoder) {
   feeder_ = gst_element_factory_make("appsrc", nullptr);
   g_object_set(feeder_, "format", GST_FORMAT_TIME, "max-buffers", guint64{2}, "max-bytes", guint64{0},
                "block", FALSE, nullptr);
@@ -264,13 +257,13 @@ void Source::feed() {
   }
   if (next_image_ == 0) {
     image_type_ = type;
-    const CapsPointer full(gst_caps_new_simple(type.c_str(), "framerate", GST_TYPE_FRACTION, fps_numerator_,
-                                               fps_denominator_, nullptr));
+    const CapsPointer full(gst_caps_new_simple(type.c_str(), "framerate", GST_TYPE_FRACTION,
+                                               options_.fps_numerator, options_.fps_denominator, nullptr));
     gst_app_src_set_caps(feeder, full.get());
   }
   const auto time_of = [this](std::size_t index) {
-    return gst_util_uint64_scale(index, GST_SECOND * static_cast<guint64>(fps_denominator_),
-                                 static_cast<guint64>(fps_numerator_));
+    return gst_util_uint64_scale(index, GST_SECOND * static_cast<guint64>(options_.fps_denominator),
+                                 static_cast<guint64>(options_.fps_numerator));
   };
   GST_BUFFER_PTS(buffer) = time_of(next_image_);
   GST_BUFFER_DURATION(buffer) = time_of(next_image_ + 1) - time_of(next_image_);
@@ -325,7 +318,7 @@ Source::Track* Source::track_of(const GstElement* element) {
 }
 
 void Source::take(GstPad* pad) {
-  const ElementPointer decoder(decoder_of(pad));
+  const ElementPointer decoder = decoder_of(pad);
   taken_ = track_of(decoder.get());
   // Since GStreamer 1.24 a parser of pictures drops those that it does not understand before they are
   // decoded.
@@ -483,7 +476,7 @@ void Source::element_added(GstElement* element) {
   if (!decodes && !is(GST_ELEMENT_FACTORY_TYPE_PARSER | GST_ELEMENT_FACTORY_TYPE_MEDIA_IMAGE))
     return;
   if (decodes)
-    bound_threads(element, threads_);
+    bound_threads(element, options_.threads);
   const PadPointer sink = pad_of(element, "sink");
   if (!sink)
     return;

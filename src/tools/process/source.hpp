@@ -62,7 +62,7 @@ class Source {
   void end();
 
  private:
-  void build_image_feeder(GstElement* decoder, const Options& options);
+  void build_image_feeder(GstElement* decoder);
   /// A video track and the frames that its decoder, or its parser of pictures, receives.
   struct Track {
     GstElement* element;
@@ -93,12 +93,11 @@ class Source {
   GstPadProbeReturn on_decoded(GstPad* pad, GstPadProbeInfo* info);
 
   const Input& input_;
-  const int threads_; ///< of the decoder
+  const Options& options_;
   GstElement* bin_ = nullptr;
-  GstElement* tail_ = nullptr;   ///< the queue that ends the bin
-  GstElement* feeder_ = nullptr; ///< the appsrc of an image sequence
-  std::size_t next_image_ = 0;   ///< used by the feeder's thread only
-  int fps_numerator_ = 30, fps_denominator_ = 1;
+  GstElement* tail_ = nullptr;           ///< the queue that ends the bin
+  GstElement* feeder_ = nullptr;         ///< the appsrc of an image sequence
+  std::size_t next_image_ = 0;           ///< used by the feeder's thread only
   std::string image_type_;               ///< media type of the first image; feeder's thread only
   std::string orientation_ = "rotate-0"; ///< of the last image; streaming thread only
   std::atomic<bool> linked_{false};
