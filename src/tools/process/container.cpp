@@ -61,9 +61,8 @@ template <typename Visit> void each_box(Bytes content, const Visit& visit) {
   while (content.rest().size() >= 8) {
     const Bytes begin = content;
     std::uint64_t length = content.number(4);
-    std::string type;
-    for (int i = 0; i < 4; ++i)
-      type += static_cast<char>(content.number(1));
+    const std::string type(&begin.rest()[4], &begin.rest()[8]);
+    content.skip(4);
     if (length == 1)
       length = content.number(8);
     else if (length == 0)
@@ -161,15 +160,15 @@ Field joined(std::initializer_list<Field> fields) {
   return all;
 }
 
-Field text_field(const std::string& text) {
-  return {text.begin(), text.end()};
-}
-
 Field field_of(std::uint64_t value, int bytes) {
   Field out;
   for (int i = bytes - 1; i >= 0; --i)
     out.push_back(static_cast<std::uint8_t>(value >> 8 * i));
   return out;
+}
+
+Field boxed(const std::string& type, const Field& content) {
+  return joined({field_of(8 + content.size(), 4), {type.begin(), type.end()}, content});
 }
 
 /// Units of a movie box, and the position of its duration.
@@ -181,7 +180,7 @@ struct Movie {
 /// Time from `first` to the end of the last frame, in the movie's timescale.
 std::uint64_t media_length(const Tables& tables, std::uint64_t timescale, std::int64_t first) {
   const std::vector<std::int64_t>& times = tables.track.times;
-  const std::int64_t last = times.empty() ? 0 : *std::max_element(times.begin(), times.end());
+  const std::int64_t last = times.empty() ? 0 : std::ranges::max(times);
   const std::uint64_t ticks = static_cast<std::uint64_t>(std::max<std::int64_t>(last - first, 0)) +
                               (tables.durations.empty() ? 0 : tables.durations.back().second);
   return gst_util_uint64_scale_ceil(ticks, timescale, tables.track.timescale);
@@ -295,7 +294,7 @@ Field changed(const Bytes& content, const Change& change) {
       for (std::size_t at = 8; type == (width == 4 ? "stco" : "co64") && at + width <= inside.size();
            at += width)
         put(inside, at, number(inside, at, width) + change.shift, width);
-    out = joined({out, field_of(8 + inside.size(), 4), text_field(type), inside});
+    out = joined({out, boxed(type, inside)});
   });
   return out;
 }
@@ -431,9 +430,8 @@ std::uint64_t IsoTrack::shown_frames() const {
     return times.size() + fragment_frames;
   std::uint64_t count = fragment_frames;
   for (const Edit& edit : edits)
-    count += static_cast<std::uint64_t>(std::count_if(times.begin(), times.end(), [&edit](std::int64_t time) {
-      return time >= edit.begin && time < edit.end;
-    }));
+    for (const std::int64_t time : times)
+      count += time >= edit.begin && time < edit.end;
   return count;
 }
 
@@ -454,7 +452,7 @@ Field shown_from(const Field& movie, std::uint64_t start) {
     const IsoTrack& track = tables.track;
     if (track.times.empty())
       return;
-    const std::int64_t first = *std::min_element(track.times.begin(), track.times.end());
+    const std::int64_t first = std::ranges::min(track.times);
     const std::uint64_t length = media_length(tables, of.timescale, first),
                         gap = gst_util_uint64_scale_round(start, of.timescale, GST_SECOND);
     const auto edit = [](std::uint64_t duration, std::int64_t begin) {
@@ -463,9 +461,8 @@ Field shown_from(const Field& movie, std::uint64_t start) {
     };
     const Field edits = joined({gap > 0 ? edit(gap, -1) : Field(), edit(length, first)});
     constexpr std::uint64_t edit_bytes = 20, wide = 1 << 24; // 64-bit times
-    const Field list = joined({field_of(16 + edits.size(), 4), text_field("elst"), field_of(wide, 4),
-                               field_of(edits.size() / edit_bytes, 4), edits});
-    change = {gap + length, joined({field_of(8 + list.size(), 4), text_field("edts"), list}), 0};
+    const Field list = joined({field_of(wide, 4), field_of(edits.size() / edit_bytes, 4), edits});
+    change = {gap + length, boxed("edts", boxed("elst", list)), 0};
   };
   each_box(all, [&show](const std::string&, const Bytes& box) { each_video(box, show); });
   if (change.edits.empty())

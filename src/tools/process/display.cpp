@@ -80,9 +80,8 @@ std::string tail_of(const std::string& text, int columns) {
 
 /// Replaces control characters, which could control the terminal.
 std::string harmless(std::string text) {
-  for (char& letter : text)
-    if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7f)
-      letter = '?';
+  std::ranges::replace_if(
+      text, [](char letter) { return g_ascii_iscntrl(letter); }, '?');
   return text;
 }
 

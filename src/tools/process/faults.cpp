@@ -144,9 +144,8 @@ std::string unknown_codec(const GstStructure* type) {
   for (const char* field : {"fourcc", "codec-id"})
     if (const char* text = letters.empty() ? gst_structure_get_string(type, field) : nullptr)
       letters = text;
-  for (char& letter : letters)
-    if (!g_ascii_isprint(letter))
-      letter = '?';
+  std::ranges::replace_if(
+      letters, [](char letter) { return !g_ascii_isprint(letter); }, '?');
   trim(letters);
   return letters.empty() ? name : letters;
 }

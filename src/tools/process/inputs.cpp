@@ -71,8 +71,7 @@ std::string folder_name(const fs::path& folder) {
     written = written.parent_path();
   if (std::string name = written.filename().string(); !name.empty() && name != "." && name != "..")
     return name;
-  const fs::path whole = fs::weakly_canonical(folder, error);
-  const std::string name = whole.filename().string();
+  const std::string name = fs::weakly_canonical(folder, error).filename().string();
   return name.empty() ? "root" : name;
 }
 
@@ -140,11 +139,11 @@ void add_folder(const fs::path& given, Found& found) {
         failed(folder.string(), "there is no video and no image in this folder", Cause::unsupported));
     return;
   }
-  std::sort(members.videos.begin(), members.videos.end(), before);
+  std::ranges::sort(members.videos, before);
   for (const fs::path& video : members.videos)
     found.inputs.push_back(file(video, video.lexically_relative(folder).replace_extension().string()));
   for (auto& [place, images] : members.images) {
-    std::sort(images.begin(), images.end(), before);
+    std::ranges::sort(images, before);
     const std::string name =
         place == folder ? folder_name(folder) : place.lexically_relative(folder).string();
     found.inputs.push_back(sequence(place.string(), name, std::move(images)));
@@ -299,17 +298,6 @@ int shard_of(const Input& input, int count) {
                           static_cast<unsigned>(count));
 }
 
-void name_outputs(Names names, std::vector<Input>& inputs) {
-  for (Input& input : inputs) {
-    if (!input.problem.empty()) // no outputs
-      continue;
-    if (names == Names::path)
-      input.stem = written_path(input);
-    else if (names == Names::hash)
-      input.stem += "-" + sha256(fs::path(input.label).lexically_normal().string()).substr(0, 8);
-  }
-}
-
 constexpr std::uint64_t file_end = 64 * 1024; ///< bytes at each end of a recording
 constexpr std::uint64_t image_end = 4 * 1024; ///< bytes at each end of an image
 constexpr std::uint64_t block = 4 * 1024;
@@ -404,7 +392,11 @@ Found find_inputs(const std::vector<std::string>& arguments, Names names) {
   std::set<std::pair<std::string, std::size_t>> seen; // a picture is not the folder that begins with it
   std::erase_if(found.inputs,
                 [&](const Input& input) { return !seen.emplace(input.place(), input.images.size()).second; });
-  name_outputs(names, found.inputs);
+  for (Input& input : found.inputs)
+    if (input.problem.empty() && names == Names::path)
+      input.stem = written_path(input);
+    else if (input.problem.empty() && names == Names::hash)
+      input.stem += "-" + sha256(fs::path(input.label).lexically_normal().string()).substr(0, 8);
   return found;
 }
 

@@ -54,7 +54,6 @@ class Checker {
   }
   void check(const std::string& input, const Entry& line);
   void check_shards();
-  void say_missing(int first, int last, int count);
 
   const Options& options_;
   Check check_;
@@ -135,6 +134,13 @@ void Checker::check_shards() {
                              std::to_string(promise.seen.size()) + " of its " +
                              std::to_string(promise.inputs) + " inputs have a line");
   }
+  const auto say_missing = [this](int first, int last, int count) {
+    const std::string number = std::to_string(first), of = "/" + std::to_string(count);
+    if (first == last)
+      check_.again.push_back("shard " + number + of + " has no manifest");
+    else if (first < last)
+      check_.again.push_back("shards " + number + " to " + std::to_string(last) + of + " have no manifest");
+  };
   // In rising order. Consecutive missing shards are one line, because the file may claim any number.
   for (auto next = shards_.begin(); next != shards_.end();) {
     const int count = next->first.first;
@@ -145,15 +151,6 @@ void Checker::check_shards() {
     }
     say_missing(expected, count, count);
   }
-}
-
-void Checker::say_missing(int first, int last, int count) {
-  if (first > last)
-    return;
-  const std::string number = std::to_string(first), of = "/" + std::to_string(count);
-  check_.again.push_back(first == last
-                             ? "shard " + number + of + " has no manifest"
-                             : "shards " + number + " to " + std::to_string(last) + of + " have no manifest");
 }
 
 Check Checker::finish(const std::vector<Input>& inputs) {

@@ -5,7 +5,6 @@
 #include <gst/gst.h>
 
 #include <algorithm>
-#include <charconv>
 #include <fstream>
 #include <iostream>
 #include <iterator>
@@ -112,17 +111,15 @@ std::vector<GOptionEntry> entries_of(Given& given, Options& options) {
       {}};
 }
 
-std::optional<int> read_number(std::string_view text) {
-  int value = 0;
-  const auto [stopped, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || stopped != text.data() + text.size() || value < 0)
+std::optional<int> read_number(const char* text) {
+  guint64 value = 0;
+  if (!text || !g_ascii_string_to_unsigned(text, 10, 0, G_MAXINT, &value, nullptr))
     return std::nullopt;
-  return value;
+  return static_cast<int>(value);
 }
 
 std::optional<int> variable(const char* name) {
-  const char* text = g_getenv(name);
-  return text ? read_number(text) : std::nullopt;
+  return read_number(g_getenv(name));
 }
 
 Shard from_environment() {
@@ -312,12 +309,12 @@ std::vector<Output> Options::outputs() const {
 }
 
 Shard read_shard(const std::string& text) {
-  const auto written = [all = std::string_view(text)] {
-    const std::size_t slash = all.find('/');
-    const auto index = read_number(all.substr(0, slash)),
-               count = slash == all.npos ? std::nullopt : read_number(all.substr(slash + 1));
+  const auto written = [&text] {
+    const std::size_t slash = text.find('/');
+    const auto index = read_number(text.substr(0, slash).c_str()),
+               count = slash == text.npos ? std::nullopt : read_number(text.c_str() + slash + 1);
     if (!index || !count)
-      throw UsageError("--shard: '" + std::string(all) + "' is neither I/N, such as 1/4, nor auto");
+      throw UsageError("--shard: '" + text + "' is neither I/N, such as 1/4, nor auto");
     return Shard{*index, *count};
   };
   const Shard shard = text == "auto" ? from_environment() : written();
