@@ -254,7 +254,7 @@ TEST_F(Inputs, PatternsTakeExactlyTheirNumbers) {
     write(name);
   const auto inputs = find_inputs({(folder / "f%04d.png").string()}).inputs;
   ASSERT_EQ(inputs.size(), 1u);
-  ASSERT_EQ(inputs[0].problem, "");
+  ASSERT_EQ(inputs[0].fault.text, "");
   std::vector<std::string> names;
   for (const auto& image : inputs[0].images)
     names.push_back(image.filename());
@@ -318,7 +318,7 @@ TEST_F(Inputs, APathNeverLeadsOutOfTheOutputFolder) {
   for (const char* argument : {"../../x.mp4", "../../a/../x.mp4", "./y.mp4", "../b/./y.mp4"}) {
     const auto found = find_inputs({argument}, Names::path);
     ASSERT_EQ(found.inputs.size(), 1u);
-    EXPECT_EQ(found.inputs[0].problem, "") << argument;
+    EXPECT_EQ(found.inputs[0].fault.text, "") << argument;
     EXPECT_FALSE(fs::path(found.inputs[0].stem).is_absolute()) << argument;
     for (const auto& part : fs::path(found.inputs[0].stem))
       EXPECT_NE(part, "..") << argument;
@@ -337,7 +337,7 @@ TEST_F(Inputs, AFileUriIsTheFile) {
 
 TEST_F(Inputs, WhatIsNoUriIsAFileThatIsNotThere) {
   for (const char* argument : {"://x", "1x://y", "a b://c", "clip:1.mp4", "a:b"})
-    EXPECT_NE(find_inputs({argument}).inputs[0].problem, "") << argument;
+    EXPECT_NE(find_inputs({argument}).inputs[0].fault.text, "") << argument;
   for (const char* argument : {"rtsp://x", "x+y.z-1://q"})
     EXPECT_EQ(find_inputs({argument}).inputs[0].kind, Input::Kind::uri) << argument;
 }
@@ -649,8 +649,8 @@ TEST(Workers, TakeWhatTheyAreGivenWhateverItsBytes) {
   EXPECT_EQ(same.stem, input.stem);
   EXPECT_EQ(same.path, input.path);
   EXPECT_EQ(same.images, input.images);
-  EXPECT_EQ(same.problem, "");
-  EXPECT_EQ(same.cause, Cause::none);
+  EXPECT_EQ(same.fault.text, "");
+  EXPECT_FALSE(same.fault);
 }
 
 TEST(Workers, AnswerWithTheWholeRecord) {
@@ -661,8 +661,7 @@ TEST(Workers, AnswerWithTheWholeRecord) {
   record.place = "/x/\xff.mp4";
   record.identity = {~std::uint64_t{0}, "abc"};
   record.settings = "preset=default";
-  record.problem = "cut off";
-  record.cause = Cause::damaged;
+  record.fault = {Cause::damaged, "cut off"};
   record.frames = 7;
   record.width = 64;
   record.height = 48;
@@ -679,7 +678,7 @@ TEST(Workers, AnswerWithTheWholeRecord) {
   EXPECT_EQ(same.record.to_json(), record.to_json());
   EXPECT_EQ(same.record.input, record.input);
   EXPECT_EQ(same.record.place, record.place);
-  EXPECT_EQ(same.record.cause, record.cause);
+  EXPECT_EQ(same.record.fault.cause, record.fault.cause);
   EXPECT_EQ(same.record.traversable_sum, record.traversable_sum);
   EXPECT_EQ(same.record.outputs[1].file, "\xff.masks.mkv");
   EXPECT_EQ(same.record.outputs[1].bytes, 99u);

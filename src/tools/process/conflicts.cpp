@@ -123,7 +123,7 @@ std::vector<std::string> find_conflicts(const std::vector<Input>& inputs, const 
   std::map<std::string, const Input*> claimed;
   std::vector<std::string> conflicts;
   for (const Input& input : inputs) {
-    if (!input.problem.empty()) // no outputs
+    if (input.fault) // no outputs
       continue;
     auto conflict = clash_of(input, options, files, claimed);
     if (!conflict)
@@ -145,17 +145,17 @@ void refuse_long_names(std::vector<Input>& inputs, const Options& options) {
   const long told = pathconf(folder.empty() ? "." : folder.c_str(), _PC_NAME_MAX);
   const std::size_t most = told > 0 ? static_cast<std::size_t>(told) : NAME_MAX;
   for (Input& input : inputs) {
-    if (!input.problem.empty())
+    if (input.fault)
       continue;
     for (const fs::path& path : written_paths(input, options)) {
       bool fits = path.native().size() < PATH_MAX;
       for (const fs::path& part : path)
         fits = fits && part.native().size() <= most;
-      if (fits || !input.problem.empty())
-        continue;
-      input.problem = "its outputs would have names of more than " + std::to_string(most) + " bytes, or " +
-                      std::to_string(PATH_MAX) + " with their folders; choose a shorter one with --name";
-      input.cause = Cause::unwritable;
+      if (!fits)
+        input.fault = {Cause::unwritable, "its outputs would have names of more than " +
+                                              std::to_string(most) + " bytes, or " +
+                                              std::to_string(PATH_MAX) +
+                                              " with their folders; choose a shorter one with --name"};
     }
   }
 }

@@ -49,7 +49,7 @@ bool before(const fs::path& a, const fs::path& b) {
 }
 
 Input failed(const std::string& label, const std::string& problem, Cause cause = Cause::missing) {
-  return {.label = label, .path = label, .problem = problem, .cause = cause};
+  return {.label = label, .path = label, .fault = {cause, problem}};
 }
 
 Input sequence(const std::string& label, const std::string& stem, std::vector<fs::path> images) {
@@ -340,7 +340,7 @@ bool take_file(GChecksum* sum, const fs::path& path, std::uint64_t end, std::uin
 /// Of a sequence: over the lengths and the first and last 4 KiB of every image, in order.
 Identity Input::identity() const {
   Identity result;
-  if (!problem.empty() || kind == Kind::uri)
+  if (fault || kind == Kind::uri)
     return result;
   const std::unique_ptr<GChecksum, Releaser<g_checksum_free>> sum(g_checksum_new(G_CHECKSUM_SHA256));
   bool ok = kind == Kind::file ? take_file(sum.get(), path, file_end, blocks, result.bytes) : !images.empty();
@@ -393,9 +393,9 @@ Found find_inputs(const std::vector<std::string>& arguments, Names names) {
   std::erase_if(found.inputs,
                 [&](const Input& input) { return !seen.emplace(input.place(), input.images.size()).second; });
   for (Input& input : found.inputs)
-    if (input.problem.empty() && names == Names::path)
+    if (!input.fault && names == Names::path)
       input.stem = written_path(input);
-    else if (input.problem.empty() && names == Names::hash)
+    else if (!input.fault && names == Names::hash)
       input.stem += "-" + sha256(fs::path(input.label).lexically_normal().string()).substr(0, 8);
   return found;
 }

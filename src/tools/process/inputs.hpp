@@ -23,11 +23,10 @@ struct Input {
   enum class Kind { file, images, uri };
   Kind kind = Kind::file;
   std::string label = {}; ///< as given by the user, for messages
-  std::string stem = {};  ///< base name of the outputs: "drive", "monday/drive"; empty if there is a problem
+  std::string stem = {};  ///< base name of the outputs: "drive", "monday/drive"; empty if there is a fault
   std::filesystem::path path = {}; ///< of a file; of a URI all of it, with the password that the label omits
   std::vector<std::filesystem::path> images = {}; ///< files of a sequence, in order
-  std::string problem = {};                       ///< why it cannot be processed at all; empty = no problem
-  Cause cause = Cause::none;                      ///< of the problem
+  Fault fault = {};                               ///< why it cannot be processed at all
 
   /// Identifies the content; unknown for a stream.
   Identity identity() const;

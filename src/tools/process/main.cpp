@@ -80,7 +80,7 @@ class Tally {
  public:
   void add(const Outcome& outcome) {
     ++counts_[static_cast<std::size_t>(outcome.kind)];
-    later_ += may_pass_later(outcome.record.cause);
+    later_ += may_pass_later(outcome.record.fault.cause);
     if (outcome.kept())
       frames_ += outcome.record.frames;
   }
@@ -178,15 +178,15 @@ void Batch::report(const Input& input, const Outcome& outcome) {
              std::to_string(record.still_rows) +
              ", and take them out of the mask with --set ignore-regions=...");
   if (partial)
-    complain(input.label + ": " + record.problem + "; what could be decoded, " +
+    complain(input.label + ": " + record.fault.text + "; what could be decoded, " +
              counted(record.frames, "frame") + ", is kept as " +
              Naming(options_, input).record(true).stem().stem().string() + ".*");
   if (outcome.kind == Outcome::Kind::failed)
-    complain(input.label + ": " + record.problem);
+    complain(input.label + ": " + record.fault.text);
 }
 
 Outcome Batch::outcome_of(const Input& input, Worker& worker, Progress& progress) const {
-  if (options_.resume && input.problem.empty() && is_complete(input, options_))
+  if (options_.resume && !input.fault && is_complete(input, options_))
     return {Outcome::Kind::skipped, {}};
   try {
     return worker.process(input, options_, progress, interruptions);

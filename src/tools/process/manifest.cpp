@@ -192,10 +192,10 @@ std::string manifest_line(const Options& options, const Input& input, const Outc
   ordered_json json;
   json["input"] = input.label;
   json["status"] = names[static_cast<int>(outcome.kind)];
-  json["cause"] = whole ? ordered_json() : ordered_json(name_of(record.cause));
+  json["cause"] = whole ? ordered_json() : ordered_json(name_of(record.fault.cause));
   if (!whole)
-    json["problem"] = record.problem;
-  json["try_again"] = !whole && may_pass_later(record.cause);
+    json["problem"] = record.fault.text;
+  json["try_again"] = !whole && may_pass_later(record.fault.cause);
   const Identity identity = skipped ? input.identity() : record.identity;
   json["bytes"] = identity.bytes;
   json["fingerprint"] = identity.fingerprint;

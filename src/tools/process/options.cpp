@@ -147,12 +147,10 @@ void read_outputs(const std::string& list, Options& options) {
   std::fill(std::begin(options.wanted), std::end(options.wanted), false);
   std::istringstream words(list + ",");
   for (std::string word; std::getline(words, word, ',');) {
-    bool known = false;
-    for (int i = 0; i < static_cast<int>(Output::bag); ++i)
-      if (word == output_kinds[i].name)
-        known = options.wanted[i] = true;
-    if (!known)
+    const auto index = std::ranges::find(output_kinds, word, &OutputKind::name) - output_kinds;
+    if (index >= static_cast<int>(Output::bag))
       throw UsageError("--outputs: '" + word + "' is not one of annotated, masks, json, csv, mcap");
+    options.wanted[index] = true;
   }
   options.wanted[static_cast<int>(Output::bag)] = options.wants(Output::mcap);
 }

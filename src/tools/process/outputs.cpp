@@ -168,9 +168,9 @@ std::string Record::to_json() const {
   json["input"] = {
       {"name", input}, {"place", place}, {"bytes", identity.bytes}, {"fingerprint", identity.fingerprint}};
   json["settings"] = settings;
-  json["complete"] = problem.empty();
-  json["problem"] = problem.empty() ? ordered_json() : ordered_json(problem);
-  json["cause"] = cause == Cause::none ? ordered_json() : ordered_json(name_of(cause));
+  json["complete"] = !fault;
+  json["problem"] = fault ? ordered_json(fault.text) : ordered_json();
+  json["cause"] = fault ? ordered_json(name_of(fault.cause)) : ordered_json();
   json["frames"] = frames;
   json["width"] = width;
   json["height"] = height;
@@ -292,13 +292,13 @@ void OutputFiles::write_record(const Record& record, const fs::path& path) {
 }
 
 void OutputFiles::keep(Record& record) {
-  const bool partial = record.cause != Cause::none;
+  const bool partial{record.fault};
   const fs::path path = naming_.record(partial);
   // Until the new record is written, no record may claim that these outputs are complete, but one must always
   // identify their input.
   Record announced = record;
-  announced.problem = "its outputs are being renamed";
-  announced.cause = Cause::interrupted; // the result if the process ends here
+  announced.fault = {Cause::interrupted,
+                     "its outputs are being renamed"}; // the result if the process ends here
   write_record(announced, path);
   for (const Output kind : options_.outputs()) {
     const fs::path output = naming_.output(kind, partial);

@@ -77,8 +77,7 @@ struct Record {
   std::string place; ///< of the input: Input::place()
   Identity identity;
   std::string settings; ///< all settings that influence the outputs, as one line
-  std::string problem;  ///< empty = complete
-  Cause cause = Cause::none;
+  Fault fault;          ///< none = complete
   std::uint64_t frames = 0;
   int width = 0, height = 0;         ///< of the first frame
   double seconds = 0;                ///< processing time
@@ -112,7 +111,7 @@ struct Outcome {
   };
   static constexpr int kinds = 5;
   Kind kind = Kind::failed;
-  Record record; ///< record.problem: the cause if not complete
+  Record record; ///< record.fault: the cause if not complete
   bool kept() const { return kind == Kind::complete || kind == Kind::partial; }
 };
 
@@ -156,7 +155,7 @@ class OutputFiles {
 
   void open();
   AtomicFile& operator[](Output kind) { return files_[static_cast<std::size_t>(kind)]; }
-  /// Renames the files to their final names, or to the names of a partial input if the record has a problem.
+  /// Renames the files to their final names, or to the names of a partial input if the record has a fault.
   /// Writes the record last.
   void keep(Record& record);
 

@@ -331,20 +331,18 @@ Outcome Run::conclude(const std::string& state) {
     graph_.count(Output::bag, graph_.written(Output::mcap));
   }
   check_counts();
-  const Fault damage = is_changed ? changed : this->damage();
-  record_.problem = without_credentials(damage.text);
+  record_.fault = is_changed ? changed : damage();
+  record_.fault.text = without_credentials(record_.fault.text);
   for (std::string& warning : record_.warnings)
     warning = without_credentials(warning);
-  record_.cause = damage.cause;
   files_.keep(record_);
-  return {damage ? Outcome::Kind::partial : Outcome::Kind::complete, record_};
+  return {record_.fault ? Outcome::Kind::partial : Outcome::Kind::complete, record_};
 }
 
 } // namespace
 
 Outcome failed(Record record, const Fault& fault) {
-  record.problem = without_credentials(fault.text);
-  record.cause = fault.cause;
+  record.fault = {fault.cause, without_credentials(fault.text)};
   return {fault.cause == Cause::interrupted ? Outcome::Kind::interrupted : Outcome::Kind::failed,
           std::move(record)};
 }
@@ -354,8 +352,8 @@ Outcome process(const Input& input, const Options& options, Progress& progress,
   Record record;
   record.input = input.label;
   try {
-    if (!input.problem.empty())
-      throw Fault{input.cause, input.problem};
+    if (input.fault)
+      throw input.fault;
     const std::string state = input.state(); // before its identity is read
     record = record_of(input, options);
     OutputFiles files(input, options);

@@ -25,12 +25,13 @@ extern char** environ;
 namespace terrainseg::process {
 
 // The messages' fields. File names are bytes, which MessagePack takes as they are.
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Fault, cause, text)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Identity, bytes, fingerprint)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Input, kind, label, stem, path, images, problem, cause)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Input, kind, label, stem, path, images, fault)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Record::Written, file, bytes)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Record, input, place, identity, settings, problem, cause, frames, width,
-                                   height, seconds, traversable_sum, blocked, horizon_frames,
-                                   filter_milliseconds, still_rows, warnings, outputs)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Record, input, place, identity, settings, fault, frames, width, height,
+                                   seconds, traversable_sum, blocked, horizon_frames, filter_milliseconds,
+                                   still_rows, warnings, outputs)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Outcome, kind, record)
 
 template <typename Value> std::string packed(const Value& value) {
@@ -269,7 +270,7 @@ Outcome Worker::process(const Input& input, const Options& options, Progress& pr
                         const std::atomic<int>& interrupted) {
   for (;;) {
     const bool used = pid_ >= 0;
-    if (!input.problem.empty() || (!used && !start()))
+    if (input.fault || (!used && !start()))
       return process::process(input, options, progress, interrupted);
     if (auto outcome = ask(input, progress, interrupted))
       return *outcome;
