@@ -115,14 +115,9 @@ struct Outcome {
   bool kept() const { return kind == Kind::complete || kind == Kind::partial; }
 };
 
-/// The part of a record that describes the input.
-struct Origin {
-  std::string place;
-  Identity identity;
-};
-
-/// Returns nothing if the file is not a record of this tool.
-std::optional<Origin> read_origin(const std::filesystem::path& record);
+/// The place and the identity of the input of a record. Returns nothing if the file is not a record of this
+/// tool.
+std::optional<Record> read_origin(const std::filesystem::path& record);
 
 /// The record of an input before it is processed.
 Record record_of(const Input& input, const Options& options);
