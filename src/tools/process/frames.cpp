@@ -8,6 +8,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <numeric>
+#include <utility>
 
 #include "exchange/json_lines.hpp"
 #include "tools/process/handles.hpp"
@@ -84,12 +86,11 @@ void make_csv_row(std::string& row, GstBuffer* frame, const GstStructure* e) {
   row += '\n';
 }
 
-constexpr std::uint64_t stride = 5;   ///< compares every fifth frame
-constexpr int least_compared = 6;     ///< minimum number of pairs: a second of video at 30 frames per second
-constexpr double still = 2;           ///< maximum mean change of an unchanged row: coding noise
-constexpr double moving = 6;          ///< minimum mean change of the picture above
-constexpr int least_permille = 30;    ///< minimum share of the height
-constexpr int looked_at_percent = 60; ///< share of the height, from the bottom
+constexpr std::uint64_t stride = 5; ///< compares every fifth frame
+constexpr int least_compared = 6;   ///< minimum number of pairs: a second of video at 30 frames per second
+constexpr double still = 2;         ///< maximum mean change of an unchanged row: coding noise
+constexpr double moving = 6;        ///< minimum mean change of the picture above
+constexpr int least_permille = 30;  ///< minimum share of the height
 
 /// 8-bit brightness of a pixel: luma, or green.
 int brightness(const GstVideoFrame& frame, int component, int x, int y) {
@@ -106,56 +107,39 @@ int brightness(const GstVideoFrame& frame, int component, int x, int y) {
 
 } // namespace
 
-int StillBottom::frame_row(int grid_row) const {
-  return grid_row * height_ * looked_at_percent / (100 * grid_rows);
-}
-
-void StillBottom::look(const GstVideoFrame& frame, Grid& grid) const {
-  const int component = GST_VIDEO_INFO_IS_RGB(&frame.info) ? 1 : 0;
-  for (int row = 0; row < grid_rows; ++row)
-    for (int column = 0; column < grid_columns; ++column)
-      grid[row * grid_columns + column] = static_cast<std::uint8_t>(brightness(
-          frame, component, width_ / 4 + column * width_ / (2 * grid_columns), height_ - 1 - frame_row(row)));
-}
-
 void StillBottom::take(const GstVideoInfo& info, GstBuffer* buffer) {
-  if (info.width != width_ || info.height != height_) {
-    *this = StillBottom();
-    width_ = info.width;
-    height_ = info.height;
-  }
   if (frames_++ % stride != 0)
     return;
   GstVideoFrame frame;
   GstVideoInfo copy = info;
   if (!gst_video_frame_map(&frame, &copy, buffer, GST_MAP_READ))
     return;
-  Grid grid;
-  look(frame, grid);
+  const bool is_compared = frames_ > 1;
+  const int component = GST_VIDEO_INFO_IS_RGB(&info) ? 1 : 0;
+  for (int row = 0; row < grid_rows; ++row)
+    for (int column = 0; column < grid_columns; ++column) {
+      const int now = brightness(frame, component, info.width / 4 + column * info.width / (2 * grid_columns),
+                                 info.height - 1 - frame_row(row, info.height));
+      const int before = std::exchange(last_[row * grid_columns + column], static_cast<std::uint8_t>(now));
+      change_[row] += is_compared ? static_cast<std::uint64_t>(std::abs(now - before)) : 0;
+    }
+  compared_ += is_compared;
   gst_video_frame_unmap(&frame);
-  if (frames_ > 1) {
-    for (std::size_t i = 0; i < grid.size(); ++i)
-      change_[i / grid_columns] += static_cast<std::uint64_t>(std::abs(grid[i] - last_[i]));
-    ++compared_;
-  }
-  last_ = grid;
 }
 
-int StillBottom::rows() const {
+int StillBottom::rows(int height) const {
   if (compared_ < least_compared)
     return 0;
   const double pixels = static_cast<double>(compared_) * grid_columns;
   int still_rows = 0;
   while (still_rows < grid_rows && static_cast<double>(change_[still_rows]) / pixels < still)
     ++still_rows;
-  std::uint64_t above = 0;
-  for (int row = still_rows; row < grid_rows; ++row)
-    above += change_[row];
+  const auto above = std::accumulate(change_.begin() + still_rows, change_.end(), std::uint64_t{0});
   const int rows_above = grid_rows - still_rows;
   if (rows_above == 0 || static_cast<double>(above) / (pixels * rows_above) < moving)
     return 0;
-  const int rows = still_rows < 2 ? 0 : frame_row(still_rows);
-  return rows * 1000 < least_permille * height_ ? 0 : rows;
+  const int rows = still_rows < 2 ? 0 : frame_row(still_rows, height);
+  return rows * 1000 < least_permille * height ? 0 : rows;
 }
 
 Frames::Frames(const Options& options, Graph& graph, AtomicFile& rows, Record& record)
@@ -180,7 +164,7 @@ GstPadProbeReturn Frames::leaving(GstPad*, GstPadProbeInfo* info) {
 }
 
 int Frames::still_rows() const {
-  const int rows = still_bottom_.rows();
+  const int rows = still_bottom_.rows(video_info_.height);
   return window_.h > 0 && window_.y + window_.h > video_info_.height - rows ? rows : 0;
 }
 
@@ -210,7 +194,7 @@ void Frames::warn_of_views(GstEvent* event) {
   const std::string text = std::string("stereo video (") + gst_video_multiview_mode_to_caps_string(mode) +
                            "): its two views are taken for one picture; make a video of one view first, as "
                            "ffmpeg -i INPUT -vf stereo3d=sbsl:ml OUTPUT.mkv does for side by side";
-  if (std::find(record_.warnings.begin(), record_.warnings.end(), text) == record_.warnings.end())
+  if (std::ranges::count(record_.warnings, text) == 0)
     record_.warnings.push_back(text);
 }
 
@@ -255,6 +239,8 @@ void Frames::size_known(GstEvent* event) {
   GstVideoInfo info;
   if (!gst_video_info_from_caps(&info, caps_of(event)))
     return;
+  if (info.width != video_info_.width || info.height != video_info_.height)
+    still_bottom_ = {};
   video_info_ = info;
   if (labelled_ > 0)
     return;

@@ -65,27 +65,27 @@ class Graph {
 /// filter would learn them as ground.
 class StillBottom {
  public:
-  /// Compares a sample of frames at a sample of pixels with the previous one. Restarts when the size changes.
+  /// Compares a sample of frames at a sample of pixels with the previous one. All frames must have one size.
   /// One thread only.
   void take(const GstVideoInfo& info, GstBuffer* buffer);
 
   /// Number of rows from the bottom edge that hardly changed while the picture above did. 0 if they are less
   /// than 3 % of the height, if nothing moved, or after too few frames.
-  int rows() const;
+  int rows(int height) const;
 
  private:
-  static constexpr int grid_rows = 60;    ///< covers the lower 60 % of the frame
-  static constexpr int grid_columns = 32; ///< cover the middle half of the width, where the window is
-  using Grid = std::array<std::uint8_t, grid_rows * grid_columns>;
+  static constexpr int grid_rows = 60;         ///< covers the lower 60 % of the frame
+  static constexpr int grid_columns = 32;      ///< cover the middle half of the width, where the window is
+  static constexpr int looked_at_percent = 60; ///< share of the height, from the bottom
 
   /// Row of the frame for a row of the grid, 0 = the lowest.
-  int frame_row(int grid_row) const;
-  void look(const GstVideoFrame& frame, Grid& grid) const;
+  static int frame_row(int grid_row, int height) {
+    return grid_row * height * looked_at_percent / (100 * grid_rows);
+  }
 
-  int width_ = 0, height_ = 0;
   std::uint64_t frames_ = 0;
   int compared_ = 0; ///< number of compared pairs
-  Grid last_{};
+  std::array<std::uint8_t, grid_rows * grid_columns> last_{};
   std::array<std::uint64_t, grid_rows>
       change_{}; ///< sum of absolute brightness differences, 0..255 per pixel
 };
