@@ -167,14 +167,14 @@ class Handler(http.server.BaseHTTPRequestHandler):
         except (ValueError, RecursionError):
             raise Refused(400, 'the body is not JSON') from None
 
-    def handle_request(self, work):
+    def do_GET(self):
         try:
             from_page = self.check_site()
             parts = urllib.parse.urlsplit(self.path)
             self.route = parts.path
             self.query = urllib.parse.parse_qs(parts.query)
             self.check_token(self.query, from_page)
-            work()
+            self.get() if self.command == 'GET' else self.post()
         except Refused as reason:
             self.refuse(reason.status, str(reason))
         except (ValueError, OverflowError) as error:
@@ -182,6 +182,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
         except OSError as error:
             if error.filename:  # a file of the rover, not the connection
                 self.refuse(500, error.strerror)
+
+    do_POST = do_GET
 
     def refuse(self, status, text):
         self.reply({'error': text}, status)
@@ -193,12 +195,6 @@ class Handler(http.server.BaseHTTPRequestHandler):
             for _ in range(64):
                 if not self.connection.recv(65536):
                     break
-
-    def do_GET(self):
-        self.handle_request(self.get)
-
-    def do_POST(self):
-        self.handle_request(self.post)
 
     # Requests
 
@@ -256,9 +252,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         with open(path, 'rb') as file:
             size = path.stat().st_size
             self.begin(200, 'application/octet-stream', size, Content_Disposition=f'attachment; filename="{name}"')
-            while size > 0 and (data := file.read(min(size, 65536))):
-                size -= len(data)
-                self.wfile.write(data)
+            self.connection.sendfile(file, count=size or None)
 
     def stream(self, pictures, status):
         """Multipart stream of pictures and the status; a slow viewer gets fewer pictures."""
