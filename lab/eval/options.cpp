@@ -142,7 +142,8 @@ std::vector<KindRule> kinds_of(const EvalEntries& e) {
 std::string eval_help() {
   g_set_prgname("terrainseg-eval");
   EvalEntries entries;
-  return tools::help_of(entries.context().get());
+  g_autofree char* text = g_option_context_get_help(entries.context().get(), TRUE, nullptr);
+  return text;
 }
 
 EvalOptions parse_eval_options(const std::vector<std::string>& words) {

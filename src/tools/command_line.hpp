@@ -59,9 +59,4 @@ inline void parse(GOptionContext* context, const std::vector<std::string>& words
     throw UsageError(error->message);
 }
 
-inline std::string help_of(GOptionContext* context) {
-  g_autofree char* text = g_option_context_get_help(context, TRUE, nullptr);
-  return text;
-}
-
 } // namespace terrainseg::tools
