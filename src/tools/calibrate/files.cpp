@@ -120,22 +120,16 @@ std::vector<MeasuredPoint> parse_points(std::string_view text) {
 }
 
 Board parse_board(const std::string& text) {
-  const std::size_t x = text.find('x');
-  const std::string what = "--board";
-  Board board;
-  if (x != text.npos) {
-    const double columns = parse_number(text.substr(0, x), what),
-                 rows = parse_number(text.substr(x + 1), what);
-    if (columns >= 3 && rows >= 3 && columns <= 100 && rows <= 100 && columns == std::floor(columns) &&
-        rows == std::floor(rows)) {
-      board.columns = static_cast<int>(columns);
-      board.rows = static_cast<int>(rows);
-      return board;
-    }
-  }
-  throw UsageError("--board: '" + text +
-                   "' is not COLUMNSxROWS of inner corners, each 3..100 (a board of 10x7 squares has "
-                   "9x6)");
+  std::string_view rest = text;
+  const bool two = text.find('x') != text.npos;
+  const double columns = two ? parse_number(next(rest, 'x'), "--board") : 0,
+               rows = two ? parse_number(rest, "--board") : 0;
+  for (const double side : {columns, rows})
+    if (side < 3 || side > 100 || side != std::floor(side))
+      throw UsageError(
+          "--board: '" + text +
+          "' is not COLUMNSxROWS of inner corners, each 3..100 (a board of 10x7 squares has 9x6)");
+  return {.columns = static_cast<int>(columns), .rows = static_cast<int>(rows)};
 }
 
 } // namespace terrainseg::calibrate

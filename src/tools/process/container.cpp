@@ -290,10 +290,9 @@ Field changed(const Bytes& content, const Change& change) {
       put(inside, wide ? 24 : 16, change.length, wide ? 8 : 4);
     else if (type == "tkhd")
       put(inside, wide ? 28 : 20, change.length, wide ? 8 : 4);
-    for (const int width : {4, 8}) // tables of the frames' positions
-      for (std::size_t at = 8; type == (width == 4 ? "stco" : "co64") && at + width <= inside.size();
-           at += width)
-        put(inside, at, number(inside, at, width) + change.shift, width);
+    const int width = type == "stco" ? 4 : type == "co64" ? 8 : 0; // tables of the frames' positions
+    for (std::size_t at = 8; width > 0 && at + width <= inside.size(); at += width)
+      put(inside, at, number(inside, at, width) + change.shift, width);
     out = joined({out, boxed(type, inside)});
   });
   return out;

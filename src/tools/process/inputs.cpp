@@ -207,10 +207,7 @@ bool is_uri(const std::string& argument) {
 }
 
 Input from_uri(const std::string& uri) {
-  Input input;
-  input.kind = Input::Kind::uri;
-  input.label = without_credentials(uri);
-  input.path = uri;
+  Input input{.kind = Input::Kind::uri, .label = without_credentials(uri), .path = uri};
   const std::string place = input.label.substr(0, input.label.find_first_of("?#"));
   for (const char letter : place.substr(place.find_last_of('/') + 1))
     input.stem += (letter & 0x80) || std::isalnum(static_cast<unsigned char>(letter)) || strchr("-_.", letter)
@@ -251,20 +248,13 @@ Input single(const fs::path& path) {
 }
 
 void add(const std::string& argument, Found& found) {
-  fs::path path(argument);
   std::error_code ignored;
-  if (!fs::exists(path, ignored) && is_uri(argument)) {
-    const auto local = local_path(argument);
-    if (!local) {
-      found.inputs.push_back(from_uri(argument));
-      return;
-    }
-    path = *local;
-  }
-  if (fs::is_directory(path, ignored))
-    add_folder(path, found);
+  const bool named_by_uri = !fs::exists(argument, ignored) && is_uri(argument);
+  const auto path = named_by_uri ? local_path(argument) : fs::path(argument);
+  if (path && fs::is_directory(*path, ignored))
+    add_folder(*path, found);
   else
-    found.inputs.push_back(single(path));
+    found.inputs.push_back(path ? single(*path) : from_uri(argument));
 }
 
 /// The path as given, without extension and without components that leave the output folder.
@@ -323,14 +313,12 @@ bool take_file(GChecksum* sum, const fs::path& path, std::uint64_t end, std::uin
     file.read(bytes.data(), static_cast<std::streamsize>(count));
     g_checksum_update(sum, reinterpret_cast<const guchar*>(bytes.data()), file.gcount());
   };
-  if (size <= 2 * end + middle_blocks * block) {
-    take_bytes(0, size);
-    return file.good();
-  }
-  take_bytes(0, end);
-  for (std::uint64_t i = 0; i < middle_blocks; ++i)
+  const bool whole = size <= 2 * end + middle_blocks * block;
+  take_bytes(0, whole ? size : end);
+  for (std::uint64_t i = 0; i < middle_blocks && !whole; ++i)
     take_bytes(end + i * ((size - 2 * end) / middle_blocks), block);
-  take_bytes(size - end, end);
+  if (!whole)
+    take_bytes(size - end, end);
   return file.good();
 }
 

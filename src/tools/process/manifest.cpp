@@ -41,17 +41,14 @@ class Checker {
   void read(std::istream& stream) {
     std::string text;
     for (int number = 1; std::getline(stream, text); ++number)
-      if (!text.empty())
-        take(text, number);
+      if (!text.empty() && !take(text))
+        check_.again.push_back("line " + std::to_string(number) + " of the manifest cannot be read");
   }
   bool read_any() const { return runs_ > 0; }
   Check finish(const std::vector<Input>& inputs);
 
  private:
-  void take(const std::string& text, int number);
-  void cannot_read(int number) {
-    check_.again.push_back("line " + std::to_string(number) + " of the manifest cannot be read");
-  }
+  bool take(const std::string& text);
   void check(const std::string& input, const Entry& line);
   void check_shards();
 
@@ -68,7 +65,8 @@ class Checker {
   Promise* promise_ = nullptr;
 };
 
-void Checker::take(const std::string& text, int number) {
+/// Returns false if the line cannot be read.
+bool Checker::take(const std::string& text) {
   const std::size_t mark = text.starts_with("\xEF\xBB\xBF") ? 3 : 0; // byte order mark
   auto json =
       nlohmann::json::parse(text.begin() + static_cast<std::ptrdiff_t>(mark), text.end(), nullptr, false);
@@ -81,18 +79,19 @@ void Checker::take(const std::string& text, int number) {
       const std::uint64_t count = natural(json.at("shards")), index = natural(json.at("shard")),
                           inputs = natural(json.at("inputs"));
       if (count > most_shards || index < 1 || index > count)
-        return cannot_read(number);
+        return false;
       promise_ = &shards_[{static_cast<int>(count), static_cast<int>(index)}];
       promise_->inputs = inputs;
-      return;
+      return true;
     }
     const std::string input = json.at("input");
     json.at("status").get<std::string>();
     lines_[input] = {std::move(json), folder_}; // moved, because a copy recurses through nested brackets
     if (promise_)
       promise_->seen.insert(input);
+    return true;
   } catch (const nlohmann::json::exception&) {
-    cannot_read(number);
+    return false;
   }
 }
 
