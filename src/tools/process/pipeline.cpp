@@ -68,11 +68,10 @@ class Run {
   Outcome conclude(const std::string& state);
 
  private:
-  enum class Step { go_on, stop };
   void take_messages(GstClockTime timeout);
   void take_error(GstMessage* message);
   void take_warning(GstMessage* message);
-  Step watch_source(Clock::duration now, bool interrupted);
+  bool watch_source(Clock::duration now, bool interrupted);
   void end_source();
   void update_progress();
   void check_counts() const;
@@ -168,28 +167,28 @@ void Run::end_source() {
   source_.end();
 }
 
-/// Handles a source that failed, stalled or was interrupted.
-Run::Step Run::watch_source(Clock::duration now, bool interrupted) {
+/// Handles a source that failed, stalled or was interrupted. Returns false if nothing more will come.
+bool Run::watch_source(Clock::duration now, bool interrupted) {
   const bool none_yet = frames_.labelled() == 0;
   const bool has_failed = complaints_.source || source_.fault();
   const bool quiet = now - last_move_ > grace;
   if (has_failed && none_yet && (!source_.has_video() || quiet))
-    return Step::stop;
+    return false;
   if (!asked_to_end_ && !none_yet && (interrupted || (has_failed && quiet)))
     end_source();
   if (quiet && source_.has_given_up())
-    return Step::stop;
+    return false;
   if (now - last_move_ <= std::chrono::seconds(options_.stall_seconds))
-    return Step::go_on;
+    return true;
   if (!complaints_.source)
     complaints_.source = {input_.kind == Input::Kind::uri ? Cause::missing : Cause::stalled,
                           "no frame came for " + std::to_string(options_.stall_seconds) +
                               " s (--stall-timeout): the decoder hangs or its source gives nothing"};
   if (asked_to_end_ || none_yet)
-    return Step::stop;
+    return false;
   last_move_ = now;
   end_source();
-  return Step::go_on;
+  return true;
 }
 
 void Run::play(const std::atomic<int>& interrupted) {
@@ -213,7 +212,7 @@ void Run::play(const std::atomic<int>& interrupted) {
     // A live stream ends with the first interruption. A file is then incomplete.
     if (interrupted && (input_.kind != Input::Kind::uri || interrupted > 1 || frames_.labelled() == 0))
       throw Fault{Cause::interrupted, "interrupted"};
-    if (watch_source(now, interrupted > 0) == Step::stop) {
+    if (!watch_source(now, interrupted > 0)) {
       // The error with the cause may arrive late on a busy machine.
       for (const auto until = now + error_delay; !complaints_.source && clock_.now() < until;)
         take_messages(poll_interval);
