@@ -189,15 +189,20 @@ void apply_settings(const Options& options, GstElement* terrainseg, GstElement* 
   }
 }
 
-void check_start(GstElement* element) {
+void check_settings(const Options& options) {
+  const auto make = [](const char* factory) {
+    return ElementPointer(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr))));
+  };
+  const ElementPointer overlay = options.wants(Output::annotated) ? make("terrainoverlay") : nullptr,
+                       terrainseg = make("terrainseg");
+  apply_settings(options, terrainseg.get(), overlay.get());
   const BusPointer bus(gst_bus_new());
-  gst_element_set_bus(element, bus.get());
-  const bool failed = gst_element_set_state(element, GST_STATE_PAUSED) == GST_STATE_CHANGE_FAILURE;
+  gst_element_set_bus(terrainseg.get(), bus.get());
+  const bool failed = gst_element_set_state(terrainseg.get(), GST_STATE_PAUSED) == GST_STATE_CHANGE_FAILURE;
   std::string text = "does not start";
   if (const MessagePointer message{gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ERROR)})
     text = error_in(message.get())->message;
-  gst_element_set_state(element, GST_STATE_NULL);
-  gst_element_set_bus(element, nullptr);
+  gst_element_set_state(terrainseg.get(), GST_STATE_NULL);
   if (failed)
     throw UsageError(text);
 }

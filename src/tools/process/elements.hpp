@@ -25,7 +25,8 @@ int most_encoded_side();
 /// which may be null. Throws tools::UsageError.
 void apply_settings(const Options& options, GstElement* terrainseg, GstElement* overlay);
 
-/// Throws tools::UsageError if an element with valid settings does not start (such as for a missing file).
-void check_start(GstElement* element);
+/// Validates the settings, and reads the files that they refer to, before the first input is opened. Throws
+/// tools::UsageError.
+void check_settings(const Options& options);
 
 } // namespace terrainseg::process

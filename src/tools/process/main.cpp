@@ -51,18 +51,6 @@ void complain(const std::string& text) {
   std::fprintf(stderr, "terrainseg-process: %s\n", text.c_str());
 }
 
-/// Validates the settings before the first file is opened.
-void check_settings(const Options& options) {
-  const ElementPointer terrainseg(gst_element_factory_make("terrainseg", nullptr));
-  const ElementPointer overlay(
-      options.wants(Output::annotated) ? gst_element_factory_make("terrainoverlay", nullptr) : nullptr);
-  for (const ElementPointer* element : {&terrainseg, &overlay})
-    if (*element)
-      gst_object_ref_sink(element->get());
-  apply_settings(options, terrainseg.get(), overlay.get());
-  check_start(terrainseg.get()); // reads the files that settings refer to
-}
-
 /// Prints the conflicts and throws if the run would overwrite files.
 void refuse_conflicts(const std::vector<Input>& inputs, const Options& options) {
   constexpr std::size_t shown = 20;
@@ -331,10 +319,8 @@ Exit process(const std::vector<std::string>& arguments) {
   check_settings(options);
   std::vector<Input> inputs = inputs_of(options);
   prepare_folder(options.output_dir);
-  struct sigaction action {};
-  action.sa_handler = on_signal;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
+  std::signal(SIGINT, on_signal);
+  std::signal(SIGTERM, on_signal);
   std::signal(SIGPIPE, SIG_IGN);
 
   AtomicFile manifest;
