@@ -30,11 +30,8 @@ class Peer:
         self.peers, self.feed, self.number, self.offered = peers, feed, number, offered
         self.candidates, self.text = [], None
         # A slow browser loses packets; the others do not wait for it.
-        self.queue = Gst.ElementFactory.make('queue')
-        for name, value in (('leaky', 2), ('max-size-buffers', 300), ('max-size-bytes', 0), ('max-size-time', 0)):
-            self.queue.set_property(name, value)
-        self.web = Gst.ElementFactory.make('webrtcbin')
-        self.web.set_property('bundle-policy', GstWebRTC.WebRTCBundlePolicy.MAX_BUNDLE)
+        self.queue = Gst.parse_launch('queue leaky=downstream max-size-buffers=300 max-size-bytes=0 max-size-time=0')
+        self.web = Gst.parse_launch('webrtcbin bundle-policy=max-bundle')
         for element in self.queue, self.web:
             feed.pipeline.add(element)
         self.queue.link(self.web)
