@@ -9,6 +9,8 @@
 #include <numeric>
 #include <stdexcept>
 #include <string>
+#include <tuple>
+#include <utility>
 
 namespace terrainseg::calibrate {
 namespace {
@@ -28,66 +30,53 @@ enum Parameter : int { log_height, pitch, roll };
 using Values = std::array<double, 3>;
 using Matrix = std::array<Values, 3>;
 
-/// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by Jacobi's rotations.
-struct Eigen3 {
-  Values values{};
-  Matrix vectors{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
-
-  explicit Eigen3(Matrix m) {
-    for (int sweep = 0; sweep < 30; ++sweep)
-      for (std::size_t p = 0; p < 2; ++p)
-        for (std::size_t q = p + 1; q < 3; ++q) {
-          if (m[p][q] == 0)
-            continue;
-          const double theta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
-          const double t = std::copysign(1.0, theta) / (std::abs(theta) + std::hypot(theta, 1.0));
-          const double c = 1 / std::hypot(t, 1.0), s = t * c;
-          for (std::size_t k = 0; k < 3; ++k)
-            rotate(m[k][p], m[k][q], c, s);
-          for (std::size_t k = 0; k < 3; ++k)
-            rotate(m[p][k], m[q][k], c, s);
-          for (std::size_t k = 0; k < 3; ++k)
-            rotate(vectors[k][p], vectors[k][q], c, s);
-        }
-    values = {m[0][0], m[1][1], m[2][2]};
-  }
-
- private:
-  static void rotate(double& a, double& b, double c, double s) {
-    const double was = a;
-    a = c * a - s * b;
-    b = s * was + c * b;
-  }
-};
-
-/// Inverse of the first `size` rows and columns of a symmetric matrix. Directions whose eigenvalue is lost in
-/// rounding are left out.
+/// Inverse of a symmetric matrix.
 struct Inverse {
   Matrix entries{};
   double condition = 0; ///< ratio of the smallest to the largest eigenvalue
-
-  Inverse(const Matrix& m, std::size_t size) {
-    const Eigen3 eigen(m);
-    // Fixed parameters have rows and columns of zeros, and so eigenvalues of zero.
-    double least = std::numeric_limits<double>::infinity(), most = 0;
-    for (std::size_t i = 0; i < 3; ++i)
-      most = std::max(most, std::abs(eigen.values[i]));
-    for (std::size_t i = 0; i < 3; ++i) {
-      double share = 0;
-      for (std::size_t row = 0; row < size; ++row)
-        share += eigen.vectors[row][i] * eigen.vectors[row][i];
-      if (share < 0.5)
-        continue;
-      least = std::min(least, std::abs(eigen.values[i]));
-      if (std::abs(eigen.values[i]) <= 1e-16 * most)
-        continue;
-      for (std::size_t a = 0; a < size; ++a)
-        for (std::size_t b = 0; b < size; ++b)
-          entries[a][b] += eigen.vectors[a][i] * eigen.vectors[b][i] / eigen.values[i];
-    }
-    condition = most > 0 ? least / most : 0;
-  }
 };
+
+/// Of the first `size` rows and columns, from eigenvalues by Jacobi's rotations. Directions whose eigenvalue
+/// is lost in rounding are left out.
+Inverse inverse_of(Matrix m, std::size_t size) {
+  Matrix vectors{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}; // columns; the eigenvalues become the diagonal of m
+  for (int sweep = 0; sweep < 30; ++sweep)
+    for (std::size_t p = 0; p < 2; ++p)
+      for (std::size_t q = p + 1; q < 3; ++q) {
+        if (m[p][q] == 0)
+          continue;
+        const double theta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
+        const double t = std::copysign(1.0, theta) / (std::abs(theta) + std::hypot(theta, 1.0));
+        const double c = 1 / std::hypot(t, 1.0), s = t * c;
+        const auto rotate = [c, s](double& a, double& b) {
+          std::tie(a, b) = std::pair(c * a - s * b, s * a + c * b);
+        };
+        for (std::size_t k = 0; k < 3; ++k)
+          rotate(m[k][p], m[k][q]);
+        for (std::size_t k = 0; k < 3; ++k)
+          rotate(m[p][k], m[q][k]);
+        for (std::size_t k = 0; k < 3; ++k)
+          rotate(vectors[k][p], vectors[k][q]);
+      }
+  Inverse inverse;
+  const double most = std::max({std::abs(m[0][0]), std::abs(m[1][1]), std::abs(m[2][2])});
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < 3; ++i) {
+    double share = 0; // fixed parameters have rows and columns of zeros, and so eigenvalues of zero
+    for (std::size_t row = 0; row < size; ++row)
+      share += vectors[row][i] * vectors[row][i];
+    if (share < 0.5)
+      continue;
+    least = std::min(least, std::abs(m[i][i]));
+    if (std::abs(m[i][i]) <= 1e-16 * most)
+      continue;
+    for (std::size_t a = 0; a < size; ++a)
+      for (std::size_t b = 0; b < size; ++b)
+        inverse.entries[a][b] += vectors[a][i] * vectors[b][i] / m[i][i];
+  }
+  inverse.condition = most > 0 ? least / most : 0;
+  return inverse;
+}
 
 std::string name_of(std::size_t index, const MeasuredPoint& point) {
   char text[96];
@@ -141,7 +130,7 @@ class Search {
         for (std::size_t k = 0; k < errors_now.size(); ++k)
           gradient[i] += jacobian[k][i] * errors_now[k];
       }
-      const Inverse inverse(normal, free_.size());
+      const Inverse inverse = inverse_of(normal, free_.size());
       double step = 0;
       for (std::size_t i = 0; i < free_.size(); ++i) {
         double part = 0;
@@ -168,7 +157,7 @@ class Search {
   /// not determine it.
   Values deviations(const Values& at, double sigma) const {
     Values out{};
-    const Inverse inverse(normal_of(slopes(at)), free_.size());
+    const Inverse inverse = inverse_of(normal_of(slopes(at)), free_.size());
     for (std::size_t i = 0; i < free_.size(); ++i)
       out[free_[i]] = inverse.condition < 1e-12 ? std::numeric_limits<double>::infinity()
                                                 : sigma * std::sqrt(std::max(inverse.entries[i][i], 0.0));
