@@ -442,7 +442,8 @@ void OutputFiles::make_folder(const fs::path& folder) {
 }
 
 /// The record's temporary file is opened first: its lock reserves the name for all outputs.
-void OutputFiles::open() {
+OutputFiles::OutputFiles(const Input& input, const Options& options)
+    : options_(options), naming_(options, input) {
   std::error_code error;
   if (const fs::path folder = naming_.record().parent_path(); !folder.empty())
     fs::create_directories(folder, error);
@@ -450,7 +451,7 @@ void OutputFiles::open() {
     throw cannot("make the folder of", naming_.record().string(), error.value());
   summary_.open(naming_.record());
   // Another run may have processed another input with this name since the batch was checked.
-  if (auto problem = foreign_files(input_, options_))
+  if (auto problem = foreign_files(input, options))
     throw Fault{Cause::unwritable, *problem};
   for (const Output kind : options_.outputs()) {
     const fs::path path = naming_.output(kind);

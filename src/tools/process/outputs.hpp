@@ -145,10 +145,7 @@ void prepare_folder(const std::filesystem::path& folder);
 /// Throws Fault.
 class OutputFiles {
  public:
-  OutputFiles(const Input& input, const Options& options)
-      : input_(input), options_(options), naming_(options, input) {}
-
-  void open();
+  OutputFiles(const Input& input, const Options& options);
   AtomicFile& operator[](Output kind) { return files_[static_cast<std::size_t>(kind)]; }
   /// Renames the files to their final names, or to the names of a partial input if the record has a fault.
   /// Writes the record last.
@@ -158,7 +155,6 @@ class OutputFiles {
   void make_folder(const std::filesystem::path& folder);
   void write_record(const Record& record, const std::filesystem::path& path);
 
-  const Input& input_;
   const Options& options_;
   const Naming naming_;
   /// Folders of outputs with several files; removed if they become empty.

@@ -356,7 +356,6 @@ Outcome process(const Input& input, const Options& options, Progress& progress,
     const std::string state = input.state(); // before its identity is read
     record = record_of(input, options);
     OutputFiles files(input, options);
-    files.open();
     Run run(input, options, files, record, progress);
     const auto begin = Clock::now();
     run.play(interrupted);

@@ -51,8 +51,6 @@ template Outcome unpacked(const std::string&);
 
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr int tick = 100; // interval of checking signals and progress, milliseconds
 
 /// Exit code of a worker whose pipeline hangs.
@@ -109,25 +107,13 @@ class Messages {
   std::string bytes_;
 };
 
-/// Removes the unfinished files of a crashed worker. Opening a file takes its lock, and deletes it at the
+/// Removes the unfinished files of a crashed worker. Opening them takes their locks, and deletes them at the
 /// end.
 void remove_parts(const Input& input, const Options& options) {
-  const Naming naming(options, input);
-  AtomicFile record;
   try {
-    record.open(naming.record());
+    const OutputFiles parts(input, options);
   } catch (const Fault&) { // another run has taken the name
-    return;
   }
-  for (const Output kind : options.outputs())
-    try {
-      const fs::path path = naming.output(kind);
-      AtomicFile().open(path);
-      std::error_code error; // the folder of a recording is not removed if it contains other files
-      if (path.parent_path() != naming.record().parent_path())
-        fs::remove(path.parent_path(), error);
-    } catch (const Fault&) { // it was not made
-    }
 }
 
 } // namespace
