@@ -19,8 +19,12 @@ constexpr double rate_span = 4; // seconds
 constexpr int widest_bar = 30;
 constexpr int narrowest_bar = 8;
 
+/// Percentage, frames, frames per second, time left.
 std::string figures(const Moment& moment) {
-  std::string text = counted(moment.frames, "frame") + "  " + number_text("%.1f", moment.fps) + " fps";
+  char percent[16];
+  g_snprintf(percent, sizeof percent, "%3d", moment.permille / 10);
+  std::string text = std::string(moment.permille < 0 ? "  ?" : percent) + " %  " +
+                     counted(moment.frames, "frame") + "  " + number_text("%.1f", moment.fps) + " fps";
   // The estimate is too unstable at the beginning.
   if (moment.whole_permille >= 5)
     text += "  " + duration_text(moment.seconds * (1000 - moment.whole_permille) / moment.whole_permille) +
@@ -31,12 +35,6 @@ std::string figures(const Moment& moment) {
 std::string position(const Moment& moment) {
   return "[" + std::to_string(std::min(moment.done + 1, moment.inputs)) + "/" +
          std::to_string(moment.inputs) + "] ";
-}
-
-std::string percent(const Moment& moment) {
-  char text[16];
-  g_snprintf(text, sizeof text, "%3d", moment.permille / 10);
-  return moment.permille < 0 ? "  ?" : text;
 }
 
 /// Length of the UTF-8 character at `text` in bytes, and its width in terminal columns; invalid bytes count
@@ -106,12 +104,11 @@ std::string duration_text(double seconds) {
 }
 
 std::string plain_line(const Moment& moment) {
-  return position(moment) + harmless(moment.name) + ": " + percent(moment) + " %  " + figures(moment);
+  return position(moment) + harmless(moment.name) + ": " + figures(moment);
 }
 
 std::string bar_line(const Moment& moment, int columns) {
-  const std::string head = position(moment);
-  const std::string tail = percent(moment) + " %  " + figures(moment);
+  const std::string head = position(moment), tail = figures(moment);
   const int fixed = columns_of(head) + columns_of(tail) + 5; // spaces and the ends of the bar
   const int free = columns - fixed;
   const std::string name = harmless(moment.name);

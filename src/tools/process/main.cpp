@@ -11,7 +11,6 @@
 #include <deque>
 #include <exception>
 #include <mutex>
-#include <numeric>
 #include <string_view>
 #include <system_error>
 #include <thread>
@@ -66,25 +65,26 @@ void refuse_conflicts(const std::vector<Input>& inputs, const Options& options) 
 /// Number of inputs of a run by result.
 class Tally {
  public:
+  explicit Tally(std::size_t inputs) : inputs_(inputs) { of(Outcome::Kind::interrupted) = inputs; }
   void add(const Outcome& outcome) {
-    ++counts_[static_cast<std::size_t>(outcome.kind)];
+    --of(Outcome::Kind::interrupted);
+    ++of(outcome.kind);
     later_ += may_pass_later(outcome.record.fault.cause);
     if (outcome.kept())
       frames_ += outcome.record.frames;
   }
-  /// The exit code of a run of `inputs` inputs.
-  Exit exit_code(std::size_t inputs) const {
-    if (later_ > 0 || not_done(inputs) > 0)
+  Exit exit_code() {
+    if (later_ > 0 || of(Outcome::Kind::interrupted) > 0)
       return Exit::try_again;
     return of(Outcome::Kind::partial) + of(Outcome::Kind::failed) > 0 ? Exit::damaged : Exit::ok;
   }
-  std::string line(std::size_t inputs, double seconds) const {
+  std::string line(double seconds) {
     std::string text =
-        counted(inputs, "input") + ": " + std::to_string(of(Outcome::Kind::complete)) + " complete";
+        counted(inputs_, "input") + ": " + std::to_string(of(Outcome::Kind::complete)) + " complete";
     const std::pair<std::size_t, const char*> others[] = {{of(Outcome::Kind::skipped), "skipped"},
                                                           {of(Outcome::Kind::partial), "partial"},
                                                           {of(Outcome::Kind::failed), "failed"},
-                                                          {not_done(inputs), "not done"}};
+                                                          {of(Outcome::Kind::interrupted), "not done"}};
     for (const auto& [count, what] : others)
       if (count > 0)
         text += ", " + std::to_string(count) + " " + what;
@@ -94,12 +94,9 @@ class Tally {
   }
 
  private:
-  std::size_t of(Outcome::Kind kind) const { return counts_[static_cast<std::size_t>(kind)]; }
-  std::size_t not_done(std::size_t inputs) const {
-    return of(Outcome::Kind::interrupted) + inputs -
-           std::accumulate(counts_.begin(), counts_.end(), std::size_t{0});
-  }
-  std::array<std::size_t, Outcome::kinds> counts_{};
+  std::size_t& of(Outcome::Kind kind) { return counts_[static_cast<std::size_t>(kind)]; }
+  const std::size_t inputs_;
+  std::array<std::size_t, Outcome::kinds> counts_{}; ///< what is not done counts as interrupted
   std::size_t later_ = 0;
   std::uint64_t frames_ = 0;
 };
@@ -111,7 +108,7 @@ class Batch {
   Batch(const Options& options, std::vector<Input> inputs, AtomicFile& manifest,
         std::vector<std::string> arguments)
       : options_(options), manifest_(manifest), inputs_(std::move(inputs)), arguments_(std::move(arguments)),
-        works_(inputs_.size()), display_(options.quiet), begin_(Clock::now()) {}
+        works_(inputs_.size()), tally_(inputs_.size()), display_(options.quiet), begin_(Clock::now()) {}
 
   Exit run();
 
@@ -264,8 +261,8 @@ Exit Batch::run() {
   for (std::thread& thread : threads)
     thread.join();
   if (!options_.quiet && inputs_.size() > 1)
-    std::printf("%s\n", tally_.line(inputs_.size(), seconds_since(begin_)).c_str());
-  return tally_.exit_code(inputs_.size());
+    std::printf("%s\n", tally_.line(seconds_since(begin_)).c_str());
+  return tally_.exit_code();
 }
 
 /// --check: prints what is missing or damaged.

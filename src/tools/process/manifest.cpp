@@ -38,13 +38,14 @@ class Checker {
  public:
   explicit Checker(const Options& options) : options_(options) {}
 
-  void read(std::istream& stream) {
+  /// Returns false if it is no manifest.
+  bool read(std::istream& stream) {
     std::string text;
     for (int number = 1; std::getline(stream, text); ++number)
       if (!text.empty() && !take(text))
         check_.again.push_back("line " + std::to_string(number) + " of the manifest cannot be read");
+    return runs_ > 0;
   }
-  bool read_any() const { return runs_ > 0; }
   Check finish(const std::vector<Input>& inputs);
 
  private:
@@ -222,16 +223,13 @@ bool is_manifest(const fs::path& path) {
 }
 
 Check check_manifest(const Options& options, const std::vector<Input>& inputs) {
+  std::ifstream file;
+  if (options.check != "-")
+    file.open(options.check);
+  if (!file)
+    throw EarlyExit{Exit::usage, "--check: cannot read " + options.check + ": " + std::strerror(errno)};
   Checker checker(options);
-  if (options.check == "-") {
-    checker.read(std::cin);
-  } else {
-    std::ifstream file(options.check);
-    if (!file)
-      throw EarlyExit{Exit::usage, "--check: cannot read " + options.check + ": " + std::strerror(errno)};
-    checker.read(file);
-  }
-  if (!checker.read_any())
+  if (!checker.read(options.check == "-" ? std::cin : file))
     throw EarlyExit{Exit::usage,
                     "--check: " + (options.check == "-" ? "what standard input gave" : options.check) +
                         " is not a manifest of this tool (--manifest FILE writes one)"};

@@ -118,11 +118,8 @@ std::optional<int> read_number(const char* text) {
   return static_cast<int>(value);
 }
 
-std::optional<int> variable(const char* name) {
-  return read_number(g_getenv(name));
-}
-
 Shard from_environment() {
+  const auto variable = [](const char* name) { return read_number(g_getenv(name)); };
   const auto fixed = variable("TERRAINSEG_SHARD_COUNT");
   if (const auto id = variable("SLURM_ARRAY_TASK_ID")) {
     const auto first = variable("SLURM_ARRAY_TASK_MIN"), count = variable("SLURM_ARRAY_TASK_COUNT");
