@@ -29,10 +29,7 @@ struct Words {
   Words(const Words&) = delete;
   Words& operator=(const Words&) = delete;
   std::vector<std::string> all() const {
-    std::vector<std::string> out;
-    for (char** word = list; word && *word; ++word)
-      out.emplace_back(*word);
-    return out;
+    return list ? std::vector<std::string>(list, list + g_strv_length(list)) : std::vector<std::string>();
   }
   char** list = nullptr;
 };

@@ -253,8 +253,7 @@ Calibration calibrate_from_folder(const std::string& folder, const Board& board,
                              std::to_string(out.views.size()) + " of " +
                              std::to_string(out.views.size() + out.without_board.size()) +
                              " pictures, 5 are needed and 20 are good; does --board count inner corners, is "
-                             "the board complete, flat "
-                             "and with a white rim?");
+                             "the board complete, flat and with a white rim?");
   std::vector<cv::Point3f> model;
   for (int row = 0; row < board.rows; ++row)
     for (int column = 0; column < board.columns; ++column)

@@ -125,17 +125,13 @@ void point_to_own_plugin() {
   }
 }
 
-const char* h264_encoder() {
-  return exists("x264enc") ? "x264enc" : "openh264enc";
-}
-
-int most_encoded_side() {
-  return exists("x264enc") ? 16384 : 3840;
+bool has_x264() {
+  return exists("x264enc");
 }
 
 void check_elements(const Options& options) {
   const bool annotated = options.wants(Output::annotated), masks = options.wants(Output::masks),
-             mcap = options.wants(Output::mcap), openh264 = (annotated || mcap) && !exists("x264enc");
+             mcap = options.wants(Output::mcap), openh264 = (annotated || mcap) && !has_x264();
   const struct {
     bool needed;
     const char* element;

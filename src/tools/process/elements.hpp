@@ -16,10 +16,8 @@ void point_to_own_plugin();
 /// with its Debian package.
 void check_elements(const Options& options);
 
-/// "x264enc" if it exists, otherwise "openh264enc".
-const char* h264_encoder();
-/// Longest side of a picture for that encoder, pixels.
-int most_encoded_side();
+/// Whether x264enc encodes the videos; otherwise openh264enc does.
+bool has_x264();
 
 /// Applies preset and settings of the options to a terrainseg and (overlay settings) to a terrainoverlay,
 /// which may be null. Throws tools::UsageError.

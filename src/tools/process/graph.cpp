@@ -37,15 +37,15 @@ int annotated_side(int side) {
 /// Width or height of the encoded video: reduced when the encoder does not support the frame's size.
 int encoded_side(int side, const GstVideoInfo& info) {
   const int longer = std::max(info.width, info.height);
-  const int most = most_encoded_side();
+  const int most = has_x264() ? 16384 : 3840;
   return longer <= most ? side
                         : std::max(1, static_cast<int>(gst_util_uint64_scale_int_round(side, most, longer)));
 }
 
 /// Colorimetry of the encoded video. The range is 16 to 235, because every player expects it in H.264. The
 /// primaries and the transfer function are kept, because HDR needs them; if they are unknown, nothing is
-/// claimed, except for RGB pictures. videoconvert 1.22 converts the range
-/// only when the matrix changes too, so full range input gets the other matrix (BT.601 or BT.709).
+/// claimed, except for RGB pictures. videoconvert 1.22 converts the range only when the matrix changes too,
+/// so full range input gets the other matrix (BT.601 or BT.709).
 std::string encoded_colorimetry(const GstVideoInfo& info) {
   GstVideoColorimetry color = info.colorimetry;
   const bool large = info.height >= 720;
@@ -202,7 +202,7 @@ GstElement* Graph::named(const std::string& name) const {
 std::string Graph::h264(bool recording) const {
   const std::string threads = std::to_string(options_.threads);
   // A seek decodes at most 30 frames of a recording.
-  if (h264_encoder() == std::string("x264enc"))
+  if (has_x264())
     return "x264enc pass=qual speed-preset=veryfast quantizer=" + std::to_string(options_.quality) +
            " threads=" + threads + (recording ? " bframes=0 key-int-max=30 ! h264parse" : "");
   return "openh264enc rate-control=quality bitrate=8000000 qp-max=" +

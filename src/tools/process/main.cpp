@@ -305,10 +305,10 @@ std::vector<Input> inputs_of(const Options& options) {
 
 Exit process(const std::vector<std::string>& arguments) {
   const Options options = parse_options(arguments);
-  if (options.worker_socket) {
+  if (options.worker_socket >= 0) {
     std::signal(SIGPIPE, SIG_IGN);
     listen_to_the_log(arguments);
-    serve(*options.worker_socket, options);
+    serve(options.worker_socket, options);
   }
   if (!options.check.empty())
     return check(options, share_of(options.shard, find_inputs(options.inputs, options.names).inputs));

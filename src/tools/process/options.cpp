@@ -51,7 +51,6 @@ struct Given {
   Word output_dir, outputs, name, names, inputs_from, shard, manifest, check, preset, camera_info, mount, fps;
   Words settings, inputs;
   gint64 frames = 0;
-  int worker_socket = -1;
   gboolean version = FALSE;
 };
 
@@ -106,7 +105,7 @@ std::vector<GOptionEntry> entries_of(Given& given, Options& options) {
       {"quiet", 'q', 0, G_OPTION_ARG_NONE, &options.quiet, "No progress and no summary, only problems",
        nullptr},
       {"version", 0, 0, G_OPTION_ARG_NONE, &given.version, "Print the version", nullptr},
-      {"worker", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_INT, &given.worker_socket, nullptr, nullptr},
+      {"worker", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_INT, &options.worker_socket, nullptr, nullptr},
       {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &given.inputs.list, nullptr, "INPUT..."},
       {}};
 }
@@ -237,9 +236,7 @@ void read_settings(const Given& given, Options& options) {
 
 void read_inputs(const Given& given, Options& options) {
   options.inputs = given.inputs.all();
-  if (given.worker_socket >= 0)
-    options.worker_socket = given.worker_socket;
-  else if (given.inputs_from.text) // standard input can be read only once
+  if (given.inputs_from.text && options.worker_socket < 0) // standard input can be read only once
     read_list(given.inputs_from.text, options.inputs);
   if (given.inputs_from.text)
     options.names = Names::path;

@@ -68,7 +68,7 @@ struct Options {
   int threads = 0;        ///< of decoder and encoders of one input; 0 = available processors / jobs
   int stall_seconds = 60; ///< seconds without a frame after which an input is given up
   int resume = false, quiet = false;
-  std::optional<int> worker_socket; ///< of a worker process (worker.hpp)
+  int worker_socket = -1; ///< of a worker process (worker.hpp); -1 = this is none
 
   bool wants(Output kind) const { return wanted[static_cast<int>(kind)]; }
   /// The outputs that are wanted, in their order.
