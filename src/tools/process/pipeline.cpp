@@ -12,7 +12,7 @@
 namespace terrainseg::process {
 namespace {
 
-using Clock = RunningClock::Clock;
+using Clock = Watch::Clock;
 
 /// Time limit for a failed source to end its stream.
 constexpr std::chrono::seconds grace{2};
@@ -71,7 +71,7 @@ class Run {
   void take_messages(GstClockTime timeout);
   void take_error(GstMessage* message);
   void take_warning(GstMessage* message);
-  bool watch_source(Clock::duration now, bool interrupted);
+  bool watch_source(Clock::duration still, bool interrupted);
   void end_source();
   void update_progress();
   void check_counts() const;
@@ -91,8 +91,7 @@ class Run {
   Complaints complaints_;
   gint64 duration_ = -1;
   bool asked_to_end_ = false; ///< the source
-  RunningClock clock_;
-  Clock::duration last_move_{};
+  Watch watch_;               ///< of the frames
 };
 
 /// Waits at most `timeout` for a message, then processes all pending ones.
@@ -167,18 +166,19 @@ void Run::end_source() {
   source_.end();
 }
 
-/// Handles a source that failed, stalled or was interrupted. Returns false if nothing more will come.
-bool Run::watch_source(Clock::duration now, bool interrupted) {
+/// Handles a source that failed, stalled or was interrupted. `still`: time without a frame. Returns false if
+/// nothing more will come.
+bool Run::watch_source(Clock::duration still, bool interrupted) {
   const bool none_yet = frames_.labelled() == 0;
   const bool has_failed = complaints_.source || source_.fault();
-  const bool quiet = now - last_move_ > grace;
+  const bool quiet = still > grace;
   if (has_failed && none_yet && (!source_.has_video() || quiet))
     return false;
   if (!asked_to_end_ && !none_yet && (interrupted || (has_failed && quiet)))
     end_source();
   if (quiet && source_.has_given_up())
     return false;
-  if (now - last_move_ <= std::chrono::seconds(options_.stall_seconds))
+  if (still <= std::chrono::seconds(options_.stall_seconds))
     return true;
   if (!complaints_.source)
     complaints_.source = {input_.kind == Input::Kind::uri ? Cause::missing : Cause::stalled,
@@ -186,7 +186,7 @@ bool Run::watch_source(Clock::duration now, bool interrupted) {
                               " s (--stall-timeout): the decoder hangs or its source gives nothing"};
   if (asked_to_end_ || none_yet)
     return false;
-  last_move_ = now;
+  watch_ = {};
   end_source();
   return true;
 }
@@ -199,22 +199,17 @@ void Run::play(const std::atomic<int>& interrupted) {
       complaints_.behind_source = {Cause::resources, "the pipeline does not start"};
     return;
   }
-  last_move_ = clock_.now();
-  std::uint64_t last_moved = 0;
+  watch_ = {};
   while (!graph_.ended() && !complaints_.behind_source) {
     take_messages(poll_interval);
     update_progress();
-    const auto now = clock_.now();
-    if (const std::uint64_t moved = frames_.labelled() + graph_.written(); moved != last_moved) {
-      last_moved = moved;
-      last_move_ = now;
-    }
+    const auto still = watch_.unchanged(frames_.labelled() + graph_.written());
     // A live stream ends with the first interruption. A file is then incomplete.
     if (interrupted && (input_.kind != Input::Kind::uri || interrupted > 1 || frames_.labelled() == 0))
       throw Fault{Cause::interrupted, "interrupted"};
-    if (!watch_source(now, interrupted > 0)) {
+    if (!watch_source(still, interrupted > 0)) {
       // The error with the cause may arrive late on a busy machine.
-      for (const auto until = now + error_delay; !complaints_.source && clock_.now() < until;)
+      for (const auto until = Clock::now() + error_delay; !complaints_.source && Clock::now() < until;)
         take_messages(poll_interval);
       return;
     }

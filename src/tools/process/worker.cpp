@@ -144,9 +144,8 @@ void serve(int socket, const Options& options) {
   std::atomic<int> interrupted{0};
   std::unique_ptr<Progress> progress; // of the current input
   std::future<Outcome> outcome;
-  std::uint64_t told_frames = 0, last_answers = 0;
-  RunningClock clock;
-  RunningClock::Clock::duration last_answer{};
+  std::uint64_t told_frames = 0;
+  Watch watch;
   while (messages.receive()) {
     while (const auto message = messages.next()) {
       if (message->first == interrupt) {
@@ -174,12 +173,10 @@ void serve(int socket, const Options& options) {
       progress.reset();
     }
     // An element may not return from a call, such as the one that stops it.
-    const auto now = clock.now();
     const std::uint64_t answers = progress ? progress->answers.load() : 0;
-    if (answers == 0 || std::exchange(last_answers, answers) != answers)
-      last_answer = now;
+    const auto unanswered = watch.unchanged(answers);
     const std::chrono::seconds limit(options.stall_seconds);
-    if (now - last_answer > (interrupted ? std::min(limit, interrupted_limit) : limit))
+    if (answers > 0 && unanswered > (interrupted ? std::min(limit, interrupted_limit) : limit))
       std::quick_exit(hangs);
   }
   std::quick_exit(0);

@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tools/process/inputs.hpp"
@@ -20,23 +21,24 @@
 
 namespace terrainseg::process {
 
-/// A clock for time limits. It stands while the process is stopped (Ctrl-Z), so that a limit does not expire
-/// at once when the process goes on. Read by one thread, many times a second.
-class RunningClock {
+/// Tells how long a number has not changed. The time stands while the process is stopped (Ctrl-Z), so that a
+/// limit does not expire at once when the process goes on. Asked by one thread, many times a second.
+class Watch {
  public:
   using Clock = std::chrono::steady_clock;
-  /// Since the construction.
-  Clock::duration now() {
+  Clock::duration unchanged(std::uint64_t number) {
     const Clock::time_point at = Clock::now();
-    time_ += std::min<Clock::duration>(at - last_, most);
-    last_ = at;
-    return time_;
+    unchanged_ += std::min<Clock::duration>(at - std::exchange(last_, at), most);
+    if (std::exchange(number_, number) != number)
+      unchanged_ = {};
+    return unchanged_;
   }
 
  private:
   static constexpr std::chrono::seconds most{1}; ///< between two readings
   Clock::time_point last_ = Clock::now();
-  Clock::duration time_{};
+  Clock::duration unchanged_{};
+  std::uint64_t number_ = 0;
 };
 
 /// Progress of an input: written by its pipeline, read by the display and by the worker's main thread.
