@@ -61,7 +61,8 @@ template <typename Visit> void each_box(Bytes content, const Visit& visit) {
   while (content.rest().size() >= 8) {
     const Bytes begin = content;
     std::uint64_t length = content.number(4);
-    const std::string type(&begin.rest()[4], &begin.rest()[8]);
+    const Content letters = content.rest().first(4);
+    const std::string type(letters.begin(), letters.end());
     content.skip(4);
     if (length == 1)
       length = content.number(8);

@@ -154,6 +154,7 @@ void serve(int socket, const Options& options) {
       }
       forget_the_log();
       progress = std::make_unique<Progress>();
+      // Where the system has no thread left, outcome.get() does the work.
       outcome = std::async([&, input = unpacked<Input>(message->second)] {
         Outcome result = process(input, options, *progress, interrupted);
         eventfd_write(finish, 1);

@@ -174,7 +174,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.route = parts.path
             self.query = urllib.parse.parse_qs(parts.query)
             self.check_token(self.query, from_page)
-            self.get() if self.command == 'GET' else self.post()
+            (self.get if self.command == 'GET' else self.post)()
         except Refused as reason:
             self.refuse(reason.status, str(reason))
         except (ValueError, OverflowError) as error:
