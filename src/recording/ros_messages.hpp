@@ -96,9 +96,9 @@ struct H264Picture {
 };
 
 /// A message type: its name, package/msg/Name, and its definition with all types that it uses, as in ros2msg
-/// schemas.
+/// schemas; its hash.
 struct MessageType {
-  std::string name, text;
+  std::string name, text, hash;
 };
 /// Returns one of the types that are sent or received, by its short name, package/Name.
 MessageType message_type(std::string_view name);

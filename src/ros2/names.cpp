@@ -7,73 +7,8 @@
 #include <charconv>
 #include <map>
 #include <sstream>
-#include <string_view>
 
 namespace terrainseg::ros2 {
-namespace {
-
-/// Numbers of type_description_interfaces/msg/FieldType.
-const std::map<std::string_view, int> primitive_types = {
-    {"int8", 2},   {"uint8", 3}, {"int16", 4},  {"uint16", 5},   {"int32", 6},
-    {"uint32", 7}, {"int64", 8}, {"uint64", 9}, {"float32", 10}, {"float64", 11},
-    {"char", 13},  {"bool", 15}, {"byte", 16},  {"string", 17}};
-constexpr int nested_type = 1, bounded_string = 21;
-constexpr int array_offset = 48, bounded_sequence_offset = 96, sequence_offset = 144;
-
-/// Returns std_msgs/msg/Header for std_msgs/Header.
-std::string long_name(const std::string& name) {
-  const std::size_t slash = name.find('/');
-  return name.substr(0, slash) + "/msg" + name.substr(slash);
-}
-
-/// Returns the number after `mark`, or 0.
-int number_behind(std::string_view text, std::string_view mark) {
-  const std::size_t at = text.find(mark);
-  int number = 0;
-  if (at != std::string_view::npos)
-    std::from_chars(text.data() + at + mark.size(), text.data() + text.size(), number);
-  return number;
-}
-
-/// One member as JSON: `float64[36] covariance`, `string<=256 name`, `geometry_msgs/Pose[] poses`.
-std::string field_of(const std::string& type, const std::string& name) {
-  const std::size_t bracket = type.find('[');
-  const std::string element = type.substr(0, bracket);
-  const std::string array = bracket == std::string::npos ? "" : type.substr(bracket);
-  const int string_capacity = number_behind(element, "<=");
-  const auto primitive = primitive_types.find(element);
-  const bool nested = string_capacity == 0 && primitive == primitive_types.end();
-  int id = nested ? nested_type : string_capacity > 0 ? bounded_string : primitive->second;
-  int capacity = 0;
-  if (array.starts_with("[<=")) {
-    id += bounded_sequence_offset;
-    capacity = number_behind(array, "<=");
-  } else if (array == "[]") {
-    id += sequence_offset;
-  } else if (!array.empty()) {
-    id += array_offset;
-    capacity = number_behind(array, "[");
-  }
-  return "{\"name\": \"" + name + "\", \"type\": {\"type_id\": " + std::to_string(id) +
-         ", \"capacity\": " + std::to_string(capacity) +
-         ", \"string_capacity\": " + std::to_string(string_capacity) + ", \"nested_type_name\": \"" +
-         (nested ? long_name(element) : "") + "\"}}";
-}
-
-constexpr std::uint32_t last_domain = 232; // larger domains would use ports above 65535
-
-std::string escaped(const std::string& text) {
-  g_autofree gchar* safe = g_markup_escape_text(text.c_str(), -1);
-  return safe;
-}
-
-const std::map<std::string_view, DiscoveryRange> ranges = {
-    {"OFF", DiscoveryRange::off},
-    {"LOCALHOST", DiscoveryRange::localhost},
-    {"SUBNET", DiscoveryRange::subnet},
-    {"SYSTEM_DEFAULT", DiscoveryRange::system_default}};
-
-} // namespace
 
 std::string full_name(const std::string& name_space, const std::string& name) {
   if (name.starts_with('/'))
@@ -108,40 +43,16 @@ std::string dds_type(const std::string& type) {
          "::dds_::" + type.substr(last + 1) + "_";
 }
 
-std::string type_hash(const recording::MessageType& type) {
-  std::map<std::string, std::string> parts; // descriptions of the used types, by name
-  std::string name = type.name, fields, main;
-  const auto finish = [&] {
-    std::string& into = main.empty() ? main : parts[name];
-    into = "{\"type_name\": \"" + name + "\", \"fields\": [" + fields + "]}";
-    fields.clear();
-  };
-  std::istringstream lines(type.text);
-  for (std::string line; std::getline(lines, line);) {
-    if (line.starts_with("====")) {
-      finish();
-    } else if (line.starts_with("MSG: ")) {
-      name = long_name(line.substr(5));
-    } else if (const std::size_t space = line.find(' ');
-               space != std::string::npos && line.find('=', space) == std::string::npos) { // not a constant
-      fields += (fields.empty() ? "" : ", ") + field_of(line.substr(0, space), line.substr(space + 1));
-    }
-  }
-  finish();
-  std::string referenced;
-  for (const auto& [part, description] : parts)
-    referenced += (referenced.empty() ? "" : ", ") + description;
-  const std::string json =
-      "{\"type_description\": " + main + ", \"referenced_type_descriptions\": [" + referenced + "]}";
-  g_autofree gchar* sum = g_compute_checksum_for_string(G_CHECKSUM_SHA256, json.c_str(), -1);
-  return std::string("RIHS01_") + sum;
-}
-
 Discovery discovery_from(const char* (*get)(const char* name)) {
   const auto value = [&](const char* name) {
     const char* text = get(name);
     return std::string(text ? text : "");
   };
+  constexpr std::uint32_t last_domain = 232; // larger domains would use ports above 65535
+  const std::map<std::string, DiscoveryRange> ranges = {{"OFF", DiscoveryRange::off},
+                                                        {"LOCALHOST", DiscoveryRange::localhost},
+                                                        {"SUBNET", DiscoveryRange::subnet},
+                                                        {"SYSTEM_DEFAULT", DiscoveryRange::system_default}};
   Discovery found;
   if (const std::string text = value("ROS_DOMAIN_ID"); !text.empty()) {
     const char* end = text.data() + text.size();
@@ -185,8 +96,10 @@ std::string cyclone_config(const Discovery& discovery) {
     finding = "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
               "<SPDPInterval>1s</SPDPInterval><Peers>";
     finding += local ? "<Peer address=\"127.0.0.1\"/>" : "";
-    for (const std::string& peer : discovery.peers)
-      finding += "<Peer address=\"" + escaped(peer) + "\"/>";
+    for (const std::string& peer : discovery.peers) {
+      g_autofree gchar* safe = g_markup_escape_text(peer.c_str(), -1);
+      finding += std::string("<Peer address=\"") + safe + "\"/>";
+    }
     finding += "</Peers>";
   }
   return "<CycloneDDS><Domain><General>" + general + "</General><Discovery>" + finding +

@@ -28,10 +28,6 @@ std::string dds_topic(const std::string& name);
 /// Returns sensor_msgs::msg::dds_::LaserScan_ for sensor_msgs/msg/LaserScan.
 std::string dds_type(const std::string& type);
 
-/// Returns RIHS01_..., the hash of the type description that ROS 2 announces since Iron (REP 2011, REP 2016).
-/// It depends on the names and types of the members, not on comments or constants.
-std::string type_hash(const recording::MessageType& type);
-
 enum class DiscoveryRange : std::uint8_t { off, localhost, subnet, system_default };
 
 struct Discovery {

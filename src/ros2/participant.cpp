@@ -154,7 +154,7 @@ using Listener = std::unique_ptr<dds_listener_t,
 
 /// The user data of an endpoint that ROS 2 announces since Iron.
 std::string user_data_of(const recording::MessageType& type) {
-  return "typehash=" + type_hash(type) + ";";
+  return "typehash=" + type.hash + ";";
 }
 
 } // namespace
