@@ -20,6 +20,48 @@ void put_integer(std::vector<std::uint8_t>& out, Integer value, std::size_t byte
     out.push_back(static_cast<std::uint8_t>(static_cast<std::uint64_t>(value) >> (8 * i)));
 }
 
+/// Reads untrusted bytes from the front. After a read past the end, or fail(), all reads are empty or 0 and
+/// ok() is false.
+class ByteReader {
+ public:
+  explicit ByteReader(std::span<const std::uint8_t> bytes) : left_(bytes) {}
+  bool ok() const { return ok_; }
+  std::size_t left() const { return left_.size(); }
+  bool done() const { return left_.empty(); }
+  std::span<const std::uint8_t> take(std::size_t n) {
+    if (n > left_.size())
+      fail();
+    const auto front = left_.first(ok_ ? n : 0);
+    left_ = left_.subspan(front.size());
+    return front;
+  }
+  /// A big-endian number of `n` bytes, at most 8.
+  std::uint64_t big(std::size_t n) {
+    std::uint64_t value = 0;
+    for (const std::uint8_t byte : take(n))
+      value = (value << 8) | byte;
+    return value;
+  }
+  /// A little-endian number.
+  template <class Integer> Integer little() {
+    std::uint64_t value = 0;
+    unsigned shift = 0;
+    for (const std::uint8_t byte : take(sizeof(Integer))) {
+      value |= std::uint64_t{byte} << shift;
+      shift += 8;
+    }
+    return static_cast<Integer>(value);
+  }
+  void fail() {
+    ok_ = false;
+    left_ = {};
+  }
+
+ private:
+  std::span<const std::uint8_t> left_;
+  bool ok_ = true;
+};
+
 /// Calls pass(number) for the moments of a learned model in the order of all formats.
 template <class Model, class Pass> void each_moment(Model& model, const Pass& pass) {
   for (auto& mean : model.mean)

@@ -31,30 +31,6 @@ void put_histogram(std::vector<std::uint8_t>& out, const std::vector<std::uint32
     put_integer(out, bin);
 }
 
-/// Reads numbers from the front. Past the end it returns zeros and sets an error flag.
-class Reader {
- public:
-  explicit Reader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
-  template <class Number> Number take() {
-    if (bytes_.size() < sizeof(Number)) {
-      short_ = true;
-      bytes_ = {};
-      return 0;
-    }
-    Number value = 0;
-    for (std::size_t i = 0; i < sizeof(Number); ++i)
-      value = static_cast<Number>(value | static_cast<Number>(Number{bytes_[i]} << (8 * i)));
-    bytes_ = bytes_.subspan(sizeof(Number));
-    return value;
-  }
-  std::size_t left() const { return bytes_.size(); }
-  bool ran_out() const { return short_; }
-
- private:
-  std::span<const std::uint8_t> bytes_;
-  bool short_ = false;
-};
-
 /// Calls pass(number) for the numbers behind the histograms.
 template <class AnyTerrain, class Pass>
 void each_number_behind(AnyTerrain& terrain, std::uint32_t version, const Pass& pass) {
@@ -73,15 +49,15 @@ TerrainResult refuse(std::string why) {
 }
 
 /// Reads a histogram of exactly `bins` bins or of none. Returns the error otherwise.
-std::string take_histogram(Reader& in, const char* name, std::uint32_t bins,
+std::string take_histogram(ByteReader& in, const char* name, std::uint32_t bins,
                            std::vector<std::uint32_t>& out) {
-  const auto count = in.take<std::uint32_t>();
+  const auto count = in.little<std::uint32_t>();
   if (count != 0 && count != bins)
     return std::string("the histogram of ") + name + " has " + std::to_string(count) +
            " bins, this version of terrainseg supports 0 or " + std::to_string(bins);
   out.resize(count);
   for (std::uint32_t& bin : out)
-    bin = in.take<std::uint32_t>();
+    bin = in.little<std::uint32_t>();
   return {};
 }
 
@@ -176,10 +152,10 @@ TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
     return refuse("the file is empty: save the learned terrain again");
   if (bytes.size() < magic.size() || !std::ranges::equal(magic, bytes.first<magic.size()>()))
     return refuse("not a learned terrain of terrainseg: it does not begin with \"TERRAIN\"");
-  Reader header(bytes.subspan(magic.size()));
-  const auto version = header.take<std::uint32_t>();
-  const auto size = header.take<std::uint32_t>();
-  if (header.ran_out())
+  ByteReader header(bytes.subspan(magic.size()));
+  const auto version = header.little<std::uint32_t>();
+  const auto size = header.little<std::uint32_t>();
+  if (!header.ok())
     return refuse("the file is cut short: it ends within its header after " + std::to_string(bytes.size()) +
                   " bytes");
   if (version == 0)
@@ -197,22 +173,23 @@ TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
                   " bytes are there");
   if (bytes.size() > whole)
     return refuse("the file is damaged: " + std::to_string(bytes.size() - whole) + " bytes follow its end");
-  if (Reader(bytes.subspan(whole - 4)).take<std::uint32_t>() != crc32(bytes.first(whole - 4)))
+  if (ByteReader(bytes.subspan(whole - 4)).little<std::uint32_t>() != crc32(bytes.first(whole - 4)))
     return refuse("the file is damaged: its checksum does not match its content");
 
-  Reader in(bytes.subspan(header_size, size));
+  ByteReader in(bytes.subspan(header_size, size));
   Terrain terrain;
-  const auto rgb = in.take<std::uint8_t>(), range = in.take<std::uint8_t>(), matrix = in.take<std::uint8_t>();
+  const auto rgb = in.little<std::uint8_t>(), range = in.little<std::uint8_t>(),
+             matrix = in.little<std::uint8_t>();
   if (rgb > 1 || range > 1 || matrix > 2)
     return refuse("unknown colour space (rgb " + std::to_string(rgb) + ", range " + std::to_string(range) +
                   ", matrix " + std::to_string(matrix) + ")");
   terrain.space = {rgb == 1, {static_cast<ColorRange>(range), static_cast<ColorMatrix>(matrix)}};
-  const auto models = in.take<std::uint8_t>();
+  const auto models = in.little<std::uint8_t>();
   if (models > max_models)
     return refuse("the file holds " + std::to_string(models) + " models, at most " +
                   std::to_string(max_models) + " are possible");
   terrain.models.resize(models);
-  const auto take_number = [&]<class Number>(Number& number) { number = in.take<Number>(); };
+  const auto take_number = [&]<class Number>(Number& number) { number = in.little<Number>(); };
   for (TerrainModel& model : terrain.models)
     each_moment(model, take_number);
   for (std::string wrong : {take_histogram(in, "negative colours", color_bins, terrain.negative_colors),
@@ -221,7 +198,7 @@ TerrainResult parse_terrain(std::span<const std::uint8_t> bytes) {
     if (!wrong.empty())
       return refuse(std::move(wrong));
   each_number_behind(terrain, version, take_number);
-  if (in.ran_out() || in.left() != 0)
+  if (!in.ok() || !in.done())
     return refuse("the file is damaged: its content does not have the size that its counts add up to");
   if (const std::string flaw = flaw_of(terrain); !flaw.empty())
     return refuse("the file has an invalid value: " + flaw + "; learn the terrain again");

@@ -175,45 +175,24 @@ inline bool begins_with(View bytes, const std::array<std::uint8_t, 16>& label) {
   return bytes.size() >= label.size() && std::equal(label.begin(), label.end(), bytes.begin());
 }
 
-/// Reads from the front. After the first error all further reads are empty and ok() is false.
-class Cursor {
+/// Reads what the functions above write, from untrusted bytes.
+class Cursor : public ByteReader {
  public:
-  explicit Cursor(View bytes) : left_(bytes) {}
-  bool ok() const { return ok_; }
-  bool done() const { return left_.empty(); }
-  View take(std::size_t n) {
-    if (n > left_.size()) {
-      fail();
-      return {};
-    }
-    const View front = left_.first(n);
-    left_ = left_.subspan(n);
-    return front;
-  }
-  std::uint8_t byte() { return static_cast<std::uint8_t>(big(1)); }
-  std::uint64_t big(std::size_t n) {
-    std::uint64_t value = 0;
-    for (const std::uint8_t b : take(n))
-      value = (value << 8) | b;
-    return value;
-  }
+  using ByteReader::ByteReader;
   /// BER length of at most four bytes. Refuses the indefinite form, which KLV does not allow.
   std::size_t length() {
-    const std::uint8_t first = byte();
+    const auto first = static_cast<std::size_t>(big(1));
     if (first < 128)
       return first;
-    const std::size_t n = first & 127u;
-    if (n < 1 || n > 4) {
+    if (first == 128 || first > 128 + 4)
       fail();
-      return 0;
-    }
-    return static_cast<std::size_t>(big(n));
+    return static_cast<std::size_t>(big(first & 127));
   }
   /// BER-OID tag: 7 bits a byte. Refuses tags of more than 16 bits.
   std::uint32_t tag() {
     std::uint32_t value = 0;
     for (int i = 0; i < 3; ++i) {
-      const std::uint8_t b = byte();
+      const auto b = static_cast<std::uint32_t>(big(1));
       value = (value << 7) | (b & 127u);
       if (b < 128)
         return value;
@@ -222,15 +201,6 @@ class Cursor {
     return 0;
   }
   View item() { return take(length()); }
-  View take_rest() { return take(left_.size()); }
-
- private:
-  void fail() {
-    ok_ = false;
-    left_ = {};
-  }
-  View left_;
-  bool ok_ = true;
 };
 
 } // namespace terrainseg::vmti

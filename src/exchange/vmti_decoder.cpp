@@ -311,7 +311,7 @@ bool KlvUnit::read_target(View pack) {
       return damaged("the mask of " + target + " has more than one series of runs");
     return read_runs(series, id == id_traversable ? mask_traversable : mask_doubtful);
   };
-  return each_item_of(in.take_rest(), "an item of a VTarget Pack", [&](std::uint32_t tag, View item) {
+  return each_item_of(in.take(in.left()), "an item of a VTarget Pack", [&](std::uint32_t tag, View item) {
     if (tag != target_mask)
       return true;
     if (seen_masks_ & (1u << id))

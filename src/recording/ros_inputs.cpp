@@ -4,20 +4,20 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <string_view>
 
 namespace terrainseg::recording {
 namespace {
 
-/// Reads the members of one CDR message (XCDR1, little-endian) from untrusted bytes, in order. A read past
-/// the end or of an invalid value returns 0 and marks the reader as failed. Check whole() after the last
-/// member.
-class CdrReader {
+/// Reads the members of one CDR message (XCDR1, little-endian) from untrusted bytes, in order. An invalid
+/// value counts as a failed read. Check whole() after the last member.
+class CdrReader : public ByteReader {
  public:
   /// Refuses other encodings: big-endian, parameter lists, XCDR2.
-  explicit CdrReader(ByteView message) : rest_(message) {
-    const ByteView header = take(header_size);
-    failed_ = failed_ || header[0] != 0 || header[1] != 1;
+  explicit CdrReader(ByteView message) : ByteReader(message) {
+    const ByteView header = take(4);
+    if (!ok() || header[0] != 0 || header[1] != 1)
+      fail();
+    members_ = left();
   }
 
   std::uint8_t u8() { return integer<std::uint8_t>(); }
@@ -27,61 +27,38 @@ class CdrReader {
   double f64() { return std::bit_cast<double>(integer<std::uint64_t>()); }
   bool boolean() {
     const std::uint8_t value = u8();
-    failed_ = failed_ || value > 1;
+    if (value > 1)
+      fail();
     return value == 1;
   }
-  /// A string without its terminating zero; a view into the message.
-  std::string_view string() {
+  /// Skips a string.
+  void skip_string() {
     const ByteView text = take(u32());
-    failed_ = failed_ || text.empty() || text.back() != 0;
-    return failed_ ? std::string_view()
-                   : std::string_view(reinterpret_cast<const char*>(text.data()), text.size() - 1);
+    if (text.empty() || text.back() != 0)
+      fail();
   }
   void skip_reals(std::size_t count) {
     f64(); // only for its alignment
     take((count - 1) * sizeof(double));
   }
-
-  /// The bytes that have not been read.
-  std::size_t left() const { return rest_.size(); }
   /// Whether all reads succeeded and only padding follows.
-  bool whole() const { return !failed_ && rest_.size() < 4; }
+  bool whole() const { return ok() && left() < 4; }
 
  private:
-  static constexpr std::size_t header_size = 4;
-
-  ByteView take(std::size_t size) {
-    failed_ = failed_ || size > rest_.size();
-    if (failed_)
-      return ByteView(zeros_).first(size <= sizeof zeros_ ? size : 0);
-    const ByteView taken = rest_.first(size);
-    rest_ = rest_.subspan(size);
-    at_ += size;
-    return taken;
-  }
   template <class Integer> Integer integer() {
     constexpr std::size_t size = sizeof(Integer);
-    take((size - (at_ - header_size) % size) % size);
-    std::uint64_t value = 0;
-    unsigned shift = 0;
-    for (const std::uint8_t byte : take(size)) {
-      value |= std::uint64_t{byte} << shift;
-      shift += 8;
-    }
-    return static_cast<Integer>(value);
+    take((size - (members_ - left()) % size) % size);
+    return little<Integer>();
   }
 
-  static constexpr std::uint8_t zeros_[8] = {};
-  ByteView rest_;
-  std::size_t at_ = 0;
-  bool failed_ = false;
+  std::size_t members_ = 0; ///< bytes behind the header
 };
 
 /// Nanoseconds. Nothing if the time is before 1970 or the nanoseconds are a second or more.
 std::optional<std::uint64_t> read_header(CdrReader& in) {
   const std::int32_t seconds = in.i32();
   const std::uint32_t nanoseconds = in.u32();
-  in.string(); // frame_id
+  in.skip_string(); // frame_id
   if (seconds < 0 || nanoseconds >= second)
     return std::nullopt;
   return static_cast<std::uint64_t>(seconds) * second + nanoseconds;
@@ -114,7 +91,7 @@ CdrReader reader_of(ByteView message) {
 std::optional<Attitude> decode_odometry(ByteView message) {
   CdrReader in = reader_of(message);
   const auto time = read_header(in);
-  in.string();      // child_frame_id
+  in.skip_string(); // child_frame_id
   in.skip_reals(3); // position
   const Quaternion rotation = read_quaternion(in);
   in.skip_reals(36 + 6 + 36); // its covariance, twist, its covariance
