@@ -44,16 +44,47 @@ bool read_boundary(View item, std::vector<std::uint16_t>& boundary) {
   return true;
 }
 
+/// Why a unit is refused. decode() catches it.
+struct Refusal {
+  KlvVerdict verdict;
+  std::string why;
+};
+
+[[noreturn]] void damaged(std::string why) {
+  throw Refusal{KlvVerdict::damaged, std::move(why)};
+}
+
+/// Calls take(tag, item) for each item of a set. `what` is the name of an item in messages.
+template <class Take> void each_item_of(View set, const char* what, Take take) {
+  Cursor in(set);
+  while (!in.done()) {
+    const std::uint32_t tag = in.tag();
+    const View item = in.item();
+    if (!in.ok())
+      damaged(std::string(what) + " is cut short");
+    take(tag, item);
+  }
+}
+
 /// Whether the last item of a VMTI or UAS Datalink Local Set is a checksum, as required.
 bool has_checksum(View set) {
   static_assert(int{vmti_checksum} == int{uas_checksum});
   return set.size() >= checksum_size && set[set.size() - 4] == vmti_checksum && set[set.size() - 3] == 2;
 }
 
+/// Checks size and checksum of the outermost set.
+void check_frame(View unit, View set, const char* name) {
+  if (unit.size() > klv_unit_limit)
+    damaged("a unit of " + std::to_string(unit.size()) + " bytes is larger than the " +
+            std::to_string(klv_unit_limit) + " that one may have");
+  if (!has_checksum(set) || Cursor(unit.last(2)).big(2) != checksum16(unit.first(unit.size() - 2)))
+    damaged(std::string("the checksum of the ") + name + " Local Set does not match");
+}
+
 /// Whether a UAS Datalink Local Set has an item with a VMTI Local Set.
 bool holds_vmti(View set) {
   Cursor in(set);
-  while (in.ok() && !in.done()) {
+  while (!in.done()) {
     const std::uint32_t tag = in.tag();
     in.item();
     if (in.ok() && tag == uas_vmti)
@@ -99,247 +130,196 @@ bool read_models(View models, Estimate& estimate) {
 
 } // namespace
 
-bool KlvUnit::refuse(KlvVerdict verdict, std::string why) {
-  verdict_ = verdict;
-  error_ = std::move(why);
-  return false;
-}
-
-bool KlvUnit::damaged(std::string why) {
-  return refuse(KlvVerdict::damaged, std::move(why));
-}
-
-/// Calls take(tag, item) for each item of a set, until it returns false. `what` is the name in messages.
-template <class Take> bool KlvUnit::each_item_of(View set, const char* what, Take take) {
-  Cursor in(set);
-  while (in.ok() && !in.done()) {
-    const std::uint32_t tag = in.tag();
-    const View item = in.item();
-    if (in.ok() && !take(tag, item))
-      return false;
-  }
-  return in.ok() || damaged(std::string(what) + " is cut short");
-}
-
-KlvVerdict KlvUnit::decode(std::span<const std::uint8_t> bytes) {
-  verdict_ = KlvVerdict::ok;
+KlvVerdict KlvUnit::decode(View bytes) {
   error_.clear();
   estimate_ = {};
   boundary_.clear();
   runs_.clear();
   time_us_ = 0;
-  grid_width_ = grid_height_ = 0;
-  targets_ = {};
-  seen_targets_ = seen_masks_ = 0;
-  read(bytes);
-  return verdict_;
+  try {
+    read(bytes);
+  } catch (const Refusal& refusal) {
+    error_ = refusal.why;
+    return refusal.verdict;
+  }
+  return KlvVerdict::ok;
 }
 
-bool KlvUnit::read(View bytes) {
+void KlvUnit::read(View bytes) {
   // Skips sets of other programs in front of the VMTI set.
   while (!begins_with(bytes, vmti_label)) {
     Cursor in(bytes);
     const View label = in.take(16);
     const std::size_t length = in.length();
     if (!in.ok() || label[0] != 0x06 || label[1] != 0x0e || label[2] != 0x2b || label[3] != 0x34)
-      return damaged("not KLV: a universal label is missing");
+      damaged("not KLV: a universal label is missing");
     const View set = in.take(length);
     if (!in.ok())
-      return damaged("a KLV set is cut short");
-    const auto size = static_cast<std::size_t>(set.data() + set.size() - bytes.data());
-    if (begins_with(label, uas_label) && holds_vmti(set))
-      return read_nested(bytes.first(size), set);
-    if (in.done() && begins_with(label, uas_label) && has_checksum(set) &&
-        !check_frame(bytes, set, "UAS Datalink"))
-      return false;
+      damaged("a KLV set is cut short");
+    const View unit = bytes.first(bytes.size() - in.left());
+    const bool uas = begins_with(label, uas_label);
+    if (uas && holds_vmti(set))
+      return read_nested(unit, set);
+    if (in.done() && uas && has_checksum(set))
+      check_frame(unit, set, "UAS Datalink");
     if (in.done())
-      return refuse(KlvVerdict::foreign, "KLV without a VMTI Local Set (MISB ST 0903)");
-    bytes = bytes.subspan(size);
+      throw Refusal{KlvVerdict::foreign, "KLV without a VMTI Local Set (MISB ST 0903)"};
+    bytes = bytes.subspan(unit.size());
   }
-  return read_alone(bytes);
-}
-
-/// Reads a VMTI Local Set at the beginning of `bytes`.
-bool KlvUnit::read_alone(View bytes) {
-  Cursor in(bytes);
-  in.take(vmti_label.size());
+  Cursor in(bytes.subspan(vmti_label.size()));
   const View set = in.item();
   if (!in.ok())
-    return damaged("the VMTI Local Set is cut short");
-  const auto head = static_cast<std::size_t>(set.data() - bytes.data());
-  const View unit = bytes.first(head + set.size());
-  return check_frame(unit, set, "VMTI") &&
-         read_items(unit.first(head), set.first(set.size() - checksum_size));
+    damaged("the VMTI Local Set is cut short");
+  const View unit = bytes.first(bytes.size() - in.left());
+  check_frame(unit, set, "VMTI");
+  read_vmti(unit.first(unit.size() - set.size()), set.first(set.size() - checksum_size));
 }
 
 /// Reads the VMTI Local Set (without label, length and checksum) in the UAS Datalink Local Set `set`.
-bool KlvUnit::read_nested(View unit, View set) {
+void KlvUnit::read_nested(View unit, View set) {
+  check_frame(unit, set, "UAS Datalink");
   View vmti;
-  const auto take = [&](std::uint32_t tag, View item) {
+  each_item_of(set, "an item of the UAS Datalink Local Set", [&](std::uint32_t tag, View item) {
     if (tag == uas_time)
       read_number(item, time_us_);
     if (tag == uas_vmti && vmti.data())
-      return damaged("the UAS Datalink Local Set has more than one VMTI Local Set");
+      damaged("the UAS Datalink Local Set has more than one VMTI Local Set");
     if (tag == uas_vmti)
       vmti = item;
-    return true;
-  };
-  if (!check_frame(unit, set, "UAS Datalink") ||
-      !each_item_of(set, "an item of the UAS Datalink Local Set", take))
-    return false;
+  });
   head_.assign(vmti_label.begin(), vmti_label.end());
   put_length(head_, vmti.size() + checksum_size);
-  return read_items(head_, vmti);
+  read_vmti(head_, vmti);
 }
 
-/// Checks size and checksum of the outermost set.
-bool KlvUnit::check_frame(View unit, View set, const char* name) {
-  if (unit.size() > klv_unit_limit)
-    return damaged("a unit of " + std::to_string(unit.size()) + " bytes is larger than the " +
-                   std::to_string(klv_unit_limit) + " that one may have");
-  if (!has_checksum(set) || Cursor(unit.last(2)).big(2) != checksum16(unit.first(unit.size() - 2)))
-    return damaged(std::string("the checksum of the ") + name + " Local Set does not match");
-  return true;
-}
-
-/// Reads the items of a VMTI Local Set without its checksum. `head` is label and length as in a set that is
-/// not nested.
-bool KlvUnit::read_items(View head, View set) {
-  View terrain;
-  if (!read_vmti(set, terrain))
-    return false;
+/// Reads a VMTI Local Set without its checksum. `head` is label and length as in a set that is not nested.
+void KlvUnit::read_vmti(View head, View set) {
+  View terrain, targets;
+  std::uint64_t width = 0, height = 0;
+  // The values are checked when the unit is known to be from terrainseg.
+  each_item_of(set, "an item of the VMTI Local Set", [&](std::uint32_t tag, View item) {
+    if (tag == vmti_time)
+      read_number(item, time_us_);
+    else if (tag == vmti_width)
+      read_number(item, width);
+    else if (tag == vmti_height)
+      read_number(item, height);
+    else if (tag == vmti_target_series)
+      targets = item;
+    else if (tag == vmti_terrain)
+      terrain = item;
+  });
   if (!begins_with(terrain, terrain_label))
-    return refuse(KlvVerdict::foreign, "VMTI of another maker: it holds no Local Set of terrainseg");
+    throw Refusal{KlvVerdict::foreign, "VMTI of another maker: it holds no Local Set of terrainseg"};
+  constexpr std::size_t crc_size = 2 + 4;
   const auto checked = static_cast<std::size_t>(terrain.data() + terrain.size() - set.data()) - 4;
-  if (terrain.size() < terrain_label.size() + 6 || terrain[terrain.size() - 6] != terrain_crc ||
-      terrain[terrain.size() - 5] != 4 ||
-      Cursor(terrain.last(4)).big(4) != crc32(set.first(checked), crc32(head)))
-    return damaged("the checksum of terrainseg's Local Set does not match");
-  if (!read_terrain_set(terrain.subspan(terrain_label.size(), terrain.size() - terrain_label.size() - 6)) ||
-      !read_targets())
-    return false;
+  const View fields = terrain.subspan(terrain_label.size());
+  if (fields.size() < crc_size || fields[fields.size() - 6] != terrain_crc ||
+      fields[fields.size() - 5] != 4 ||
+      Cursor(fields.last(4)).big(4) != crc32(set.first(checked), crc32(head)))
+    damaged("the checksum of terrainseg's Local Set does not match");
+  read_terrain_set(fields.first(fields.size() - crc_size));
+  read_targets(targets, width, height);
   estimate_.boundary = boundary_;
-  const char* flaw = flaw_of(estimate_);
-  return !flaw || damaged(flaw);
+  if (const char* flaw = flaw_of(estimate_))
+    damaged(flaw);
 }
 
-bool KlvUnit::read_terrain_set(View set) {
+void KlvUnit::read_terrain_set(View set) {
   View boundary, models;
   bool versioned = false;
-  const auto take = [&](std::uint32_t tag, View item) {
+  each_item_of(set, "an item of terrainseg's Local Set", [&](std::uint32_t tag, View item) {
     if (tag == terrain_version) {
       std::uint64_t version = 0;
       if (item.size() != 1 || !read_number(item, version))
-        return damaged("terrainseg's Local Set has no readable version");
+        damaged("terrainseg's Local Set has no readable version");
       if (version != terrain_set_version)
-        return refuse(KlvVerdict::foreign, "terrainseg's Local Set has version " + std::to_string(version) +
+        throw Refusal{KlvVerdict::foreign, "terrainseg's Local Set has version " + std::to_string(version) +
                                                ", this one reads version " +
-                                               std::to_string(terrain_set_version) + ": update terrainseg");
+                                               std::to_string(terrain_set_version) + ": update terrainseg"};
       versioned = true;
     } else if (tag == terrain_boundary) {
       boundary = item;
     } else if (tag == terrain_models) {
       models = item;
     } else if (!read_terrain_item(tag, item, estimate_)) {
-      return damaged("tag " + std::to_string(tag) +
-                     " of terrainseg's Local Set has a size or value it cannot have");
+      damaged("tag " + std::to_string(tag) + " of terrainseg's Local Set has a size or value it cannot have");
     }
-    return true;
-  };
-  if (!each_item_of(set, "an item of terrainseg's Local Set", take))
-    return false;
-  if (!versioned)
-    return damaged("terrainseg's Local Set has no version");
-  if (!read_boundary(boundary, boundary_))
-    return damaged("the boundary is cut short or has invalid rows");
-  return read_models(models, estimate_) || damaged("the models have a size they cannot have");
-}
-
-/// Reads the items of the VMTI Local Set. The values are checked later, when the unit is known to be from
-/// terrainseg.
-bool KlvUnit::read_vmti(View set, View& terrain) {
-  return each_item_of(set, "an item of the VMTI Local Set", [&](std::uint32_t tag, View item) {
-    if (tag == vmti_time)
-      read_number(item, time_us_);
-    else if (tag == vmti_width)
-      read_number(item, grid_width_);
-    else if (tag == vmti_height)
-      read_number(item, grid_height_);
-    else if (tag == vmti_target_series)
-      targets_ = item;
-    else if (tag == vmti_terrain)
-      terrain = item;
-    return true;
   });
+  if (!versioned)
+    damaged("terrainseg's Local Set has no version");
+  if (!read_boundary(boundary, boundary_))
+    damaged("the boundary is cut short or has invalid rows");
+  if (!read_models(models, estimate_))
+    damaged("the models have a size they cannot have");
 }
 
-bool KlvUnit::read_targets() {
-  const std::uint64_t width = grid_width_, height = grid_height_;
+void KlvUnit::read_targets(View series, std::uint64_t width, std::uint64_t height) {
   const std::string size = std::to_string(width) + "x" + std::to_string(height);
   if (width < 1 || height < 1 || width > longest_picture_side || height > longest_picture_side ||
       static_cast<std::int64_t>(width * height) > klv_mask_limit)
-    return damaged("a mask of " + size + " pixels is invalid");
+    damaged("a mask of " + size + " pixels is invalid");
   estimate_.mask = {{}, static_cast<int>(width), static_cast<int>(height)};
   if (estimate_.mask.width > estimate_.frame_width || estimate_.mask.height > estimate_.frame_height)
-    return damaged("a mask of " + size + " is larger than its frame of " +
-                   std::to_string(estimate_.frame_width) + "x" + std::to_string(estimate_.frame_height));
-  Cursor packs(targets_);
-  while (packs.ok() && !packs.done()) {
+    damaged("a mask of " + size + " is larger than its frame of " + std::to_string(estimate_.frame_width) +
+            "x" + std::to_string(estimate_.frame_height));
+  std::uint32_t seen_targets = 0; // a bit per target
+  Cursor packs(series);
+  while (!packs.done()) {
     const View pack = packs.item();
-    if (packs.ok() && !read_target(pack))
-      return false;
+    if (!packs.ok())
+      damaged("a VTarget Pack is cut short");
+    Cursor in(pack);
+    const std::uint32_t id = in.tag();
+    if (!in.ok())
+      damaged("a VTarget Pack is empty");
+    if (id != id_traversable && id != id_doubtful)
+      continue;
+    const std::string target = "target " + std::to_string(id);
+    if (seen_targets & (1u << id))
+      damaged(target + " comes twice");
+    seen_targets |= 1u << id;
+    read_mask(in.take(in.left()), target, id == id_traversable ? mask_traversable : mask_doubtful);
   }
-  return packs.ok() || damaged("a VTarget Pack is cut short");
 }
 
-bool KlvUnit::read_target(View pack) {
-  Cursor in(pack);
-  const std::uint32_t id = in.tag();
-  if (id != id_traversable && id != id_doubtful)
-    return in.ok() || damaged("a VTarget Pack is empty");
-  const std::string target = "target " + std::to_string(id);
-  if (seen_targets_ & (1u << id))
-    return damaged(target + " comes twice");
-  seen_targets_ |= 1u << id;
+void KlvUnit::read_mask(View pack, const std::string& target, std::uint8_t value) {
   // One mask per target and one series per mask: only within a series are runs in rising order, which makes
   // the work linear in the sizes of the unit and the mask.
-  bool seen_series = false;
-  const auto take_series = [&](std::uint32_t kind, View series) {
-    if (kind != mask_runs)
-      return true;
-    if (std::exchange(seen_series, true))
-      return damaged("the mask of " + target + " has more than one series of runs");
-    return read_runs(series, id == id_traversable ? mask_traversable : mask_doubtful);
-  };
-  return each_item_of(in.take(in.left()), "an item of a VTarget Pack", [&](std::uint32_t tag, View item) {
+  bool seen_mask = false, seen_series = false;
+  each_item_of(pack, "an item of a VTarget Pack", [&](std::uint32_t tag, View mask) {
     if (tag != target_mask)
-      return true;
-    if (seen_masks_ & (1u << id))
-      return damaged(target + " has more than one mask");
-    seen_masks_ |= 1u << id;
-    return each_item_of(item, "a VMask Local Set", take_series);
+      return;
+    if (std::exchange(seen_mask, true))
+      damaged(target + " has more than one mask");
+    each_item_of(mask, "a VMask Local Set", [&](std::uint32_t kind, View series) {
+      if (kind != mask_runs)
+        return;
+      if (std::exchange(seen_series, true))
+        damaged("the mask of " + target + " has more than one series of runs");
+      read_runs(series, value);
+    });
   });
 }
 
-bool KlvUnit::read_runs(View series, std::uint8_t value) {
+void KlvUnit::read_runs(View series, std::uint8_t value) {
   const std::uint64_t pixels =
       static_cast<std::uint64_t>(estimate_.mask.width) * static_cast<std::uint64_t>(estimate_.mask.height);
   std::uint64_t next = 0;
   Cursor in(series);
-  while (in.ok() && !in.done()) {
+  while (!in.done()) {
     Cursor pair(in.item());
     const std::size_t size = pair.length();
     const std::uint64_t number = size <= 6 ? pair.big(size) : 0;
     const std::uint64_t run = pair.length();
     if (!in.ok() || !pair.ok() || !pair.done())
-      return damaged("a run of the mask is cut short");
+      damaged("a run of the mask is cut short");
     // Rising order limits the drawing work to the size of the mask.
     if (number < 1 || run < 1 || number - 1 < next || run > pixels || number - 1 > pixels - run)
-      return damaged("a run of the mask lies outside it or goes back");
+      damaged("a run of the mask lies outside it or goes back");
     next = number - 1 + run;
     runs_.push_back({static_cast<std::uint32_t>(number - 1), static_cast<std::uint32_t>(run), value});
   }
-  return true;
 }
 
 std::uint64_t KlvUnit::pixels_to_draw() const {

@@ -123,31 +123,21 @@ class KlvUnit {
     std::uint8_t value;
   };
   using View = std::span<const std::uint8_t>;
-  // These return false if they refuse the unit.
-  bool refuse(KlvVerdict verdict, std::string why);
-  bool damaged(std::string why);
-  template <class Take> bool each_item_of(View set, const char* what, Take take);
-  bool read(View bytes);
-  bool read_alone(View bytes);
-  bool read_nested(View unit, View set);
-  bool check_frame(View unit, View set, const char* name);
-  bool read_items(View head, View set);
-  bool read_vmti(View set, View& terrain);
-  bool read_targets();
-  bool read_target(View pack);
-  bool read_runs(View series, std::uint8_t value);
-  bool read_terrain_set(View set);
+  // These throw the reason why they refuse the unit.
+  void read(View bytes);
+  void read_nested(View unit, View set);
+  void read_vmti(View head, View set);
+  void read_terrain_set(View set);
+  void read_targets(View series, std::uint64_t width, std::uint64_t height);
+  void read_mask(View pack, const std::string& target, std::uint8_t value);
+  void read_runs(View series, std::uint8_t value);
 
-  KlvVerdict verdict_ = KlvVerdict::ok;
   std::string error_;
   std::vector<std::uint8_t> head_; ///< label and length of a nested set as it would stand alone
   Estimate estimate_;
   std::vector<std::uint16_t> boundary_;
   std::vector<Run> runs_;
   std::uint64_t time_us_ = 0;
-  std::uint64_t grid_width_ = 0, grid_height_ = 0;
-  std::span<const std::uint8_t> targets_;           ///< view into the bytes of decode(); not used after it
-  std::uint32_t seen_targets_ = 0, seen_masks_ = 0; ///< a bit per target
 };
 
 } // namespace terrainseg
