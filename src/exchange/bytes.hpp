@@ -2,16 +2,29 @@
 // Numbers, checksums and run lengths that the output formats share.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "terrainseg/frame.hpp"
 
 namespace terrainseg {
+
+/// The bytes of the text without a terminating zero.
+inline std::span<const std::uint8_t> bytes_of(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+inline void append(std::vector<std::uint8_t>& out, std::span<const std::uint8_t> bytes) {
+  const std::size_t at = out.size();
+  out.resize(at + bytes.size());
+  std::copy(bytes.begin(), bytes.end(), out.begin() + static_cast<std::ptrdiff_t>(at));
+}
 
 /// Appends the lowest `bytes` bytes of a number, little-endian.
 template <class Integer>
@@ -103,10 +116,10 @@ inline const std::uint8_t* run_end(const std::uint8_t* from, const std::uint8_t*
 }
 
 /// Calls take(value, length) for each run of equal bytes in raster order. A run may continue in the next row.
-/// Stops when take returns false.
-template <class Take> void for_each_run(const GrayView& view, Take take) {
+/// Stops and returns false when take returns false.
+template <class Take> bool for_each_run(const GrayView& view, Take take) {
   if (view.empty())
-    return;
+    return true;
   std::uint8_t value = *view.plane.row(0);
   std::size_t length = 0;
   for (int y = 0; y < view.height; ++y) {
@@ -116,7 +129,7 @@ template <class Take> void for_each_run(const GrayView& view, Take take) {
       const std::uint8_t* const next = run_end(p, end);
       if (*p != value) {
         if (!take(value, length))
-          return;
+          return false;
         value = *p;
         length = 0;
       }
@@ -124,7 +137,7 @@ template <class Take> void for_each_run(const GrayView& view, Take take) {
       p = next;
     }
   }
-  take(value, length);
+  return take(value, length);
 }
 
 } // namespace terrainseg

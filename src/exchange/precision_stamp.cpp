@@ -2,7 +2,8 @@
 #include "exchange/precision_stamp.hpp"
 
 #include <algorithm>
-#include <iterator>
+
+#include "exchange/bytes.hpp"
 
 namespace terrainseg {
 namespace {
@@ -214,22 +215,21 @@ std::vector<std::uint8_t> stamp_unit(const NalFraming& framing, std::uint64_t ti
                                      std::uint8_t temporal) {
   const bool h264 = framing.codec == VideoCodec::h264;
   std::vector<std::uint8_t> unit;
-  const auto put = [&unit](Bytes bytes) { std::ranges::copy(bytes, std::back_inserter(unit)); };
   // No emulation prevention bytes are needed: the separators prevent 0 0 0 to 0 0 3 in the time, and the
   // other bytes are not zero.
   const std::size_t size = header_bytes(framing.codec) + 2 + message_size + 1;
   if (framing.length_bytes == 0)
-    put(std::array<std::uint8_t, 4>{0, 0, 0, 1});
+    append(unit, std::array<std::uint8_t, 4>{0, 0, 0, 1});
   for (unsigned left = framing.length_bytes; left > 0; --left)
-    put(std::array{static_cast<std::uint8_t>(left > sizeof size ? 0 : size >> 8 * (left - 1))});
+    append(unit, std::array{static_cast<std::uint8_t>(left > sizeof size ? 0 : size >> 8 * (left - 1))});
   if (h264)
-    put(std::array{h264_sei});
+    append(unit, std::array{h264_sei});
   else // layer 0 and the temporal layer of the picture
-    put(std::array{static_cast<std::uint8_t>(h265_prefix_sei << 1), temporal});
-  put(std::array{user_data_unregistered, message_size});
-  put(microseconds_identifier(framing.codec));
-  put(stamp_content(time_us));
-  put(std::array{trailing_bits});
+    append(unit, std::array{static_cast<std::uint8_t>(h265_prefix_sei << 1), temporal});
+  append(unit, std::array{user_data_unregistered, message_size});
+  append(unit, microseconds_identifier(framing.codec));
+  append(unit, stamp_content(time_us));
+  append(unit, std::array{trailing_bits});
   return unit;
 }
 

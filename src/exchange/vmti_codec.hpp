@@ -156,7 +156,7 @@ inline void put_big(Bytes& out, std::uint64_t value, int bytes) {
 }
 
 /// The number of bytes of a number without leading zeros, at least 1.
-inline int bytes_of(std::uint64_t value) {
+inline int size_of_number(std::uint64_t value) {
   return (std::bit_width(value | 1) + 7) / 8;
 }
 
@@ -166,7 +166,7 @@ inline void put_length(Bytes& out, std::size_t length) {
     out.push_back(static_cast<std::uint8_t>(length));
     return;
   }
-  const int n = bytes_of(length);
+  const int n = size_of_number(length);
   out.push_back(static_cast<std::uint8_t>(0x80 | n));
   put_big(out, length, n);
 }

@@ -15,10 +15,6 @@ using namespace vmti;
 
 // The put functions append to `out`.
 
-void put_bytes(Bytes& out, View bytes) {
-  out.insert(out.end(), bytes.begin(), bytes.end());
-}
-
 /// Tag and length of an item. The value must follow.
 void put_head(Bytes& out, std::uint8_t tag, std::size_t length) {
   out.push_back(tag);
@@ -27,17 +23,13 @@ void put_head(Bytes& out, std::uint8_t tag, std::size_t length) {
 
 void put_item(Bytes& out, std::uint8_t tag, View value) {
   put_head(out, tag, value.size());
-  put_bytes(out, value);
-}
-
-void put_text(Bytes& out, std::uint8_t tag, std::string_view text) {
-  put_item(out, tag, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  append(out, value);
 }
 
 /// An unsigned number in `bytes` bytes, or in the smallest number of bytes if `bytes` is 0.
 void put_number(Bytes& out, std::uint8_t tag, std::uint64_t value, int bytes = 0) {
   if (bytes == 0)
-    bytes = bytes_of(value);
+    bytes = size_of_number(value);
   put_head(out, tag, static_cast<std::size_t>(bytes));
   put_big(out, value, bytes);
 }
@@ -47,8 +39,7 @@ void put_boundary(Bytes& out, std::span<const std::uint16_t> boundary) {
   std::int32_t last = 0;
   for (const std::uint16_t row : boundary) {
     const std::int32_t step = row - last;
-    std::uint32_t zigzag =
-        step >= 0 ? static_cast<std::uint32_t>(step) * 2 : static_cast<std::uint32_t>(-step) * 2 - 1;
+    auto zigzag = static_cast<std::uint32_t>(step >= 0 ? 2 * step : -2 * step - 1);
     for (; zigzag >= 128; zigzag >>= 7)
       out.push_back(static_cast<std::uint8_t>(zigzag | 128));
     out.push_back(static_cast<std::uint8_t>(zigzag));
@@ -59,19 +50,17 @@ void put_boundary(Bytes& out, std::span<const std::uint16_t> boundary) {
 /// A run as in ST 0903: length of the pair, length of the pixel number, pixel number from 1, run length in
 /// BER.
 std::uint8_t* put_run(std::uint8_t* p, std::uint32_t start, std::uint32_t length) {
+  const auto put = [&p](std::uint32_t number, int bytes) {
+    for (int i = bytes - 1; i >= 0; --i)
+      *p++ = static_cast<std::uint8_t>(number >> (8 * i));
+  };
   std::uint8_t* const pair = p++;
-  const std::uint32_t pixel = start + 1;
-  const int n = pixel < 0x100 ? 1 : pixel < 0x10000 ? 2 : pixel < 0x1000000 ? 3 : 4;
-  *p++ = static_cast<std::uint8_t>(n);
-  for (int i = n - 1; i >= 0; --i)
-    *p++ = static_cast<std::uint8_t>(pixel >> (8 * i));
-  if (length >= 128) {
-    const int m = length < 0x100 ? 1 : length < 0x10000 ? 2 : length < 0x1000000 ? 3 : 4;
-    *p++ = static_cast<std::uint8_t>(0x80 | m);
-    for (int i = m - 1; i > 0; --i)
-      *p++ = static_cast<std::uint8_t>(length >> (8 * i));
-  }
-  *p++ = static_cast<std::uint8_t>(length);
+  const int pixel_bytes = size_of_number(start + 1), length_bytes = size_of_number(length);
+  *p++ = static_cast<std::uint8_t>(pixel_bytes);
+  put(start + 1, pixel_bytes);
+  if (length >= 128)
+    *p++ = static_cast<std::uint8_t>(0x80 | length_bytes);
+  put(length, length_bytes);
   *pair = static_cast<std::uint8_t>(p - pair - 1);
   return p;
 }
@@ -95,34 +84,26 @@ bool write_runs(const GrayView& mask, std::array<MaskTarget, 2>& targets) {
     target.end = target.room.data();
   }
   std::uint32_t at = 0;
-  bool fits = true;
-  for_each_run(mask, [&](std::uint8_t value, std::size_t run) {
+  return for_each_run(mask, [&](std::uint8_t value, std::size_t run) {
     const auto length = static_cast<std::uint32_t>(run);
-    if (value != mask_not_traversable && fits) {
+    if (value != mask_not_traversable) {
       MaskTarget& target = targets[value == mask_traversable ? 0 : 1];
       target.end = put_run(target.end, at, length);
       target.pixels += length;
-      fits = targets[0].runs().size() + targets[1].runs().size() <= klv_unit_limit;
     }
     at += length;
-    return fits;
+    return targets[0].runs().size() + targets[1].runs().size() <= klv_unit_limit;
   });
-  return fits;
-}
-
-/// ST 0903 allows 1..100: a target has at least 1.
-std::uint8_t percentage(std::uint64_t part, std::uint64_t whole) {
-  return static_cast<std::uint8_t>(std::clamp<std::uint64_t>((part * 200 + whole) / (2 * whole), 1, 100));
 }
 
 /// Appends a VTarget Pack after adding its object.
 void put_pack(Bytes& series, Bytes& target, std::string_view name) {
   Bytes object;
-  put_text(object, object_ontology, "urn:terrainseg:ontology:1");
-  put_text(object, object_class, name);
+  put_item(object, object_ontology, bytes_of("urn:terrainseg:ontology:1"));
+  put_item(object, object_class, bytes_of(name));
   put_item(target, target_object, object);
   put_length(series, target.size());
-  put_bytes(series, target);
+  append(series, target);
 }
 
 void put_mask_target(Bytes& series, const MaskTarget& of, std::uint64_t grid, std::uint8_t confidence) {
@@ -132,7 +113,9 @@ void put_mask_target(Bytes& series, const MaskTarget& of, std::uint64_t grid, st
   target.reserve(mask.size() + 128);
   target.push_back(of.id);
   put_number(target, target_confidence, (confidence * 100u + 127) / 255, 1);
-  put_number(target, target_percentage, percentage(of.pixels, grid), 1);
+  // ST 0903 allows 1..100: a target has at least 1.
+  put_number(target, target_percentage,
+             std::clamp<std::uint64_t>((of.pixels * 200 + grid) / (2 * grid), 1, 100), 1);
   put_item(target, target_mask, mask);
   put_pack(series, target, of.name);
 }
@@ -306,7 +289,7 @@ bool KlvEncoder::write(const Estimate& e, const GrayView& mask, std::span<const 
   Bytes& set = set_;
   set.clear();
   put_number(set, vmti_time, time_us, 8);
-  put_text(set, vmti_system, "terrainseg");
+  put_item(set, vmti_system, bytes_of("terrainseg"));
   put_number(set, vmti_version, st0903_revision, 1);
   put_number(set, vmti_targets_total, targets, 1);
   put_number(set, vmti_targets_reported, targets, 1);
@@ -320,11 +303,11 @@ bool KlvEncoder::write(const Estimate& e, const GrayView& mask, std::span<const 
   constexpr std::size_t sums =
       (2 + 4) + checksum_size; // CRC-32 at the end of the private set, then the checksum
   put_head(set, vmti_terrain, extra_.size() + 2 + 4);
-  put_bytes(set, extra_);
+  append(set, extra_);
   Bytes& unit = unit_;
   unit.assign(vmti_label.begin(), vmti_label.end());
   put_length(unit, set.size() + sums);
-  put_bytes(unit, set);
+  append(unit, set);
   put_head(unit, terrain_crc, 4);
   put_big(unit, crc32(unit), 4);
   put_head(unit, vmti_checksum, 2);
@@ -344,7 +327,7 @@ void KlvEncoder::nest(const UasPlatform& platform, std::uint64_t time_us, std::s
   put_item(set, uas_vmti, View(unit_).last(vmti_size).first(vmti_size - checksum_size));
   unit_.assign(uas_label.begin(), uas_label.end());
   put_length(unit_, set.size() + checksum_size);
-  put_bytes(unit_, set);
+  append(unit_, set);
   put_head(unit_, uas_checksum, 2);
   put_big(unit_, checksum16(unit_), 2);
 }

@@ -3,7 +3,6 @@
 // recordings.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
@@ -12,23 +11,13 @@
 #include <type_traits>
 #include <vector>
 
-#include "exchange/bytes.hpp" // put_integer()
+#include "exchange/bytes.hpp"
 
 namespace terrainseg::recording {
 
 using Bytes = std::vector<std::uint8_t>;
 using ByteView = std::span<const std::uint8_t>;
-
-/// The bytes of the text without a terminating zero.
-inline ByteView bytes_of(std::string_view text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
-
-inline void append(Bytes& out, ByteView bytes) {
-  const std::size_t at = out.size();
-  out.resize(at + bytes.size());
-  std::copy(bytes.begin(), bytes.end(), out.begin() + static_cast<std::ptrdiff_t>(at));
-}
+using terrainseg::bytes_of; // callers name it with this namespace
 
 /// Appends the members of one message in order. A number is aligned to its size; the alignment counts from
 /// the end of the 4-byte encapsulation header.
