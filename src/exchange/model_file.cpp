@@ -108,17 +108,15 @@ std::string through_links(std::filesystem::path path, int& error) {
   return path;
 }
 
-/// Returns what a path is if it is not a regular file; empty for a regular file.
-std::string kind_that_is_no_file(const struct stat& s) {
-  return S_ISREG(s.st_mode)    ? ""
-         : S_ISDIR(s.st_mode)  ? "a directory"
-         : S_ISCHR(s.st_mode)  ? "a character device"
-         : S_ISBLK(s.st_mode)  ? "a block device"
-         : S_ISFIFO(s.st_mode) ? "a pipe"
-                               : "a socket or something else";
-}
-
-std::string no_file(const char* doing, const std::string& path, const std::string& kind) {
+/// Returns the error if a path is not a regular file; empty for a regular file.
+std::string no_file(const char* doing, const std::string& path, const struct stat& s) {
+  if (S_ISREG(s.st_mode))
+    return {};
+  const char* kind = S_ISDIR(s.st_mode)    ? "a directory"
+                     : S_ISCHR(s.st_mode)  ? "a character device"
+                     : S_ISBLK(s.st_mode)  ? "a block device"
+                     : S_ISFIFO(s.st_mode) ? "a pipe"
+                                           : "a socket or something else";
   return std::string(doing) + " '" + path + "': it is " + kind + ", not a file; choose another path";
 }
 
@@ -211,8 +209,8 @@ TerrainResult load_terrain(const std::string& path) {
   struct stat is {};
   if (fd.get() < 0 || ::fstat(fd.get(), &is) != 0)
     return refuse(cause("cannot open", path, errno));
-  if (const std::string kind = kind_that_is_no_file(is); !kind.empty())
-    return refuse(no_file("cannot load", path, kind));
+  if (std::string why = no_file("cannot load", path, is); !why.empty())
+    return refuse(std::move(why));
   std::vector<std::uint8_t> bytes(largest_file + 1);
   std::size_t size = 0;
   while (size < bytes.size()) {
@@ -240,8 +238,8 @@ std::string save_terrain(const std::string& name, const Terrain& terrain) {
     return cause("cannot write", name, error);
   struct stat old {};
   const bool replaces = ::stat(path.c_str(), &old) == 0;
-  if (const std::string kind = replaces ? kind_that_is_no_file(old) : ""; !kind.empty())
-    return no_file("cannot write", name, kind);
+  if (std::string why = replaces ? no_file("cannot write", name, old) : ""; !why.empty())
+    return why;
   const std::vector<std::uint8_t> bytes = serialize_terrain(terrain);
   std::string temporary;
   Descriptor fd = create_beside(path, temporary);
