@@ -35,10 +35,10 @@ std::span<const Vec3> hull_of(std::span<Vec3> points, std::array<Vec3, 16>& corn
 }
 
 /// The outline of a box's shadow on the ground.
-std::span<const Vec3> cast_hull(const Box& box, const Vec3& along, std::array<Vec3, 16>& corners) {
+std::span<const Vec3> cast_hull(const Thing& box, const Vec3& along, std::array<Vec3, 16>& corners) {
   std::array<Vec3, 8> points;
   for (int i = 0; i < 8; ++i)
-    points[i] = cast_of(box.corner(i & 1 ? box.half_x : -box.half_x, i & 4 ? box.high : box.low,
+    points[i] = cast_of(box.corner(i & 1 ? box.half_x : -box.half_x, i & 4 ? box.height : box.low,
                                    i & 2 ? box.half_z : -box.half_z),
                         along);
   return hull_of(points, corners);
@@ -74,7 +74,7 @@ class SoftShadows {
                0.04F * thing.half_x + 0.01F, false);
       } else {
         std::array<Vec3, 16> corners;
-        darken(cast_hull(box_of(thing, 0, thing.height), along, corners), kept, 0.05F, false);
+        darken(cast_hull(thing, along, corners), kept, 0.05F, false);
       }
     }
   }
@@ -88,12 +88,11 @@ class SoftShadows {
       return darken(ellipse(thing.base, {0, 0, 1}, 0.7F * radius + rim, radius + rim), {0.5F, 0.5F, 0.5F},
                     2 * rim, false);
     }
-    const Box box = box_of(thing, 0, 0);
     std::array<Vec3, 4> corners;
     for (int i = 0; i < 4; ++i) {
       const float x = (i == 1 || i == 2 ? 1.0F : -1.0F) * (thing.half_x + rim);
       const float z = (i >= 2 ? 1.0F : -1.0F) * (thing.half_z + rim);
-      corners[i] = box.corner(x, 0, z);
+      corners[i] = thing.corner(x, 0, z);
     }
     darken(corners, {0.42F, 0.42F, 0.42F}, 2 * rim, false);
   }
@@ -166,33 +165,32 @@ class Caster {
     case Thing::Kind::rock:
       return grown(thing, 1.3F, 1.3F);
     case Thing::Kind::house:
-      solid(box_of(thing, thing.low, thing.height));
+      solid(thing);
       return roof(thing);
     case Thing::Kind::car: {
-      solid(box_of(thing, 0.2F, 0.58F * thing.height));
-      Box cabin = box_of(thing, 0.5F * thing.height, thing.height);
+      solid(thing.part(0.2F, 0.58F * thing.height));
+      Thing cabin = thing.part(0.5F * thing.height, thing.height);
       cabin.base = cabin.corner(0, 0, -0.12F * thing.half_z);
       cabin.half_x *= 0.8F;
       cabin.half_z *= 0.47F;
       return solid(cabin);
     }
     default:
-      return solid(box_of(thing, thing.low, thing.height));
+      return solid(thing);
     }
   }
 
  private:
-  void solid(const Box& box) {
+  void solid(const Thing& box) {
     std::array<Vec3, 16> corners;
     fill(cast_hull(box, along_, corners));
   }
 
   void roof(const Thing& thing) {
-    const Box walls = box_of(thing, 0, thing.height);
     const float hx = thing.half_x + 0.4F, hz = thing.half_z + 0.4F;
     std::array<Vec3, 6> points;
     for (int i = 0; i < 6; ++i)
-      points[i] = cast_of(walls.corner(hx * static_cast<float>(i % 3 - 1),
+      points[i] = cast_of(thing.corner(hx * static_cast<float>(i % 3 - 1),
                                        i % 3 == 1 ? thing.height + 0.7F * thing.half_x : thing.height - 0.2F,
                                        i < 3 ? -hz : hz),
                           along_);

@@ -36,9 +36,7 @@ class Painter {
       return rock(thing);
     case Thing::Kind::cabinet:
       return cabinet(thing);
-    case Thing::Kind::bin:
-    case Thing::Kind::pole:
-    case Thing::Kind::crate:
+    default:
       return crate(thing);
     }
   }
@@ -76,7 +74,7 @@ class Painter {
 
   /// Draws the visible faces of a box. `shade(face, normal, u, v, size)`: u from the middle of the face, v up
   /// from the ground (top face: u across, v along), metres.
-  template <class Shade> void box(const Box& b, Shade&& shade) {
+  template <class Shade> void box(const Thing& b, Shade&& shade) {
     const Vec3 to_eye = camera_.position - b.base;
     for (const float sign : {-1.0F, 1.0F})
       for (const Face f : {Face::side, Face::end}) {
@@ -88,16 +86,16 @@ class Painter {
         const auto at = [&](float u, float height) {
           return is_side ? b.corner(sign * away, height, u) : b.corner(u, height, sign * away);
         };
-        const std::array<Vec3, 4> corners = {at(-half, b.low), at(half, b.low), at(half, b.high),
-                                             at(-half, b.high)};
+        const std::array<Vec3, 4> corners = {at(-half, b.low), at(half, b.low), at(half, b.height),
+                                             at(-half, b.height)};
         face(corners, {at(0, 0), along, {0, 1, 0}, normal},
              [&](float u, float v, float size) { return shade(f, normal, is_side ? u : u * sign, v, size); });
       }
-    if (camera_.position.y > b.high) {
+    if (camera_.position.y > b.height) {
       const std::array<Vec3, 4> corners = {
-          b.corner(-b.half_x, b.high, -b.half_z), b.corner(b.half_x, b.high, -b.half_z),
-          b.corner(b.half_x, b.high, b.half_z), b.corner(-b.half_x, b.high, b.half_z)};
-      face(corners, {b.corner(0, b.high, 0), b.side(), b.ahead(), {0, 1, 0}},
+          b.corner(-b.half_x, b.height, -b.half_z), b.corner(b.half_x, b.height, -b.half_z),
+          b.corner(b.half_x, b.height, b.half_z), b.corner(-b.half_x, b.height, b.half_z)};
+      face(corners, {b.corner(0, b.height, 0), b.side(), b.ahead(), {0, 1, 0}},
            [&](float u, float v, float size) {
              return shade(Face::top, Vec3{0, 1, 0}, u, v, size);
            });
@@ -109,7 +107,7 @@ class Painter {
     const float waist = 0.58F * thing.height, length = thing.half_z;
     const Color glint = s_.light.haze * 0.3F + s_.light.zenith * 0.1F;
     const bool dusk = s_.settings.light == Light::dusk;
-    Box body = box_of(thing, 0.03F, waist);
+    const Thing body = thing.part(0.03F, waist);
     box(body, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
       Color color = paint;
       if (f == Face::side) {
@@ -148,7 +146,7 @@ class Painter {
       }
       return {color * lit(normal) + glint * 0.8F, 1};
     });
-    Box cabin = box_of(thing, waist, thing.height);
+    Thing cabin = thing.part(waist, thing.height);
     cabin.half_x *= 0.86F;
     cabin.half_z *= 0.55F;
     cabin.base = body.corner(0, 0, -0.12F * length);
@@ -172,10 +170,9 @@ class Painter {
 
   void house(const Thing& thing) {
     const float storey = 2.9F;
-    Box walls = box_of(thing, 0, thing.height);
-    // A gable roof with its ridge along the road; the eaves hide a part of the walls.
+    // A gable roof with its ridge along the road; the eaves hide a part of the thing.
     const float eave = 0.4F, rise = 0.7F * thing.half_x;
-    const auto at = [&](float x, float y, float z) { return walls.corner(x, y, z); };
+    const auto at = [&](float x, float y, float z) { return thing.corner(x, y, z); };
     const Color tile = mix(Color{0.22F, 0.09F, 0.06F}, Color{0.1F, 0.1F, 0.11F}, unit(hash(thing.key, 5)));
     const float hx = thing.half_x + eave, hz = thing.half_z + eave, low = thing.height - 0.2F,
                 high = thing.height + rise;
@@ -184,19 +181,19 @@ class Painter {
       const std::array<Vec3, 3> gable = {at(-hx + eave, thing.height, sign * thing.half_z),
                                          at(hx - eave, thing.height, sign * thing.half_z),
                                          at(0, high, sign * thing.half_z)};
-      const Vec3 end = walls.ahead() * sign;
+      const Vec3 end = thing.ahead() * sign;
       if (dot(camera_.position - gable[0], end) > 0)
-        face(gable, {gable[0], walls.side(), {0, 1, 0}, end}, [&](float, float, float) -> Sample {
+        face(gable, {gable[0], thing.side(), {0, 1, 0}, end}, [&](float, float, float) -> Sample {
           return {thing.color * lit(end), 1};
         });
     }
     for (const float sign : {-1.0F, 1.0F}) {
       const std::array<Vec3, 4> roof = {at(sign * hx, low, -hz), at(sign * hx, low, hz), at(0, high, hz),
                                         at(0, high, -hz)};
-      const Vec3 normal = walls.side() * (sign * (high - low) / slope) + Vec3{0, hx / slope, 0};
-      const Vec3 up = walls.side() * (-sign * hx / slope) + Vec3{0, (high - low) / slope, 0};
+      const Vec3 normal = thing.side() * (sign * (high - low) / slope) + Vec3{0, hx / slope, 0};
+      const Vec3 up = thing.side() * (-sign * hx / slope) + Vec3{0, (high - low) / slope, 0};
       if (dot(camera_.position - roof[0], normal) > 0)
-        face(roof, {roof[0], walls.ahead(), up, normal}, [&](float u, float v, float size) -> Sample {
+        face(roof, {roof[0], thing.ahead(), up, normal}, [&](float u, float v, float size) -> Sample {
           const float row = fraction(v * 3) < 0.2F ? 0.75F : 1.0F;
           return {tile * (mix(1.0F, row, 1 / (1 + 20 * size)) * (1 + 0.2F * s_.noise.at(u * 2, v * 2))) *
                       lit(normal),
@@ -204,7 +201,7 @@ class Painter {
         });
     }
     const float phase = unit(thing.key) * 20;
-    box(walls, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+    box(thing, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
       const float fine = 1 / (1 + 12 * size);
       const float coarse = 1 / (1 + 3 * size);
       Color color = thing.color * (1 + 0.16F * s_.noise.at(u * 0.7F + phase, v * 0.7F) +
@@ -357,35 +354,33 @@ class Painter {
   void crate(const Thing& thing) {
     const float phase = unit(thing.key) * 30;
     const bool pole = thing.kind == Thing::Kind::pole;
-    box(box_of(thing, 0, thing.height),
-        [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
-          const float fine = 1 / (1 + 20 * size);
-          float shade = 1 + 0.08F * s_.noise.at(u * 3 + phase, v * 3) +
-                        0.14F * fine * s_.noise.at(u * 30 + phase, v * 30);
-          if (f != Face::top && !pole) {
-            const float tape = past_edge(0.03F - std::abs(u), size);
-            shade *= 1 - 0.18F * tape;
-            shade *= 0.8F + 0.2F * clamp01(v * 3);
-          }
-          return {thing.color * shade * lit(normal), 1};
-        });
+    box(thing, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+      const float fine = 1 / (1 + 20 * size);
+      float shade =
+          1 + 0.08F * s_.noise.at(u * 3 + phase, v * 3) + 0.14F * fine * s_.noise.at(u * 30 + phase, v * 30);
+      if (f != Face::top && !pole) {
+        const float tape = past_edge(0.03F - std::abs(u), size);
+        shade *= 1 - 0.18F * tape;
+        shade *= 0.8F + 0.2F * clamp01(v * 3);
+      }
+      return {thing.color * shade * lit(normal), 1};
+    });
   }
 
   void cabinet(const Thing& thing) {
     const float phase = unit(thing.key) * 30;
-    box(box_of(thing, 0, thing.height),
-        [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
-          const float fine = 1 / (1 + 20 * size);
-          float shade = 1 + 0.1F * fine * s_.noise.at(u * 4 + phase, v * 40) +
-                        0.05F * s_.noise.at(u * 2 + phase, v * 2);
-          if (f == Face::side) {
-            const float drawer = std::abs(fraction(v * 2.6F) - 0.5F) / 2.6F, middle = std::abs(u);
-            shade *= 1 - 0.5F * std::max(past_edge(0.008F - drawer, size), past_edge(0.006F - middle, size));
-          }
-          if (f != Face::top && v < 0.07F)
-            shade *= 0.35F; // the recessed plinth
-          return {thing.color * shade * lit(normal), 1};
-        });
+    box(thing, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
+      const float fine = 1 / (1 + 20 * size);
+      float shade =
+          1 + 0.1F * fine * s_.noise.at(u * 4 + phase, v * 40) + 0.05F * s_.noise.at(u * 2 + phase, v * 2);
+      if (f == Face::side) {
+        const float drawer = std::abs(fraction(v * 2.6F) - 0.5F) / 2.6F, middle = std::abs(u);
+        shade *= 1 - 0.5F * std::max(past_edge(0.008F - drawer, size), past_edge(0.006F - middle, size));
+      }
+      if (f != Face::top && v < 0.07F)
+        shade *= 0.35F; // the recessed plinth
+      return {thing.color * shade * lit(normal), 1};
+    });
   }
 
   const Stage& s_;

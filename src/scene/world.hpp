@@ -64,33 +64,30 @@ struct Heading {
   float cos = 1, sin = 0;
 };
 
+/// An object in an upright box, which is rotated about its vertical axis.
 struct Thing {
   enum class Kind : std::uint8_t { car, house, tree, bush, rock, pole, crate, cabinet, bin };
   Kind kind = Kind::rock;
   Vec3 base;           ///< centre of the footprint
   float half_x = 0.5F; ///< metres, before the rotation
   float half_z = 0.5F;
-  float height = 1;
-  float low = 0; ///< height of the lower end above the ground, metres
+  float height = 1; ///< of the upper end above the ground, metres
+  float low = 0;    ///< of the lower end
   Heading heading{};
   Color color;
   std::uint32_t key = 0; ///< seed of its details
-};
-
-/// An upright box, rotated about its vertical axis.
-struct Box {
-  Vec3 base;
-  float half_x, half_z, low, high;
-  Heading heading;
 
   Vec3 side() const { return {heading.cos, 0, -heading.sin}; }
   Vec3 ahead() const { return {heading.sin, 0, heading.cos}; }
   Vec3 corner(float x, float y, float z) const { return base + side() * x + ahead() * z + Vec3{0, y, 0}; }
+  /// The part between two heights.
+  Thing part(float from, float to) const {
+    Thing box = *this;
+    box.low = from;
+    box.height = to;
+    return box;
+  }
 };
-
-inline Box box_of(const Thing& thing, float low, float high) {
-  return {thing.base, thing.half_x, thing.half_z, low, high, thing.heading};
-}
 
 /// All that a frame shows.
 struct Stage {
