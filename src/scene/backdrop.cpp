@@ -15,8 +15,13 @@ constexpr float corridor_height = 2.7F;
 
 /// A point of the ground under a pixel, and the pixel's footprint there.
 struct Spot {
-  float x, z;     ///< world
-  float distance; ///< distance along the view, metres
+  float x, z; ///< world
+};
+
+/// What a pixel shows.
+struct Seen {
+  Color light; ///< or the reflectance of the ground
+  std::uint8_t label;
 };
 
 /// Remaining amplitude of each octave in a pixel that averages over its footprint: the mean of k independent
@@ -82,20 +87,20 @@ class Ground {
   Spot spot_of(const Vec3& ray) const {
     const Camera& c = s_.moment.camera;
     const float t = c.position.y / -ray.y;
-    return {c.position.x + t * ray.x, c.position.z + t * ray.z, t};
+    return {c.position.x + t * ray.x, c.position.z + t * ray.z};
   }
 
   /// Reflectance of the ground and its label.
-  Color at(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
+  Seen at(const Spot& spot, const Footprint& foot) const {
     switch (s_.settings.kind) {
     case Kind::road:
-      return road(spot, foot, label);
+      return road(spot, foot);
     case Kind::trail:
-      return trail(spot, foot, label);
+      return trail(spot, foot);
     case Kind::plain:
-      return plain(spot, foot, label);
+      return {plain(spot, foot), driven_terrain};
     default:
-      return floor(spot, foot, label);
+      return {floor(spot, foot), driven_terrain};
     }
   }
 
@@ -124,7 +129,7 @@ class Ground {
     return dry * std::max(v, 0.15F);
   }
 
-  Color road(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
+  Seen road(const Spot& spot, const Footprint& foot) const {
     const Place& p = s_.place;
     const float s = spot.x - s_.path.at(spot.z), side = std::abs(s);
     const float rim = p.half_width;
@@ -150,11 +155,10 @@ class Ground {
       paint = std::max(paint, stripe(s, 0.06F, foot.x) * dashed);
       const float worn_paint = 0.72F + 0.35F * stone + 0.3F * patch;
       color = mix(color, Color{0.62F, 0.61F, 0.57F}, paint * clamp01(worn_paint));
-      label = driven_terrain;
     }
+    std::uint8_t label = on_road < 0.5F ? other_traversable : driven_terrain;
     if (on_road < 1) {
       Color beyond;
-      std::uint8_t what = other_traversable;
       if (p.urban && side < p.pavement) {
         const float v =
             1 + 0.2F * octave(0, spot, foot) + 0.1F * octave(1, spot, foot) + 0.1F * octave(3, spot, foot);
@@ -166,7 +170,7 @@ class Ground {
             Color{0.25F, 0.235F, 0.21F} * (v * (1 - 0.35F * joint) * (1 + 0.1F * tile * foot.amplitude[3]));
         if (side < rim + 0.18F) { // the kerb stone
           beyond = Color{0.36F, 0.35F, 0.32F} * v;
-          what = not_labelled;
+          label = on_road < 0.5F ? not_labelled : driven_terrain;
         }
       } else {
         beyond = grass(spot, foot, p.beside);
@@ -174,14 +178,12 @@ class Ground {
           beyond = mix(Color{0.2F, 0.185F, 0.16F} * (1 + 0.4F * octave(1, spot, foot)), beyond,
                        smooth(rim, rim + 0.5F, side + 0.3F * octave(2, spot, foot)));
       }
-      color = on_road > 0 ? mix(beyond, color, on_road) : beyond;
-      if (on_road < 0.5F)
-        label = what;
+      color = mix(beyond, color, on_road);
     }
-    return color;
+    return {color, label};
   }
 
-  Color trail(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
+  Seen trail(const Spot& spot, const Footprint& foot) const {
     const Place& p = s_.place;
     const float s = spot.x - s_.path.at(spot.z);
     const float ragged =
@@ -203,17 +205,13 @@ class Ground {
           smooth(0.3F, 0.05F, std::abs(s)) * smooth(0.0F, 0.5F, wide + 0.5F * patch + 0.4F * lumps);
       if (middle > 0)
         color = mix(color, grass(spot, foot, p.beside), 0.7F * middle);
-      label = driven_terrain;
     }
-    if (on_path < 1) {
+    if (on_path < 1)
       color = mix(grass(spot, foot, p.beside), color, on_path);
-      if (on_path < 0.5F)
-        label = other_traversable;
-    }
-    return color;
+    return {color, on_path < 0.5F ? other_traversable : driven_terrain};
   }
 
-  Color plain(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
+  Color plain(const Spot& spot, const Footprint& foot) const {
     const Place& p = s_.place;
     const float grit = octave(0, spot, foot), stone = octave(1, spot, foot), lumps = octave(2, spot, foot);
     const float patch = octave(3, spot, foot), wide = octave(4, spot, foot), far = octave(5, spot, foot);
@@ -227,13 +225,11 @@ class Ground {
     // Pebbles, too small to be obstacles.
     const float pebble = smooth(0.45F, 0.7F, stone + 0.3F * lumps) * foot.amplitude[1];
     const Color dust = mix(p.surface, p.surface * Color{0.8F, 0.9F, 1.05F}, clamp01(0.5F + 0.8F * wide));
-    label = driven_terrain;
     return mix(dust * v, p.surface * (0.6F * (1 + 0.6F * grit)), 0.75F * pebble);
   }
 
-  Color floor(const Spot& spot, const Footprint& foot, std::uint8_t& label) const {
+  Color floor(const Spot& spot, const Footprint& foot) const {
     const Place& p = s_.place;
-    label = driven_terrain;
     const float grain = octave(0, spot, foot), speck = octave(1, spot, foot), wear = octave(2, spot, foot);
     const float wide = octave(3, spot, foot);
     switch (p.flooring) {
@@ -316,8 +312,7 @@ class Surroundings {
   Ground ground_;
 };
 
-/// Where::pixel(ray, footprint, at, light, label) computes the pixels that no object covers. `at` is the
-/// pixel's index.
+/// Where::pixel(ray, footprint, at) computes the pixels that no object covers. `at` is the pixel's index.
 template <class Where> void draw_open_pixels(const Stage& stage, const Canvas& mirror, Canvas& canvas) {
   const Where where(stage, mirror, canvas);
   const Camera& c = stage.moment.camera;
@@ -332,11 +327,9 @@ template <class Where> void draw_open_pixels(const Stage& stage, const Canvas& m
         if (open[i] < Canvas::hidden)
           continue;
         const std::size_t at = canvas.at(x0 + i, y);
-        Color light;
-        std::uint8_t label = not_traversable;
         foot.position = static_cast<float>(i);
-        where.pixel(c.ray(static_cast<float>(x0 + i), static_cast<float>(y)), foot, at, light, label);
-        canvas.under(at, light, 1, label);
+        const Seen seen = where.pixel(c.ray(static_cast<float>(x0 + i), static_cast<float>(y)), foot, at);
+        canvas.under(at, seen.light, 1, seen.label);
       }
     }
 }
@@ -345,41 +338,36 @@ class Outdoors : public Surroundings {
  public:
   using Surroundings::Surroundings;
 
-  void pixel(const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
-             std::uint8_t& label) const {
+  Seen pixel(const Vec3& ray, const Footprint& foot, std::size_t at) const {
     const Camera& c = s_.moment.camera;
     const float level = std::sqrt(ray.x * ray.x + ray.z * ray.z);
     const float elevation = ray.y / level;
     if (elevation < -c.position.y / 600) {
-      const float t = c.position.y / -ray.y, distance = t * level;
+      const float distance = c.position.y / -ray.y * level;
       if (distance < 0.6F * s_.place.clearing || distance < clearing(ray)) {
-        const Spot spot = {c.position.x + t * ray.x, c.position.z + t * ray.z, distance};
-        Color surface = ground_.at(spot, foot, label);
-        const float shade = 1 - s_.light.cloud_shade * smooth(0.1F, 0.5F, ground_.cloud_shadow(spot, foot));
-        const Color& shadow = canvas_.shade[at];
-        if (s_.settings.wet && label == driven_terrain) {
-          const Water water = water_at(s_, spot, foot);
-          surface = mix(surface * (1 - 0.45F * water.damp), s_.place.surface * 0.5F, 0.75F * water.puddle);
-          const float share = mirrored_share(-ray.y / std::sqrt(dot(ray, ray))) * water.puddle;
-          light = s_.hazed(surface * horizontal_light_ * shadow * (1 - share), distance);
-          if (share > 0)
-            light = light + mirrored(ray, elevation, at) * share;
-          return;
+        const Spot spot = ground_.spot_of(ray);
+        auto [surface, label] = ground_.at(spot, foot);
+        if (!s_.settings.wet || label != driven_terrain) {
+          const float shade = 1 - s_.light.cloud_shade * smooth(0.1F, 0.5F, ground_.cloud_shadow(spot, foot));
+          return {s_.hazed(surface * horizontal_light_ * canvas_.shade[at] * shade, distance), label};
         }
-        light = s_.hazed(surface * horizontal_light_ * shadow * shade, distance);
-        return;
+        const Water water = water_at(s_, spot, foot);
+        surface = mix(surface * (1 - 0.45F * water.damp), s_.place.surface * 0.5F, 0.75F * water.puddle);
+        const float share = mirrored_share(-ray.y / std::sqrt(dot(ray, ray))) * water.puddle;
+        Color light = s_.hazed(surface * horizontal_light_ * canvas_.shade[at] * (1 - share), distance);
+        if (share > 0)
+          light = light + mirrored(ray, elevation, at) * share;
+        return {light, label};
       }
     }
-    far_away(ray, elevation, light, label);
+    return far_away(ray, elevation);
   }
 
  private:
   Color mirrored(const Vec3& ray, float elevation, std::size_t at) const {
-    Color behind;
-    std::uint8_t label = 0;
-    if (mirror_.open[at] >= Canvas::hidden)
-      far_away({ray.x, -ray.y, ray.z}, -elevation, behind, label);
-    return mirror_.light[at] + behind * mirror_.open[at];
+    if (mirror_.open[at] < Canvas::hidden)
+      return mirror_.light[at];
+    return mirror_.light[at] + far_away({ray.x, -ray.y, ray.z}, -elevation).light * mirror_.open[at];
   }
 
   // Distance up to which open ground is visible: shorter to the sides than along the path.
@@ -391,13 +379,10 @@ class Outdoors : public Surroundings {
     return s_.place.clearing * (1 + 0.4F * s_.noise.at(b * 40, 3.5F)) * (1 + 5 * open);
   }
 
-  void far_away(const Vec3& ray, float elevation, Color& light, std::uint8_t& label) const {
+  Seen far_away(const Vec3& ray, float elevation) const {
     const Place& p = s_.place;
-    if (elevation > 2.3F * p.skyline) { // above the highest part of the skyline
-      light = sky_at(ray, elevation);
-      label = sky;
-      return;
-    }
+    if (elevation > 2.3F * p.skyline) // above the highest part of the skyline
+      return {sky_at(ray, elevation), sky};
     const float b = bearing(ray), pixel = 1 / s_.moment.camera.focal;
     const float swell = s_.noise.cloudy(b * 9 + 40, 11.5F);
     float top = p.skyline * (1 + 0.75F * swell);
@@ -409,6 +394,7 @@ class Outdoors : public Surroundings {
       top = std::max(top, 0.012F) + 0.006F * s_.noise.at(b * 60, 4.5F);
     }
     const float cover = past_edge(top - elevation, pixel);
+    Color light;
     if (cover < 1)
       light = sky_at(ray, elevation);
     if (cover > 0) {
@@ -426,9 +412,9 @@ class Outdoors : public Surroundings {
         body = mix(body * std::max(1 + 1.9F * leaves, 0.12F) * lit, Color{0.06F, 0.045F, 0.035F}, trunk);
         body = s_.hazed(body * s_.light.on({0, 0.6F, 0}, 0.8F), p.clearing * 1.4F);
       }
-      light = cover < 1 ? mix(light, body, cover) : body;
+      light = mix(light, body, cover);
     }
-    label = static_cast<std::uint8_t>(cover >= 0.5F ? not_traversable : sky);
+    return {light, cover >= 0.5F ? not_traversable : sky};
   }
 
   Color sky_at(const Vec3& ray, float elevation) const {
@@ -457,8 +443,7 @@ class Indoors : public Surroundings {
  public:
   using Surroundings::Surroundings;
 
-  void pixel(const Vec3& ray, const Footprint& foot, std::size_t at, Color& light,
-             std::uint8_t& label) const {
+  Seen pixel(const Vec3& ray, const Footprint& foot, std::size_t at) const {
     const Camera& c = s_.moment.camera;
     const float half = s_.place.half_width;
     const float to_floor = ray.y < -1e-5F ? c.position.y / -ray.y : 1e9F;
@@ -477,8 +462,7 @@ class Indoors : public Surroundings {
       wall_light = s_.hazed(beside(ray, to_wall, to_ceiling, c.position.y), std::min(to_wall, to_ceiling));
     if (on_floor > 0)
       floor_light = floor(ray, to_floor, to_wall, foot, at);
-    light = on_floor >= 1 ? floor_light : on_floor <= 0 ? wall_light : mix(wall_light, floor_light, on_floor);
-    label = on_floor >= 0.5F ? driven_terrain : not_traversable;
+    return {mix(wall_light, floor_light, on_floor), on_floor >= 0.5F ? driven_terrain : not_traversable};
   }
 
  private:
@@ -505,11 +489,10 @@ class Indoors : public Surroundings {
 
   Color floor(const Vec3& ray, float t, float to_wall, const Footprint& foot, std::size_t at) const {
     const Camera& c = s_.moment.camera;
-    const Spot spot = {c.position.x + t * ray.x, c.position.z + t * ray.z, t};
-    std::uint8_t label = 0;
+    const Spot spot = ground_.spot_of(ray);
     const float inside = std::max(s_.place.half_width - std::abs(spot.x), 0.0F);
     const float corner = 1 - 0.35F / (1 + 12 * inside); // light that the wall blocks
-    Color surface = ground_.at(spot, foot, label);
+    Color surface = ground_.at(spot, foot).light;
     Water water;
     if (s_.settings.wet) {
       water = water_at(s_, spot, foot);
