@@ -14,17 +14,16 @@ struct Rover {
   int windings;   // periods of it per length of the world
 };
 
-constexpr Rover rover_of(Kind kind) {
-  switch (kind) {
-  case Kind::road:
-    return {1.35, 8.0, 0.43, 1.75, 0.075, 9, 16};
-  case Kind::trail:
-    return {0.9, 1.6, 0.39, 0, 0.055, 2.5, 64};
-  case Kind::corridor:
-    return {0.65, 1.0, 0.42, 0, 0.06, 0, 0};
-  default:
-    return {1.0, 0.7, 0.36, 0, 0.16, 3, 64};
-  }
+constexpr Rover rovers[] = {
+    // in the order of Kind
+    {1.35, 8.0, 0.43, 1.75, 0.075, 9, 16},
+    {0.9, 1.6, 0.39, 0, 0.055, 2.5, 64},
+    {0.65, 1.0, 0.42, 0, 0.06, 0, 0},
+    {1.0, 0.7, 0.36, 0, 0.16, 3, 64},
+};
+
+const Rover& rover_of(const Settings& settings) {
+  return rovers[static_cast<int>(settings.kind)];
 }
 
 constexpr double drive_seconds = 7, swing_seconds = 5;
@@ -36,7 +35,7 @@ double phase_of(const Settings& settings, std::uint32_t which) {
 } // namespace
 
 Path::Path(const Settings& settings) {
-  const Rover rover = rover_of(settings.kind);
+  const Rover& rover = rover_of(settings);
   table_.resize(static_cast<std::size_t>((world_length + 8 * margin) * samples_per_metre));
   if (settings.motion != Motion::turn)
     return;
@@ -64,7 +63,7 @@ Camera Camera::mirrored() const {
 }
 
 Moment moment_of(const Settings& settings, const Path& path, std::uint64_t number, int width, int height) {
-  const Rover rover = rover_of(settings.kind);
+  const Rover& rover = rover_of(settings);
   Moment moment;
   const double t = static_cast<double>(number) / frames_per_second;
   moment.seconds = t;

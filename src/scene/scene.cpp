@@ -220,40 +220,33 @@ View Renderer::view_of(std::uint64_t number) const {
 }
 
 void Renderer::render(std::uint64_t number, Picture& picture) {
-  picture.horizon_row_ = render(number, picture.mutable_frame(), {picture.labels_.data(), picture.width_});
+  picture.horizon_row_ =
+      render(number, picture.mutable_frame(), {picture.labels_.data(), picture.frame_.width});
   picture.frame_number_ = number;
 }
 
 Picture::Picture(PixelFormat format, int width, int height, Colorimetry colorimetry)
-    : format_(format), width_(width), height_(height), colorimetry_(colorimetry),
-      labels_(static_cast<std::size_t>(width) * height) {
+    : frame_{format, width, height, colorimetry, {}}, labels_(static_cast<std::size_t>(width) * height) {
   const FormatLayout& layout = layout_of(format);
   for (int p = 0; p < layout.planes; ++p) {
-    strides_[p] = row_bytes(layout, p, width);
-    planes_[p].resize(static_cast<std::size_t>(strides_[p]) * plane_rows(layout, p, height));
+    frame_.planes[p].stride = row_bytes(layout, p, width);
+    planes_[p].resize(static_cast<std::size_t>(frame_.planes[p].stride) * plane_rows(layout, p, height));
   }
 }
 
-/// What Frame and MutableFrame share.
-template <class AnyFrame, class Planes> AnyFrame Picture::described(Planes& planes) const {
-  AnyFrame frame;
-  frame.format = format_;
-  frame.width = width_;
-  frame.height = height_;
-  frame.colorimetry = colorimetry_;
-  for (int p = 0; p < layout_of(format_).planes; ++p)
-    frame.planes[p] = {planes[p].data(), strides_[p]};
-  return frame;
-}
-
 Frame Picture::frame() const {
-  Frame frame = described<Frame>(planes_);
+  Frame frame = {frame_.format, frame_.width, frame_.height, frame_.colorimetry, {}};
+  for (int p = 0; p < 3; ++p)
+    frame.planes[p] = {planes_[p].data(), frame_.planes[p].stride};
   frame.pts = static_cast<std::int64_t>(frame_number_) * 1'000'000'000 / frames_per_second;
   return frame;
 }
 
 MutableFrame Picture::mutable_frame() {
-  return described<MutableFrame>(planes_);
+  MutableFrame frame = frame_;
+  for (int p = 0; p < 3; ++p)
+    frame.planes[p].data = planes_[p].data();
+  return frame;
 }
 
 } // namespace terrainseg::scene

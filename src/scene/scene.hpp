@@ -71,18 +71,14 @@ class Picture {
 
   Frame frame() const;
   MutableFrame mutable_frame();
-  GrayView labels() const { return {{labels_.data(), width_}, width_, height_}; }
+  GrayView labels() const { return {{labels_.data(), frame_.width}, frame_.width, frame_.height}; }
   int horizon_row() const { return horizon_row_; }
 
  private:
   friend class Renderer;
-  template <class AnyFrame, class Planes> AnyFrame described(Planes& planes) const;
 
-  PixelFormat format_;
-  int width_, height_;
-  Colorimetry colorimetry_;
   std::array<std::vector<std::uint8_t>, 3> planes_;
-  std::array<std::ptrdiff_t, 3> strides_{};
+  MutableFrame frame_; ///< without the memory of its planes
   std::vector<std::uint8_t> labels_;
   std::uint64_t frame_number_ = 0;
   int horizon_row_ = -1;
