@@ -129,7 +129,7 @@ class Noise {
     const std::int8_t* top = &table_[static_cast<std::size_t>(iv & (period - 1)) * period];
     const std::int8_t* bottom = &table_[static_cast<std::size_t>((iv + 1) & (period - 1)) * period];
     const int left = iu & (period - 1), right = (iu + 1) & (period - 1);
-    const float a = between(top[left], top[right], fu), b = between(bottom[left], bottom[right], fu);
+    const float a = mix(top[left], top[right], fu), b = mix(bottom[left], bottom[right], fu);
     return mix(a, b, fv) * (1.0F / 128);
   }
 
@@ -141,7 +141,6 @@ class Noise {
 
  private:
   static float ease(float f) { return f * f * (3 - 2 * f); }
-  static float between(int a, int b, float k) { return mix(static_cast<float>(a), static_cast<float>(b), k); }
   std::array<std::int8_t, period * period> table_;
 };
 

@@ -82,14 +82,10 @@ class Outline {
     if (std::abs(area) < 1e-6F)
       return;
     const float turn = area > 0 ? 1.0F : -1.0F;
-    top_ = bottom_ = ys[0];
-    left_ = right_ = xs[0];
+    columns_ = std::ranges::minmax(std::span(xs.data(), count));
+    rows_ = std::ranges::minmax(std::span(ys.data(), count));
     for (int i = 0; i < count; ++i) {
       const int next = i + 1 < count ? i + 1 : 0;
-      top_ = std::min(top_, ys[i]);
-      bottom_ = std::max(bottom_, ys[i]);
-      left_ = std::min(left_, xs[i]);
-      right_ = std::max(right_, xs[i]);
       const float dx = xs[next] - xs[i], dy = ys[next] - ys[i];
       const float length = std::sqrt(dx * dx + dy * dy);
       if (length < 1e-4F)
@@ -115,10 +111,10 @@ class Outline {
     const auto bound = [](float v, int limit) {
       return static_cast<int>(std::clamp(v, -1.0F, static_cast<float>(limit)));
     };
-    const int first_row = std::max(bound(top_ - margin, height), 0);
-    const int last_row = std::min(bound(bottom_ + margin + 1, height), height - 1);
+    const int first_row = std::max(bound(rows_.min - margin, height), 0);
+    const int last_row = std::min(bound(rows_.max + margin + 1, height), height - 1);
     for (int y = first_row; y <= last_row; ++y) {
-      float low = left_ - margin, high = right_ + margin, deep_low = low, deep_high = high;
+      float low = columns_.min - margin, high = columns_.max + margin, deep_low = low, deep_high = high;
       for (int e = 0; e < edge_count_; ++e) {
         const Edge& edge = edges_[e];
         const float rest = edge.b * static_cast<float>(y) + edge.c;
@@ -159,7 +155,7 @@ class Outline {
 
   std::array<Edge, max_corners> edges_;
   int edge_count_ = 0;
-  float top_ = 0, bottom_ = 0, left_ = 0, right_ = 0;
+  std::ranges::minmax_result<float> columns_{}, rows_{};
 };
 
 /// Sorts `things` from near to far and draws them.

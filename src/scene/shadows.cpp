@@ -228,8 +228,7 @@ class Caster {
 
   /// Approximate distance inside the outline, metres; u across, v up from the ground.
   float inside(const Thing& thing, float u, float v) const {
-    const auto shift = static_cast<float>(thing.key & 255);
-    const float rx = thing.half_x;
+    const float shift = thing.shift(), rx = thing.half_x;
     const auto rough = [&](float scale) { return s_.noise.at(u * scale + shift, v * scale); };
     if (thing.kind == Thing::Kind::bush) {
       const float x = u / rx, y = v / thing.height;
@@ -241,10 +240,7 @@ class Caster {
     }
     const float middle = 0.6F * thing.height, y = (v - middle) / (0.4F * thing.height);
     const float wood = v < middle ? 0.014F * thing.height * (1.2F - v / thing.height) - std::abs(u) : -1;
-    const bool conifer = (thing.key >> 9 & 3) == 0;
-    const float x = u / (conifer ? rx * 0.8F * clamp01(0.5F - 0.5F * y) + 0.02F : rx);
-    const float radius = conifer ? std::max(std::abs(x), std::abs(y)) : std::sqrt(x * x + y * y);
-    float crown = 0.88F - radius + 0.3F * rough(1.4F) + 0.2F * rough(5);
+    float crown = 0.88F - thing.crown_radius(u, y) + 0.3F * rough(1.4F) + 0.2F * rough(5);
     crown -= 0.9F * smooth(0.3F, 0.6F, rough(3.3F)) * clamp01(0.8F + y); // gaps
     return std::max(rx * crown, wood);
   }

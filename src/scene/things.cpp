@@ -253,8 +253,8 @@ class Painter {
   }
 
   // Crowns are bright on the sun's side and dark inside.
-  Color foliage(const Color& leaf, float u, float v, float radius, float size, std::uint32_t key) const {
-    const auto shift = static_cast<float>(key & 255);
+  Color foliage(const Thing& thing, float u, float v, float size) const {
+    const float shift = thing.shift(), radius = thing.half_x;
     const float fine = clamp01(1.1F - 4 * size), finer = clamp01(0.9F - 12 * size);
     const float clump = s_.noise.at(u * 2.2F / radius + shift, v * 2.2F / radius);
     const float leaves = fine > 0 ? s_.noise.at(u * 6 + shift, v * 6) : 0;
@@ -264,23 +264,19 @@ class Painter {
                                        0.6F * u / radius * dot(s_.light.sun, across_));
     const Color light =
         s_.light.ambient * 0.55F + s_.light.sun_light * (0.85F * clamp01(sunny) * clamp01(bright - 0.5F));
-    return leaf * light * std::max(bright, 0.12F);
+    return thing.color * light * std::max(bright, 0.12F);
   }
 
   void tree(const Thing& thing) {
     const float trunk = 0.014F * thing.height, crown_low = 0.2F * thing.height;
     const float ry = 0.5F * (thing.height - crown_low), cy = crown_low + ry, rx = thing.half_x;
-    const auto shift = static_cast<float>(thing.key & 255);
-    const bool conifer = (thing.key >> 9 & 3) == 0;
+    const float shift = thing.shift();
     cutout(thing.base, rx * 1.25F, thing.height * 1.05F, [&](float u, float v, float size) -> Sample {
       const float y = (v - cy) / ry;
-      const float width = conifer ? rx * 0.8F * clamp01(0.5F - 0.5F * y) + 0.02F : rx;
-      const float x = u / width;
-      const float radius = conifer ? std::max(std::abs(x), std::abs(y)) : std::sqrt(x * x + y * y);
       const float wood = v < cy ? past_edge(trunk * (1.2F - v / thing.height) - std::abs(u), size) : 0;
       const float rim = std::max(size * 1.5F, 0.16F);
       // Low frequencies first: most pixels are far from the outline.
-      float body = 0.88F - radius;
+      float body = 0.88F - thing.crown_radius(u, y);
       if (body < -0.62F - 0.5F * rim && wood <= 0)
         return {{}, 0};
       body += 0.3F * s_.noise.at(u * 1.4F + shift, v * 1.4F);
@@ -296,18 +292,18 @@ class Painter {
         body -= 0.9F * smooth(0.3F, 0.6F, s_.noise.at(u * 3.3F + shift, v * 3.3F)) * clamp01(0.8F + y);
       const float alpha = past_edge(body, rim);
       if (wood <= 0)
-        return {alpha > 0 ? foliage(thing.color, u, v - cy, rx, size, thing.key) : Color{}, alpha};
+        return {alpha > 0 ? foliage(thing, u, v - cy, size) : Color{}, alpha};
       const Color bark = Color{0.09F, 0.065F, 0.045F} * (1 + 0.5F * s_.noise.at(u * 30 + shift, v * 5)) *
                          s_.light.on({0, 0.4F, 0}, 0.6F);
       if (alpha <= 0)
         return {bark, wood};
-      return {mix(bark, foliage(thing.color, u, v - cy, rx, size, thing.key), alpha), std::max(alpha, wood)};
+      return {mix(bark, foliage(thing, u, v - cy, size), alpha), std::max(alpha, wood)};
     });
   }
 
   void bush(const Thing& thing) {
     const float rx = thing.half_x, ry = thing.height;
-    const auto shift = static_cast<float>(thing.key & 255);
+    const float shift = thing.shift();
     cutout(thing.base, rx * 1.3F, ry * 1.3F, [&](float u, float v, float size) -> Sample {
       const float x = u / rx, y = v / ry;
       float body = 0.9F - std::sqrt(x * x + y * y);
@@ -317,14 +313,14 @@ class Painter {
       const float alpha = past_edge(body, rim);
       if (alpha <= 0)
         return {{}, 0};
-      const Color leaves = foliage(thing.color, u, v - 0.35F * ry, rx, size, thing.key);
+      const Color leaves = foliage(thing, u, v - 0.35F * ry, size);
       return {leaves * (0.55F + 0.45F * clamp01(y * 1.6F)), alpha};
     });
   }
 
   void rock(const Thing& thing) {
     const float rx = thing.half_x, ry = thing.height;
-    const auto shift = static_cast<float>(thing.key & 255);
+    const float shift = thing.shift();
     cutout(thing.base - Vec3{0, 0.12F * ry, 0}, rx * 1.25F, ry * 1.25F,
            [&](float u, float v, float size) -> Sample {
              const float x = u / rx, y = (v - 0.3F * ry) / (0.75F * ry);

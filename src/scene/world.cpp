@@ -15,25 +15,12 @@ Vec3 toward_sun(float elevation_turns, float azimuth_turns) {
           along * static_cast<float>(cosine(azimuth_turns))};
 }
 
-/// Visits the cells of `length` metres between two z. Keys of cells repeat with the world's period.
-template <class Visit> void each_cell(float from, float to, float length, std::uint32_t key, Visit&& visit) {
-  const int cells = static_cast<int>(world_length / length);
-  for (int i = floor_of(from / length); i <= floor_of(to / length); ++i)
-    visit(static_cast<float>(i) * length,
-          Dice(hash(key, static_cast<std::uint32_t>((i % cells + cells) % cells))));
-}
-
 // Obstacles have either their own colour or one close to the ground's.
 Color obstacle_color(Dice& dice, const Color& own, const Color& ground, float likeness) {
   if (!dice.chance(likeness))
     return own;
   const float brightness = dice.roll(0.75F, 1.3F);
   return ground * brightness;
-}
-
-/// How far behind the rover an object may cast a visible shadow, metres.
-float shadow_reach(const Settings& s) {
-  return s.light == Light::sun ? 48 : 0;
 }
 
 Color car_color(Dice& dice) {
@@ -101,74 +88,68 @@ class Way {
   }
 
   void trail() {
-    each_cell(z0_ - 4 - shadow_reach(s_), z0_ + 60, 4, hash(s_.seed, 11), [&](float z, Dice dice) {
-      for (const float side : {-1.0F, 1.0F}) {
-        for (int i = 0; i < 2; ++i)
-          if (dice.chance(0.6F)) {
-            const float tz = z + dice.roll(0, 4), away = dice.roll();
-            things_.push_back(tree_at(path_.at(tz) + side * (2.6F + 11 * away * away + 1), tz, dice, 5, 11));
-          }
-        for (int i = 0; i < 3; ++i) {
-          const float bz = z + dice.roll(0, 4), x = place_.half_width + dice.roll(0.5F, 5);
-          const Color leaves = mix(
-              place_.beside, mix(Color{0.05F, 0.1F, 0.02F}, Color{0.17F, 0.12F, 0.04F}, dice.roll()), 0.75F);
-          const float size = dice.roll(0.25F, 0.75F);
-          if (dice.chance(0.3F + filled_ * 0.7F))
-            things_.push_back(lump_at(Thing::Kind::bush, path_.at(bz) + side * x, bz, size, dice, leaves));
+    each_side(z0_ - 4 - reach_, z0_ + 60, 4, 11, [&](float z, float side, Dice& dice) {
+      for (int i = 0; i < 2; ++i)
+        if (dice.chance(0.6F)) {
+          const float tz = z + dice.roll(0, 4), away = dice.roll();
+          things_.push_back(tree_at(path_.at(tz) + side * (2.6F + 11 * away * away + 1), tz, dice, 5, 11));
         }
+      for (int i = 0; i < 3; ++i) {
+        const float bz = z + dice.roll(0, 4), x = place_.half_width + dice.roll(0.5F, 5);
+        const Color leaves = mix(
+            place_.beside, mix(Color{0.05F, 0.1F, 0.02F}, Color{0.17F, 0.12F, 0.04F}, dice.roll()), 0.75F);
+        const float size = dice.roll(0.25F, 0.75F);
+        if (dice.chance(0.3F + filled_ * 0.7F))
+          things_.push_back(lump_at(Thing::Kind::bush, path_.at(bz) + side * x, bz, size, dice, leaves));
       }
     });
-    each_cell(z0_ + 0.5F, z0_ + 40, 2, hash(s_.seed, 12), [&](float z, Dice dice) {
-      for (const float side : {-1.0F, 1.0F}) {
-        const bool there = dice.chance(filled_ * 0.6F);
-        const float rz = z + dice.roll(0, 2), x = side * (place_.half_width * dice.roll(0.85F, 1.15F));
-        Dice own(dice.next());
-        if (!there)
-          continue;
-        const float size = own.roll(0.1F, 0.28F);
-        const Color color = obstacle_color(own, grey(0.2F), place_.surface, 0.5F);
-        things_.push_back(lump_at(Thing::Kind::rock, path_.at(rz) + x, rz, size, own, color));
-      }
+    each_side(z0_ + 0.5F, z0_ + 40, 2, 12, [&](float z, float side, Dice& dice) {
+      const bool there = dice.chance(filled_ * 0.6F);
+      const float rz = z + dice.roll(0, 2), x = side * (place_.half_width * dice.roll(0.85F, 1.15F));
+      Dice own(dice.next());
+      if (!there)
+        return;
+      const float size = own.roll(0.1F, 0.28F);
+      const Color color = obstacle_color(own, grey(0.2F), place_.surface, 0.5F);
+      things_.push_back(lump_at(Thing::Kind::rock, path_.at(rz) + x, rz, size, own, color));
     });
   }
 
   void corridor() {
-    each_cell(z0_ - 2, z0_ + 40, 2, hash(s_.seed, 21), [&](float z, Dice dice) {
-      for (const float side : {-1.0F, 1.0F}) {
-        const bool there = dice.chance(filled_ * 0.55F);
-        Dice own(dice.next());
-        if (!there)
-          continue;
-        Thing thing;
-        const float what = own.roll();
-        constexpr Color colors[] = {
-            {0.5F, 0.35F, 0.2F}, {0.12F, 0.2F, 0.35F}, {0.6F, 0.6F, 0.58F}, {0.4F, 0.08F, 0.06F}};
-        const Color own_color = colors[own.next() % 4];
-        if (what < 0.4F) {
-          thing.kind = Thing::Kind::cabinet;
-          thing.half_x = own.roll(0.18F, 0.3F);
-          thing.half_z = own.roll(0.35F, 0.6F);
-          thing.height = own.roll(0.7F, 1.9F);
-        } else if (what < 0.75F) {
-          thing.kind = Thing::Kind::crate;
-          thing.half_x = thing.half_z = own.roll(0.14F, 0.28F);
-          thing.height = own.roll(0.2F, 0.5F);
-        } else {
-          thing.kind = Thing::Kind::bin;
-          thing.half_x = thing.half_z = 0.15F;
-          thing.height = own.roll(0.3F, 0.6F);
-        }
-        thing.color = obstacle_color(own, own_color, place_.surface, 0.35F);
-        const float reach = place_.half_width - thing.half_x - 0.05F;
-        thing.base = {side * (thing.kind == Thing::Kind::crate ? reach - own.roll(0, 0.2F) : reach), 0,
-                      z + own.roll(0.5F, 1.5F)};
-        thing.key = own.next();
-        if (thing.kind == Thing::Kind::crate) {
-          const float turn = own.roll(-0.08F, 0.08F);
-          thing.heading = {static_cast<float>(cosine(turn)), static_cast<float>(sine(turn))};
-        }
-        things_.push_back(thing);
+    each_side(z0_ - 2, z0_ + 40, 2, 21, [&](float z, float side, Dice& dice) {
+      const bool there = dice.chance(filled_ * 0.55F);
+      Dice own(dice.next());
+      if (!there)
+        return;
+      Thing thing;
+      const float what = own.roll();
+      constexpr Color colors[] = {
+          {0.5F, 0.35F, 0.2F}, {0.12F, 0.2F, 0.35F}, {0.6F, 0.6F, 0.58F}, {0.4F, 0.08F, 0.06F}};
+      const Color own_color = colors[own.next() % 4];
+      if (what < 0.4F) {
+        thing.kind = Thing::Kind::cabinet;
+        thing.half_x = own.roll(0.18F, 0.3F);
+        thing.half_z = own.roll(0.35F, 0.6F);
+        thing.height = own.roll(0.7F, 1.9F);
+      } else if (what < 0.75F) {
+        thing.kind = Thing::Kind::crate;
+        thing.half_x = thing.half_z = own.roll(0.14F, 0.28F);
+        thing.height = own.roll(0.2F, 0.5F);
+      } else {
+        thing.kind = Thing::Kind::bin;
+        thing.half_x = thing.half_z = 0.15F;
+        thing.height = own.roll(0.3F, 0.6F);
       }
+      thing.color = obstacle_color(own, own_color, place_.surface, 0.35F);
+      const float reach = place_.half_width - thing.half_x - 0.05F;
+      thing.base = {side * (thing.kind == Thing::Kind::crate ? reach - own.roll(0, 0.2F) : reach), 0,
+                    z + own.roll(0.5F, 1.5F)};
+      thing.key = own.next();
+      if (thing.kind == Thing::Kind::crate) {
+        const float turn = own.roll(-0.08F, 0.08F);
+        thing.heading = {static_cast<float>(cosine(turn)), static_cast<float>(sine(turn))};
+      }
+      things_.push_back(thing);
     });
   }
 
@@ -198,32 +179,47 @@ class Way {
   }
 
  private:
+  /// Visits the cells of `length` metres between two z. Their dice repeat with the world's period.
+  template <class Visit>
+  void each_cell(float from, float to, float length, std::uint32_t which, Visit&& visit) const {
+    const int cells = static_cast<int>(world_length / length);
+    for (int i = floor_of(from / length); i <= floor_of(to / length); ++i)
+      visit(static_cast<float>(i) * length,
+            Dice(hash(hash(s_.seed, which), static_cast<std::uint32_t>((i % cells + cells) % cells))));
+  }
+
+  /// Visits the left and the right side of the cells.
+  template <class Visit>
+  void each_side(float from, float to, float length, std::uint32_t which, Visit&& visit) const {
+    each_cell(from, to, length, which, [&](float z, Dice dice) {
+      for (const float side : {-1.0F, 1.0F})
+        visit(z, side, dice);
+    });
+  }
+
   void roadside() {
-    each_cell(z0_ - 14 - shadow_reach(s_), z0_ + 130, 16, hash(s_.seed, 1), [&](float z, Dice dice) {
-      for (const float side : {-1.0F, 1.0F}) {
-        if (place_.urban && dice.chance(0.85F))
-          house(z, side, dice);
-        const int trees = place_.urban ? dice.chance(0.35F) : static_cast<int>(dice.next() % 3);
-        for (int i = 0; i < trees; ++i) {
-          const float tz = z + dice.roll(0, 16);
-          const float x = place_.urban ? place_.pavement - 0.6F : place_.half_width + dice.roll(2.5F, 14);
-          things_.push_back(tree_at(path_.at(tz) + side * x, tz, dice, 5, 10));
-        }
-        if (!place_.urban)
-          for (int i = 0; i < 2; ++i)
-            if (dice.chance(filled_)) {
-              const float bz = z + dice.roll(0, 16);
-              const float away = place_.half_width + dice.roll(1.0F, 6), size = dice.roll(0.4F, 1);
-              const Color leaves = mix(place_.beside, Color{0.05F, 0.09F, 0.02F}, dice.roll());
-              things_.push_back(
-                  lump_at(Thing::Kind::bush, path_.at(bz) + side * away, bz, size, dice, leaves));
-            }
+    each_side(z0_ - 14 - reach_, z0_ + 130, 16, 1, [&](float z, float side, Dice& dice) {
+      if (place_.urban && dice.chance(0.85F))
+        house(z, side, dice);
+      const int trees = place_.urban ? dice.chance(0.35F) : static_cast<int>(dice.next() % 3);
+      for (int i = 0; i < trees; ++i) {
+        const float tz = z + dice.roll(0, 16);
+        const float x = place_.urban ? place_.pavement - 0.6F : place_.half_width + dice.roll(2.5F, 14);
+        things_.push_back(tree_at(path_.at(tz) + side * x, tz, dice, 5, 10));
       }
+      if (!place_.urban)
+        for (int i = 0; i < 2; ++i)
+          if (dice.chance(filled_)) {
+            const float bz = z + dice.roll(0, 16);
+            const float away = place_.half_width + dice.roll(1.0F, 6), size = dice.roll(0.4F, 1);
+            const Color leaves = mix(place_.beside, Color{0.05F, 0.09F, 0.02F}, dice.roll());
+            things_.push_back(lump_at(Thing::Kind::bush, path_.at(bz) + side * away, bz, size, dice, leaves));
+          }
     });
   }
 
   void poles() {
-    each_cell(z0_ - 6 - shadow_reach(s_), z0_ + 110, 32, hash(s_.seed, 2), [&](float z, Dice dice) {
+    each_cell(z0_ - 6 - reach_, z0_ + 110, 32, 2, [&](float z, Dice dice) {
       const float side = dice.chance(0.5F) ? 1.0F : -1.0F;
       things_.push_back({.kind = Thing::Kind::pole,
                          .base = {path_.at(z) + side * (place_.half_width + 0.7F), 0, z},
@@ -236,18 +232,14 @@ class Way {
 
   /// Parked cars, and concrete blocks, half of which have the asphalt's colour.
   void parked() {
-    each_cell(z0_ - 4 - shadow_reach(s_), z0_ + 90, 8, hash(s_.seed, 3), [&](float z, Dice dice) {
-      for (const float side : {-1.0F, 1.0F}) {
-        const bool there = dice.chance(filled_), is_car = dice.chance(place_.urban ? 0.8F : 0.25F);
-        const float middle = z + 4 + dice.roll(-0.6F, 0.6F);
-        Dice own(dice.next());
-        if (!there)
-          continue;
-        if (is_car)
-          parked_car(middle, side, own);
-        else
-          block(middle, side, own);
-      }
+    each_side(z0_ - 4 - reach_, z0_ + 90, 8, 3, [&](float z, float side, Dice& dice) {
+      const bool there = dice.chance(filled_), is_car = dice.chance(place_.urban ? 0.8F : 0.25F);
+      const float middle = z + 4 + dice.roll(-0.6F, 0.6F);
+      Dice own(dice.next());
+      if (there && is_car)
+        parked_car(middle, side, own);
+      else if (there)
+        block(middle, side, own);
     });
   }
 
@@ -256,7 +248,7 @@ class Way {
     const double driven = moment_.seconds * 9;
     const auto shift =
         static_cast<float>(driven - 2048.0 * static_cast<double>(static_cast<std::int64_t>(driven / 2048.0)));
-    each_cell(z0_ + shift - 8, z0_ + shift + 120, 32, hash(s_.seed, 4), [&](float w, Dice dice) {
+    each_cell(z0_ + shift - 8, z0_ + shift + 120, 32, 4, [&](float w, Dice dice) {
       if (!dice.chance(filled_))
         return;
       const float z = w + dice.roll(4, 28) - shift;
@@ -318,6 +310,7 @@ class Way {
   const Path& path_;
   const Moment& moment_;
   const float z0_ = moment_.camera.position.z, filled_ = static_cast<float>(s_.obstacles) / 100;
+  const float reach_ = s_.light == Light::sun ? 48 : 0; ///< of visible shadows from behind the rover, metres
   std::vector<Thing>& things_;
 };
 

@@ -80,6 +80,15 @@ struct Thing {
   Vec3 side() const { return {heading.cos, 0, -heading.sin}; }
   Vec3 ahead() const { return {heading.sin, 0, heading.cos}; }
   Vec3 corner(float x, float y, float z) const { return base + side() * x + ahead() * z + Vec3{0, y, 0}; }
+  /// Where the noise of its surface begins.
+  float shift() const { return static_cast<float>(key & 255); }
+  bool conifer() const { return (key >> 9 & 3) == 0; }
+  /// Distance from the middle of a tree's crown, 1 = its mean edge. `u` across in metres, `y` up from -1
+  /// to 1.
+  float crown_radius(float u, float y) const {
+    const float x = u / (conifer() ? half_x * 0.8F * clamp01(0.5F - 0.5F * y) + 0.02F : half_x);
+    return conifer() ? std::max(std::abs(x), std::abs(y)) : std::sqrt(x * x + y * y);
+  }
   /// The part between two heights.
   Thing part(float from, float to) const {
     Thing box = *this;
