@@ -13,11 +13,6 @@ constexpr int run_length = 16; // pixels that share one footprint
 
 constexpr float corridor_height = 2.7F;
 
-/// A point of the ground under a pixel, and the pixel's footprint there.
-struct Spot {
-  float x, z; ///< world
-};
-
 /// What a pixel shows.
 struct Seen {
   Color light; ///< or the reflectance of the ground
@@ -46,7 +41,7 @@ class Ground {
   explicit Ground(const Stage& stage) : s_(stage) {}
 
   /// Thin clouds, as one more octave.
-  float cloud_shadow(const Spot& spot, const Footprint& foot) const {
+  float cloud_shadow(const Vec3& spot, const Footprint& foot) const {
     return octave(octave_count - 1, spot, foot);
   }
 
@@ -72,7 +67,7 @@ class Ground {
     const Vec3 right = c.ray(static_cast<float>(x + run_length), static_cast<float>(y));
     if (std::max(left.y, right.y) > -1e-3F)
       return foot;
-    const Spot a = spot_of(left), b = spot_of(right);
+    const Vec3 a = c.on_ground(left), b = c.on_ground(right);
     const float length = std::max(std::abs(a.x - b.x), std::abs(a.z - b.z));
     for (int o = 0; o < octave_count; ++o) {
       foot.slow[o] = foot.amplitude[o] > 0 && length * frequencies[o] < 0.3F;
@@ -84,14 +79,8 @@ class Ground {
     return foot;
   }
 
-  Spot spot_of(const Vec3& ray) const {
-    const Camera& c = s_.moment.camera;
-    const float t = c.position.y / -ray.y;
-    return {c.position.x + t * ray.x, c.position.z + t * ray.z};
-  }
-
   /// Reflectance of the ground and its label.
-  Seen at(const Spot& spot, const Footprint& foot) const {
+  Seen at(const Vec3& spot, const Footprint& foot) const {
     switch (s_.settings.kind) {
     case Kind::road:
       return road(spot, foot);
@@ -107,13 +96,13 @@ class Ground {
  private:
   // Octave k of the ground's texture, sheared as far as the world's period allows, so that its grid is not
   // visible.
-  float octave(int k, const Spot& spot, const Footprint& foot) const {
+  float octave(int k, const Vec3& spot, const Footprint& foot) const {
     if (foot.amplitude[k] == 0)
       return 0;
     return foot.slow[k] ? foot.first[k] + foot.step[k] * foot.position : foot.amplitude[k] * texture(k, spot);
   }
 
-  float texture(int k, const Spot& spot) const {
+  float texture(int k, const Vec3& spot) const {
     const float f = frequencies[k];
     if (k <= 3)
       return s_.noise.at((spot.x + 0.5F * spot.z) * f + 31.7F * static_cast<float>(k),
@@ -121,7 +110,7 @@ class Ground {
     return s_.noise.at(spot.x * f + 31.7F * static_cast<float>(k), spot.z * f);
   }
 
-  Color grass(const Spot& spot, const Footprint& foot, const Color& base) const {
+  Color grass(const Vec3& spot, const Footprint& foot, const Color& base) const {
     const float blades = octave(0, spot, foot), tufts = octave(1, spot, foot), clumps = octave(2, spot, foot);
     const float patches = octave(3, spot, foot), meadow = octave(4, spot, foot);
     const float v = 1 + 1.0F * blades + 0.5F * tufts + 0.26F * clumps + 0.2F * patches + 0.18F * meadow;
@@ -129,7 +118,7 @@ class Ground {
     return dry * std::max(v, 0.15F);
   }
 
-  Seen road(const Spot& spot, const Footprint& foot) const {
+  Seen road(const Vec3& spot, const Footprint& foot) const {
     const Place& p = s_.place;
     const float s = spot.x - s_.path.at(spot.z), side = std::abs(s);
     const float rim = p.half_width;
@@ -183,7 +172,7 @@ class Ground {
     return {color, label};
   }
 
-  Seen trail(const Spot& spot, const Footprint& foot) const {
+  Seen trail(const Vec3& spot, const Footprint& foot) const {
     const Place& p = s_.place;
     const float s = spot.x - s_.path.at(spot.z);
     const float ragged =
@@ -211,7 +200,7 @@ class Ground {
     return {color, on_path < 0.5F ? other_traversable : driven_terrain};
   }
 
-  Color plain(const Spot& spot, const Footprint& foot) const {
+  Color plain(const Vec3& spot, const Footprint& foot) const {
     const Place& p = s_.place;
     const float grit = octave(0, spot, foot), stone = octave(1, spot, foot), lumps = octave(2, spot, foot);
     const float patch = octave(3, spot, foot), wide = octave(4, spot, foot), far = octave(5, spot, foot);
@@ -228,7 +217,7 @@ class Ground {
     return mix(dust * v, p.surface * (0.6F * (1 + 0.6F * grit)), 0.75F * pebble);
   }
 
-  Color floor(const Spot& spot, const Footprint& foot) const {
+  Color floor(const Vec3& spot, const Footprint& foot) const {
     const Place& p = s_.place;
     const float grain = octave(0, spot, foot), speck = octave(1, spot, foot), wear = octave(2, spot, foot);
     const float wide = octave(3, spot, foot);
@@ -274,7 +263,7 @@ struct Water {
   float damp = 0, puddle = 0;
 };
 
-Water water_at(const Stage& stage, const Spot& spot, const Footprint& foot) {
+Water water_at(const Stage& stage, const Vec3& spot, const Footprint& foot) {
   // Puddles are longer in the direction of driving. Those much smaller than a pixel are left out.
   const float scale = stage.settings.kind == Kind::corridor ? 3.0F : 1.0F;
   const float level = stage.noise.at(spot.x * 0.4F * scale + 57.1F, spot.z * 0.16F * scale + 23.7F) +
@@ -345,7 +334,7 @@ class Outdoors : public Surroundings {
     if (elevation < -c.position.y / 600) {
       const float distance = c.position.y / -ray.y * level;
       if (distance < 0.6F * s_.place.clearing || distance < clearing(ray)) {
-        const Spot spot = ground_.spot_of(ray);
+        const Vec3 spot = c.on_ground(ray);
         auto [surface, label] = ground_.at(spot, foot);
         if (!s_.settings.wet || label != driven_terrain) {
           const float shade = 1 - s_.light.cloud_shade * smooth(0.1F, 0.5F, ground_.cloud_shadow(spot, foot));
@@ -489,7 +478,7 @@ class Indoors : public Surroundings {
 
   Color floor(const Vec3& ray, float t, float to_wall, const Footprint& foot, std::size_t at) const {
     const Camera& c = s_.moment.camera;
-    const Spot spot = ground_.spot_of(ray);
+    const Vec3 spot = c.on_ground(ray);
     const float inside = std::max(s_.place.half_width - std::abs(spot.x), 0.0F);
     const float corner = 1 - 0.35F / (1 + 12 * inside); // light that the wall blocks
     Color surface = ground_.at(spot, foot).light;

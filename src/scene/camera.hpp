@@ -38,6 +38,8 @@ struct Camera {
   Vec3 ray(float x, float y) const { ///< ray through a pixel; its forward component is 1
     return forward + step_x * (x - center_x) + step_y * (y - center_y);
   }
+  /// The point of the ground under a ray that points down.
+  Vec3 on_ground(const Vec3& ray) const { return position + ray * (position.y / -ray.y); }
   float depth(const Vec3& point) const { return dot(point - position, forward); }
   /// The camera of the reflection in the ground: below the ground, looking up.
   Camera mirrored() const;

@@ -54,28 +54,27 @@ class SoftShadows {
   }
 
   void shadow(const Thing& thing) {
-    if (s_.settings.kind != Kind::corridor && s_.light.sun.y > 0.01F) {
-      const float reach = std::min(1 / s_.light.sun.y, 14.0F);
-      const Vec3 along = {-s_.light.sun.x * reach, 0, -s_.light.sun.z * reach};
-      const Color kept = s_.light.kept_in_shadow(0.06F);
-      if (thing.kind == Thing::Kind::tree) {
-        const Vec3 middle = thing.base + along * (thing.height * 0.62F);
-        const float stretch =
-            std::sqrt(along.x * along.x + along.z * along.z) * 0.36F * thing.height + thing.half_x;
-        darken(ellipse(middle, along, stretch, thing.half_x), kept, 0.35F, true);
-        const Vec3 trunk = {0.012F * thing.height, 0, 0}, end = thing.base + along * (thing.height * 0.4F);
-        const std::array<Vec3, 4> corners = {thing.base - trunk, thing.base + trunk, end + trunk,
-                                             end - trunk};
-        darken(corners, kept, 0.03F, false);
-      } else if (thing.kind == Thing::Kind::bush || thing.kind == Thing::Kind::rock) {
-        const float length = std::sqrt(along.x * along.x + along.z * along.z) * 0.5F * thing.height;
-        const Vec3 middle = thing.base + along * (0.5F * thing.height);
-        darken(ellipse(middle, along, length + 0.6F * thing.half_x, thing.half_x), kept,
-               0.04F * thing.half_x + 0.01F, false);
-      } else {
-        std::array<Vec3, 16> corners;
-        darken(cast_hull(thing, along, corners), kept, 0.05F, false);
-      }
+    if (s_.settings.kind == Kind::corridor || s_.light.sun.y <= 0.01F)
+      return;
+    const float reach = std::min(1 / s_.light.sun.y, 14.0F);
+    const Vec3 along = {-s_.light.sun.x * reach, 0, -s_.light.sun.z * reach};
+    const Color kept = s_.light.kept_in_shadow(0.06F);
+    if (thing.kind == Thing::Kind::tree) {
+      const Vec3 middle = thing.base + along * (thing.height * 0.62F);
+      const float stretch =
+          std::sqrt(along.x * along.x + along.z * along.z) * 0.36F * thing.height + thing.half_x;
+      darken(ellipse(middle, along, stretch, thing.half_x), kept, 0.35F, true);
+      const Vec3 trunk = {0.012F * thing.height, 0, 0}, end = thing.base + along * (thing.height * 0.4F);
+      const std::array<Vec3, 4> corners = {thing.base - trunk, thing.base + trunk, end + trunk, end - trunk};
+      darken(corners, kept, 0.03F, false);
+    } else if (thing.kind == Thing::Kind::bush || thing.kind == Thing::Kind::rock) {
+      const float length = std::sqrt(along.x * along.x + along.z * along.z) * 0.5F * thing.height;
+      const Vec3 middle = thing.base + along * (0.5F * thing.height);
+      darken(ellipse(middle, along, length + 0.6F * thing.half_x, thing.half_x), kept,
+             0.04F * thing.half_x + 0.01F, false);
+    } else {
+      std::array<Vec3, 16> corners;
+      darken(cast_hull(thing, along, corners), kept, 0.05F, false);
     }
   }
 
@@ -88,13 +87,7 @@ class SoftShadows {
       return darken(ellipse(thing.base, {0, 0, 1}, 0.7F * radius + rim, radius + rim), {0.5F, 0.5F, 0.5F},
                     2 * rim, false);
     }
-    std::array<Vec3, 4> corners;
-    for (int i = 0; i < 4; ++i) {
-      const float x = (i == 1 || i == 2 ? 1.0F : -1.0F) * (thing.half_x + rim);
-      const float z = (i >= 2 ? 1.0F : -1.0F) * (thing.half_z + rim);
-      corners[i] = thing.corner(x, 0, z);
-    }
-    darken(corners, {0.42F, 0.42F, 0.42F}, 2 * rim, false);
+    darken(thing.corners(0, rim), {0.42F, 0.42F, 0.42F}, 2 * rim, false);
   }
 
  private:
@@ -116,29 +109,29 @@ class SoftShadows {
       middle = middle + corner * (1.0F / static_cast<float>(corners.size()));
     const float depth = std::max(camera_.depth(middle), 1.0F);
     const float soft = std::max(softness * camera_.focal / depth, 1.0F);
-    Outline(camera_, corners)
-        .each_pixel(canvas_, soft * 0.5F, soft * (dappled ? 4.0F : 0.5F),
-                    [&](std::size_t pixel, int x, int y, float distance) {
-                      if (canvas_.shade[pixel].g < kept.g * 0.8F)
-                        return; // already dark from several shadows
-                      float k = past_edge(distance, soft);
-                      if (dappled) {
-                        const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
-                        if (ray.y >= -1e-4F)
-                          return;
-                        const float t = camera_.position.y / -ray.y;
-                        const float u = camera_.position.x + t * ray.x, v = camera_.position.z + t * ray.z;
-                        const float gaps =
-                            0.66F * s_.noise.at(u * 2.3F, v * 2.3F) + 0.34F * s_.noise.at(u * 5.1F, v * 5.1F);
-                        k *= 1 - 0.85F * smooth(0.05F, 0.3F, gaps);
-                        // The edge of a crown is ragged.
-                        if (distance < 3 * soft)
-                          k *= smooth(-0.1F, 0.35F,
-                                      distance / soft * 0.25F + 0.4F * s_.noise.at(u * 1.7F + 9, v * 1.7F) +
-                                          0.1F);
-                      }
-                      canvas_.shade[pixel] = canvas_.shade[pixel] * mix(Color{1, 1, 1}, kept, k);
-                    });
+    const Outline outline(camera_, corners);
+    outline.each_pixel(
+        canvas_, soft * 0.5F, soft * (dappled ? 4.0F : 0.5F),
+        [&](std::size_t pixel, int x, int y, float distance) {
+          if (canvas_.shade[pixel].g < kept.g * 0.8F)
+            return; // already dark from several shadows
+          float k = past_edge(distance, soft);
+          if (dappled) {
+            const Vec3 ray = camera_.ray(static_cast<float>(x), static_cast<float>(y));
+            if (ray.y >= -1e-4F)
+              return;
+            const Vec3 spot = camera_.on_ground(ray);
+            const float u = spot.x, v = spot.z;
+            const float gaps =
+                0.66F * s_.noise.at(u * 2.3F, v * 2.3F) + 0.34F * s_.noise.at(u * 5.1F, v * 5.1F);
+            k *= 1 - 0.85F * smooth(0.05F, 0.3F, gaps);
+            // The edge of a crown is ragged.
+            if (distance < 3 * soft)
+              k *= smooth(-0.1F, 0.35F,
+                          distance / soft * 0.25F + 0.4F * s_.noise.at(u * 1.7F + 9, v * 1.7F) + 0.1F);
+          }
+          canvas_.shade[pixel] = canvas_.shade[pixel] * mix(Color{1, 1, 1}, kept, k);
+        });
   }
 
   const Stage& s_;
@@ -199,10 +192,10 @@ class Caster {
   }
 
   void fill(std::span<const Vec3> corners) {
-    Outline(camera_, corners)
-        .each_pixel(canvas_, 0.5F, 0.5F, [&](std::size_t pixel, int, int, float distance) {
-          shade(pixel, clamp01(distance + 0.5F));
-        });
+    const Outline outline(camera_, corners);
+    outline.each_pixel(canvas_, 0.5F, 0.5F, [&](std::size_t pixel, int, int, float distance) {
+      shade(pixel, clamp01(distance + 0.5F));
+    });
   }
 
   // Objects without flat faces cast the shadow of a picture that faces the sun.

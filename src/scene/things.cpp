@@ -92,10 +92,7 @@ class Painter {
              [&](float u, float v, float size) { return shade(f, normal, is_side ? u : u * sign, v, size); });
       }
     if (camera_.position.y > b.height) {
-      const std::array<Vec3, 4> corners = {
-          b.corner(-b.half_x, b.height, -b.half_z), b.corner(b.half_x, b.height, -b.half_z),
-          b.corner(b.half_x, b.height, b.half_z), b.corner(-b.half_x, b.height, b.half_z)};
-      face(corners, {b.corner(0, b.height, 0), b.side(), b.ahead(), {0, 1, 0}},
+      face(b.corners(b.height), {b.corner(0, b.height, 0), b.side(), b.ahead(), {0, 1, 0}},
            [&](float u, float v, float size) {
              return shade(Face::top, Vec3{0, 1, 0}, u, v, size);
            });

@@ -80,6 +80,11 @@ struct Thing {
   Vec3 side() const { return {heading.cos, 0, -heading.sin}; }
   Vec3 ahead() const { return {heading.sin, 0, heading.cos}; }
   Vec3 corner(float x, float y, float z) const { return base + side() * x + ahead() * z + Vec3{0, y, 0}; }
+  /// The corners of the box at a height, moved outwards by `rim` metres.
+  std::array<Vec3, 4> corners(float y, float rim = 0) const {
+    const float x = half_x + rim, z = half_z + rim;
+    return {corner(-x, y, -z), corner(x, y, -z), corner(x, y, z), corner(-x, y, z)};
+  }
   /// Where the noise of its surface begins.
   float shift() const { return static_cast<float>(key & 255); }
   bool conifer() const { return (key >> 9 & 3) == 0; }
