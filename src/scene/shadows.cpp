@@ -12,36 +12,35 @@ Vec3 cast_of(const Vec3& point, const Vec3& along) {
   return Vec3{point.x, 0, point.z} + along * point.y;
 }
 
-/// Returns the convex hull of ground points, in `corners`. Reorders the points.
-std::span<const Vec3> hull_of(std::span<Vec3> points, std::array<Vec3, 16>& corners) {
-  const int last = static_cast<int>(points.size()) - 1;
+/// Returns the convex hull of ground points. Reorders the points.
+std::vector<Vec3> hull_of(std::span<Vec3> points) {
   std::sort(points.begin(), points.end(),
             [](const Vec3& a, const Vec3& b) { return a.x < b.x || (a.x == b.x && a.z < b.z); });
   const auto turn = [](const Vec3& o, const Vec3& a, const Vec3& b) {
     return (a.x - o.x) * (b.z - o.z) - (a.z - o.z) * (b.x - o.x);
   };
-  int count = 0;
+  std::vector<Vec3> corners;
   for (int pass = 0; pass < 2; ++pass) {
-    const int start = count;
-    for (int i = 0; i <= last; ++i) {
-      const Vec3& point = points[pass ? last - i : i];
-      while (count >= start + 2 && turn(corners[count - 2], corners[count - 1], point) <= 0)
-        --count;
-      corners[count++] = point;
+    const std::size_t start = corners.size();
+    for (const Vec3& point : points) {
+      while (corners.size() >= start + 2 && turn(corners.end()[-2], corners.back(), point) <= 0)
+        corners.pop_back();
+      corners.push_back(point);
     }
-    --count; // the next pass begins with the last point
+    corners.pop_back(); // the next pass begins with the last point
+    std::reverse(points.begin(), points.end());
   }
-  return {corners.data(), static_cast<std::size_t>(count)};
+  return corners;
 }
 
 /// The outline of a box's shadow on the ground.
-std::span<const Vec3> cast_hull(const Thing& box, const Vec3& along, std::array<Vec3, 16>& corners) {
+std::vector<Vec3> cast_hull(const Thing& box, const Vec3& along) {
   std::array<Vec3, 8> points;
   for (int i = 0; i < 8; ++i)
     points[i] = cast_of(box.corner(i & 1 ? box.half_x : -box.half_x, i & 4 ? box.height : box.low,
                                    i & 2 ? box.half_z : -box.half_z),
                         along);
-  return hull_of(points, corners);
+  return hull_of(points);
 }
 
 class SoftShadows {
@@ -73,8 +72,7 @@ class SoftShadows {
       darken(ellipse(middle, along, length + 0.6F * thing.half_x, thing.half_x), kept,
              0.04F * thing.half_x + 0.01F, false);
     } else {
-      std::array<Vec3, 16> corners;
-      darken(cast_hull(thing, along, corners), kept, 0.05F, false);
+      darken(cast_hull(thing, along), kept, 0.05F, false);
     }
   }
 
@@ -174,10 +172,7 @@ class Caster {
   }
 
  private:
-  void solid(const Thing& box) {
-    std::array<Vec3, 16> corners;
-    fill(cast_hull(box, along_, corners));
-  }
+  void solid(const Thing& box) { fill(cast_hull(box, along_)); }
 
   void roof(const Thing& thing) {
     const float hx = thing.half_x + 0.4F, hz = thing.half_z + 0.4F;
@@ -187,8 +182,7 @@ class Caster {
                                        i % 3 == 1 ? thing.height + 0.7F * thing.half_x : thing.height - 0.2F,
                                        i < 3 ? -hz : hz),
                           along_);
-    std::array<Vec3, 16> corners;
-    fill(hull_of(points, corners));
+    fill(hull_of(points));
   }
 
   void fill(std::span<const Vec3> corners) {
