@@ -36,14 +36,40 @@ float stripe(float offset, float half_width, float size) {
   return past_edge(half_width - std::abs(offset), size) * std::min(1.0F, 2 * half_width / size);
 }
 
-class Ground {
- public:
-  explicit Ground(const Stage& stage) : s_(stage) {}
+/// Wetness of a point of the ground: damp ground is darker, a puddle reflects.
+struct Water {
+  float damp = 0, puddle = 0;
+};
 
-  /// Thin clouds, as one more octave.
-  float cloud_shadow(const Vec3& spot, const Footprint& foot) const {
-    return octave(octave_count - 1, spot, foot);
-  }
+Water water_at(const Stage& stage, const Vec3& spot, const Footprint& foot) {
+  // Puddles are longer in the direction of driving. Those much smaller than a pixel are left out.
+  const float scale = stage.settings.kind == Kind::corridor ? 3.0F : 1.0F;
+  const float level = stage.noise.at(spot.x * 0.4F * scale + 57.1F, spot.z * 0.16F * scale + 23.7F) +
+                      0.3F * stage.noise.at(spot.x * 1.6F * scale + 11.9F, spot.z * 0.8F * scale) +
+                      0.08F * stage.noise.at(spot.x * 8, spot.z * 4);
+  const float seen = clamp01(1.5F - 0.25F * foot.z * scale);
+  return {seen * smooth(0.1F, 0.24F, level), seen * smooth(0.24F, 0.26F, level)};
+}
+
+/// Reflectance of water (Schlick's approximation). `slope`: cosine of the angle of incidence, 1 = straight
+/// down.
+float mirrored_share(float slope) {
+  const float graze = 1 - slope, g2 = graze * graze;
+  return 0.03F + 0.97F * g2 * g2 * graze;
+}
+
+/// A measure of the direction around the rover that grows with the angle, -2..2; 0 = forward. Cheaper than
+/// atan2().
+float bearing(const Vec3& ray) {
+  const float a = ray.x / (std::abs(ray.x) + std::abs(ray.z) + 1e-9F);
+  return ray.z >= 0 ? a : (a >= 0 ? 2 - a : -2 - a);
+}
+
+/// What all kinds of place have: the ground.
+class Surroundings {
+ public:
+  Surroundings(const Stage& stage, const Canvas& mirror, const Canvas& canvas)
+      : s_(stage), mirror_(mirror), canvas_(canvas) {}
 
   /// Values that are the same for a run of pixels that begins at x.
   Footprint measure(int x, int y) const {
@@ -79,8 +105,14 @@ class Ground {
     return foot;
   }
 
+ protected:
+  /// Thin clouds, as one more octave.
+  float cloud_shadow(const Vec3& spot, const Footprint& foot) const {
+    return octave(octave_count - 1, spot, foot);
+  }
+
   /// Reflectance of the ground and its label.
-  Seen at(const Vec3& spot, const Footprint& foot) const {
+  Seen ground(const Vec3& spot, const Footprint& foot) const {
     switch (s_.settings.kind) {
     case Kind::road:
       return road(spot, foot);
@@ -89,9 +121,13 @@ class Ground {
     case Kind::plain:
       return {plain(spot, foot), driven_terrain};
     default:
-      return {floor(spot, foot), driven_terrain};
+      return {flooring(spot, foot), driven_terrain};
     }
   }
+
+  const Stage& s_;
+  const Canvas& mirror_;
+  const Canvas& canvas_;
 
  private:
   // Octave k of the ground's texture, sheared as far as the world's period allows, so that its grid is not
@@ -217,7 +253,7 @@ class Ground {
     return mix(dust * v, p.surface * (0.6F * (1 + 0.6F * grit)), 0.75F * pebble);
   }
 
-  Color floor(const Vec3& spot, const Footprint& foot) const {
+  Color flooring(const Vec3& spot, const Footprint& foot) const {
     const Place& p = s_.place;
     const float grain = octave(0, spot, foot), speck = octave(1, spot, foot), wear = octave(2, spot, foot);
     const float wide = octave(3, spot, foot);
@@ -254,51 +290,6 @@ class Ground {
       return p.surface * (1 + 0.5F * grain + 0.2F * speck + 0.07F * wear + 0.07F * wide);
     }
   }
-
-  const Stage& s_;
-};
-
-/// Wetness of a point of the ground: damp ground is darker, a puddle reflects.
-struct Water {
-  float damp = 0, puddle = 0;
-};
-
-Water water_at(const Stage& stage, const Vec3& spot, const Footprint& foot) {
-  // Puddles are longer in the direction of driving. Those much smaller than a pixel are left out.
-  const float scale = stage.settings.kind == Kind::corridor ? 3.0F : 1.0F;
-  const float level = stage.noise.at(spot.x * 0.4F * scale + 57.1F, spot.z * 0.16F * scale + 23.7F) +
-                      0.3F * stage.noise.at(spot.x * 1.6F * scale + 11.9F, spot.z * 0.8F * scale) +
-                      0.08F * stage.noise.at(spot.x * 8, spot.z * 4);
-  const float seen = clamp01(1.5F - 0.25F * foot.z * scale);
-  return {seen * smooth(0.1F, 0.24F, level), seen * smooth(0.24F, 0.26F, level)};
-}
-
-/// Reflectance of water (Schlick's approximation). `slope`: cosine of the angle of incidence, 1 = straight
-/// down.
-float mirrored_share(float slope) {
-  const float graze = 1 - slope, g2 = graze * graze;
-  return 0.03F + 0.97F * g2 * g2 * graze;
-}
-
-/// A measure of the direction around the rover that grows with the angle, -2..2; 0 = forward. Cheaper than
-/// atan2().
-float bearing(const Vec3& ray) {
-  const float a = ray.x / (std::abs(ray.x) + std::abs(ray.z) + 1e-9F);
-  return ray.z >= 0 ? a : (a >= 0 ? 2 - a : -2 - a);
-}
-
-/// Common part of all kinds of place.
-class Surroundings {
- public:
-  Surroundings(const Stage& stage, const Canvas& mirror, const Canvas& canvas)
-      : s_(stage), mirror_(mirror), canvas_(canvas), ground_(stage) {}
-  const Ground& ground() const { return ground_; }
-
- protected:
-  const Stage& s_;
-  const Canvas& mirror_;
-  const Canvas& canvas_;
-  Ground ground_;
 };
 
 /// Where::pixel(ray, footprint, at) computes the pixels that no object covers. `at` is the pixel's index.
@@ -311,7 +302,7 @@ template <class Where> void draw_open_pixels(const Stage& stage, const Canvas& m
       const float* open = canvas.open.data() + canvas.at(x0, y);
       if (std::all_of(open, open + count, [](float share) { return share < Canvas::hidden; }))
         continue;
-      Footprint foot = where.ground().measure(x0, y);
+      Footprint foot = where.measure(x0, y);
       for (int i = 0; i < count; ++i) {
         if (open[i] < Canvas::hidden)
           continue;
@@ -335,9 +326,9 @@ class Outdoors : public Surroundings {
       const float distance = c.position.y / -ray.y * level;
       if (distance < 0.6F * s_.place.clearing || distance < clearing(ray)) {
         const Vec3 spot = c.on_ground(ray);
-        auto [surface, label] = ground_.at(spot, foot);
+        auto [surface, label] = ground(spot, foot);
         if (!s_.settings.wet || label != driven_terrain) {
-          const float shade = 1 - s_.light.cloud_shade * smooth(0.1F, 0.5F, ground_.cloud_shadow(spot, foot));
+          const float shade = 1 - s_.light.cloud_shade * smooth(0.1F, 0.5F, cloud_shadow(spot, foot));
           return {s_.hazed(surface * horizontal_light_ * canvas_.shade[at] * shade, distance), label};
         }
         const Water water = water_at(s_, spot, foot);
@@ -481,7 +472,7 @@ class Indoors : public Surroundings {
     const Vec3 spot = c.on_ground(ray);
     const float inside = std::max(s_.place.half_width - std::abs(spot.x), 0.0F);
     const float corner = 1 - 0.35F / (1 + 12 * inside); // light that the wall blocks
-    Color surface = ground_.at(spot, foot).light;
+    Color surface = ground(spot, foot).light;
     Water water;
     if (s_.settings.wet) {
       water = water_at(s_, spot, foot);
