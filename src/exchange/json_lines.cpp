@@ -68,11 +68,6 @@ void put_decimal(std::string& out, std::uint64_t value, int decimals) {
   out.append(digits, end);
 }
 
-/// A number with 8 fraction bits, rounded to a thousandth.
-void put_q8(std::string& out, std::uint64_t value) {
-  put_decimal(out, (value * 1000 + 128) >> 8, 3);
-}
-
 void put_boundary(std::string& out, std::span<const std::uint16_t> boundary, int frame_height) {
   const std::uint32_t height = static_cast<std::uint32_t>(std::max(frame_height, 1));
   // Neighbouring columns mostly have the same row: its text is reused.
@@ -225,7 +220,8 @@ void append_json_line(std::string& out, const Estimate& e, std::int64_t pts, boo
   put_flags(out, e.flags);
   out += ", \"models\": [";
   const int models = std::clamp(e.model_count, 0, max_models);
-  const auto q8 = [&](std::uint32_t value) { put_q8(out, value); };
+  // A number with 8 fraction bits, rounded to a thousandth.
+  const auto q8 = [&](std::uint64_t value) { put_decimal(out, (value * 1000 + 128) >> 8, 3); };
   for (int i = 0; i < models; ++i) {
     const ModelSummary& model = e.models[static_cast<std::size_t>(i)];
     out += i ? ", {\"mean\": " : "{\"mean\": ";

@@ -24,10 +24,6 @@ std::uint8_t type_of(VideoCodec codec, std::uint8_t first) {
   return codec == VideoCodec::h264 ? first & 31 : first >> 1 & 63;
 }
 
-bool is_sei(VideoCodec codec, std::uint8_t type) {
-  return type == (codec == VideoCodec::h264 ? h264_sei : h265_prefix_sei);
-}
-
 /// Whether the picture begins with this unit: a slice, or a prefix NAL unit (H.264, type 14), which precedes
 /// one.
 bool is_picture(VideoCodec codec, std::uint8_t type) {
@@ -78,13 +74,6 @@ class Payload {
   unsigned zeros_ = 0;
 };
 
-void note(StampSearch& found, std::uint64_t time_us) {
-  if (found.several)
-    return;
-  found.several = found.time_us && *found.time_us != time_us;
-  found.time_us = found.several ? std::nullopt : std::optional(time_us);
-}
-
 /// Reads the messages of an SEI unit without its header.
 void read_messages(Bytes nal, StampSearch& found) {
   constexpr std::uint32_t most = 1 << 24;
@@ -105,9 +94,11 @@ void read_messages(Bytes nal, StampSearch& found) {
       }
       left -= message_size;
       const Bytes whole(message);
-      if (const auto time =
-              stamp_time(whole.first(sizeof(StampIdentifier)), whole.subspan(sizeof(StampIdentifier))))
-        note(found, *time);
+      const auto time =
+          stamp_time(whole.first(sizeof(StampIdentifier)), whole.subspan(sizeof(StampIdentifier)));
+      found.several = found.several || (time && found.time_us && time != found.time_us);
+      if (time)
+        found.time_us = found.several ? std::nullopt : time;
     }
     if (!payload.skip(left))
       return;
@@ -124,7 +115,7 @@ bool see(Bytes nal, VideoCodec codec, StampSearch& found) {
       found.temporal = std::max<std::uint8_t>(nal[1] & 7, 1);
     return true;
   }
-  if (is_sei(codec, type))
+  if (type == (codec == VideoCodec::h264 ? h264_sei : h265_prefix_sei))
     read_messages(nal.subspan(header_bytes(codec)), found);
   return false;
 }

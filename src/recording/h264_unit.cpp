@@ -89,10 +89,9 @@ ByteView ParameterSets::complete(ByteView unit) {
   if (!kind.idr || kind.parameter_sets)
     return unit;
   completed_.clear();
-  append(completed_, unit.first(behind_delimiter));
-  append(completed_, sequence_);
-  append(completed_, picture_);
-  append(completed_, unit.subspan(behind_delimiter));
+  for (const ByteView part : {unit.first(behind_delimiter), ByteView(sequence_), ByteView(picture_),
+                              unit.subspan(behind_delimiter)})
+    append(completed_, part);
   return completed_;
 }
 

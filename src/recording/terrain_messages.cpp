@@ -6,12 +6,6 @@
 namespace terrainseg::recording {
 namespace {
 
-/// Rotation from the camera's optical frame (x right, y down, z forward) to the body frame.
-Quaternion camera_rotation(double yaw, double pitch, double roll) {
-  constexpr Quaternion optical = {-0.5, 0.5, -0.5, 0.5};
-  return product(rotation_of(yaw, pitch, roll), optical);
-}
-
 const char* text_of(bool value) {
   return value ? "true" : "false";
 }
@@ -91,11 +85,13 @@ void TerrainMessages::add_transform(MessageOutlet& out, const Header& body, cons
     return;
   const Topic topic = m && (m->flags & metric_flag_pose) != 0 ? Topic::tf : Topic::tf_static;
   const metric::Mount& mount = *options_.mount;
+  // From the camera's optical frame (x right, y down, z forward) to one with x forward and z up.
+  constexpr Quaternion optical = {-0.5, 0.5, -0.5, 0.5};
   send(out, topic, body, [&] {
-    return Transform{options_.camera_frame,
-                     {mount.x, mount.y, m ? m->height : mount.height},
-                     m ? camera_rotation(m->yaw, m->pitch, m->roll)
-                       : camera_rotation(mount.yaw, mount.pitch, mount.roll)};
+    const Quaternion rotation =
+        m ? rotation_of(m->yaw, m->pitch, m->roll) : rotation_of(mount.yaw, mount.pitch, mount.roll);
+    return Transform{
+        options_.camera_frame, {mount.x, mount.y, m ? m->height : mount.height}, product(rotation, optical)};
   });
 }
 

@@ -236,10 +236,14 @@ class Way {
       const bool there = dice.chance(filled_), is_car = dice.chance(place_.urban ? 0.8F : 0.25F);
       const float middle = z + 4 + dice.roll(-0.6F, 0.6F);
       Dice own(dice.next());
-      if (there && is_car)
-        parked_car(middle, side, own);
-      else if (there)
+      if (there && is_car) {
+        const float kerb = place_.half_width - (place_.urban ? 1.1F : -1.6F);
+        const Color paint = obstacle_color(own, car_color(own), place_.surface, 0.25F);
+        things_.push_back(
+            car_at(path_.at(middle) + side * kerb, middle, heading_at(path_, middle), own, paint));
+      } else if (there) {
         block(middle, side, own);
+      }
     });
   }
 
@@ -286,12 +290,6 @@ class Way {
                        .heading = heading_at(path_, middle),
                        .color = wall * dice.roll(0.7F, 1.1F),
                        .key = dice.next()});
-  }
-
-  void parked_car(float middle, float side, Dice& dice) {
-    const float kerb = place_.half_width - (place_.urban ? 1.1F : -1.6F);
-    const Color paint = obstacle_color(dice, car_color(dice), place_.surface, 0.25F);
-    things_.push_back(car_at(path_.at(middle) + side * kerb, middle, heading_at(path_, middle), dice, paint));
   }
 
   void block(float middle, float side, Dice& dice) {
