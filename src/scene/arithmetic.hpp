@@ -3,7 +3,6 @@
 // same picture. This folder is compiled without contraction to fused multiply-add.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cfloat>
 #include <cmath>
@@ -64,6 +63,10 @@ constexpr float smooth(float a, float b, float v) {
 constexpr int floor_of(float v) {
   const int i = static_cast<int>(v);
   return i - (v < static_cast<float>(i));
+}
+/// The number of a cell of length 1 as a key.
+constexpr std::uint32_t cell_of(float v) {
+  return static_cast<std::uint32_t>(floor_of(v));
 }
 constexpr float fraction(float v) {
   return v - static_cast<float>(floor_of(v));

@@ -264,9 +264,7 @@ class Surroundings {
       const float u = spot.x * 2, v = spot.z * 2;
       const float joint = std::max(stripe(fraction(u) - 0.5F, 0.012F, foot.x * 2),
                                    stripe(fraction(v) - 0.5F, 0.012F, foot.z * 2));
-      const float tile = unit(hash(s_.settings.seed, static_cast<std::uint32_t>(floor_of(u + 0.5F)),
-                                   static_cast<std::uint32_t>(floor_of(v + 0.5F)))) -
-                         0.5F;
+      const float tile = unit(hash(s_.settings.seed, cell_of(u + 0.5F), cell_of(v + 0.5F))) - 0.5F;
       return p.surface *
              ((1 + 0.12F * tile * foot.amplitude[2] + 0.07F * grain + 0.05F * speck + 0.05F * wide) *
               (1 - 0.45F * joint));
@@ -275,9 +273,8 @@ class Surroundings {
       const float u = spot.x * 8;
       const int board = floor_of(u);
       const auto key = static_cast<std::uint32_t>(board);
-      const float end = fraction(spot.z * 0.5F + unit(hash(key, 3)));
-      const float tone =
-          unit(hash(key, static_cast<std::uint32_t>(floor_of(spot.z * 0.5F + unit(hash(key, 3)))))) - 0.5F;
+      const float along = spot.z * 0.5F + unit(hash(key, 3)), end = fraction(along);
+      const float tone = unit(hash(key, cell_of(along))) - 0.5F;
       const float fibre =
           s_.noise.at(spot.x * 96, spot.z * 4 + static_cast<float>(board)) * foot.amplitude[0];
       const float gap =
@@ -547,8 +544,7 @@ class Indoors : public Surroundings {
       const float board =
           past_edge(0.62F - std::abs(u), along) * past_edge(0.42F - std::abs(height - 1.5F), size);
       if (board > 0) {
-        const std::uint32_t sheet = hash(key, static_cast<std::uint32_t>(floor_of((u + 1) * 4)),
-                                         static_cast<std::uint32_t>(floor_of(height * 3)));
+        const std::uint32_t sheet = hash(key, cell_of((u + 1) * 4), cell_of(height * 3));
         const float writing = detail * s_.noise.at(z * 40, height * 90);
         const float tint = 0.25F * unit(hash(sheet, 3));
         const Color paper = Color{0.65F, 0.63F - 0.6F * tint, 0.6F - 2 * tint} *

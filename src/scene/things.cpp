@@ -139,7 +139,7 @@ class Painter {
                                       : Color{0.6F, 0.6F, 0.55F} * (dusk ? 2.5F : 1.0F);
         light = mix(light, lamp_light, lamp);
         return {mix(mix(Color{0.006F, 0.006F, 0.006F}, tyre * lit(normal), tyres), light, low),
-                low > tyres ? std::max(low, 0.85F) : std::max(tyres, 0.85F)};
+                std::max({low, tyres, 0.85F})};
       }
       return {color * lit(normal) + glint * 0.8F, 1};
     });
@@ -147,7 +147,6 @@ class Painter {
     cabin.half_x *= 0.86F;
     cabin.half_z *= 0.55F;
     cabin.base = body.corner(0, 0, -0.12F * length);
-    cabin.base.y = 0;
     box(cabin, [&](Face f, const Vec3& normal, float u, float v, float size) -> Sample {
       const float rise = (v - waist) / (thing.height - waist);
       const Color light = paint * lit(normal);
@@ -167,7 +166,7 @@ class Painter {
 
   void house(const Thing& thing) {
     const float storey = 2.9F;
-    // A gable roof with its ridge along the road; the eaves hide a part of the thing.
+    // A gable roof with its ridge along the road; the eaves hide a part of the walls.
     const float eave = 0.4F, rise = 0.7F * thing.half_x;
     const auto at = [&](float x, float y, float z) { return thing.corner(x, y, z); };
     const Color tile = mix(Color{0.22F, 0.09F, 0.06F}, Color{0.1F, 0.1F, 0.11F}, unit(hash(thing.key, 5)));
@@ -204,31 +203,28 @@ class Painter {
       Color color = thing.color * (1 + 0.16F * s_.noise.at(u * 0.7F + phase, v * 0.7F) +
                                    0.16F * coarse * s_.noise.at(u * 3 + phase, v * 3) +
                                    0.4F * fine * s_.noise.at(u * 12 + phase, v * 24));
-      if (f != Face::top) {
-        const float wu = std::abs(fraction((u + phase) * 0.4F) - 0.5F) * 2.5F,
-                    wv = fraction(v / storey) * storey;
-        const float frame = past_edge(0.6F - wu, size) * past_edge(0.8F - std::abs(wv - 1.7F), size);
-        const float glass = past_edge(0.52F - wu, size) * past_edge(0.72F - std::abs(wv - 1.7F), size) *
-                            past_edge(std::abs(wu) - 0.025F, size);
-        color = mix(color, Color{0.5F, 0.49F, 0.46F}, frame);
-        const std::uint32_t pane_key =
-            hash(thing.key, static_cast<std::uint32_t>(floor_of((u + phase) * 0.4F)),
-                 static_cast<std::uint32_t>(floor_of(v / storey)));
-        const float curtain =
-            unit(hash(pane_key, 2)) < 0.6F ? 0.7F * smooth(0.12F, 0.2F, wu - 0.25F * unit(pane_key)) : 0;
-        const bool lamp = s_.settings.light == Light::dusk && unit(pane_key) < 0.3F;
-        const Color pane =
-            lamp ? Color{0.6F, 0.42F, 0.2F}
-                 : Color{0.012F, 0.014F, 0.018F} +
-                       s_.light.haze * (0.02F + 0.2F * unit(pane_key) *
-                                                    clamp01(0.5F + s_.noise.at(u * 1.3F + phase, v * 1.3F))) +
-                       Color{0.4F, 0.38F, 0.34F} * curtain;
-        const float pipe = past_edge(0.06F - std::abs(fraction((u + phase) / 7.5F) - 0.5F) * 7.5F, size);
-        color = mix(color, color * 0.35F, pipe);
-        const float plinth = past_edge(0.5F - v, size);
-        return {mix(mix(color, color * 0.6F, plinth) * lit(normal), pane, glass), 1};
-      }
-      return {color * lit(normal), 1};
+      if (f == Face::top)
+        return {color * lit(normal), 1};
+      const float wu = std::abs(fraction((u + phase) * 0.4F) - 0.5F) * 2.5F,
+                  wv = fraction(v / storey) * storey;
+      const float frame = past_edge(0.6F - wu, size) * past_edge(0.8F - std::abs(wv - 1.7F), size);
+      const float glass = past_edge(0.52F - wu, size) * past_edge(0.72F - std::abs(wv - 1.7F), size) *
+                          past_edge(std::abs(wu) - 0.025F, size);
+      color = mix(color, Color{0.5F, 0.49F, 0.46F}, frame);
+      const std::uint32_t pane_key = hash(thing.key, cell_of((u + phase) * 0.4F), cell_of(v / storey));
+      const float curtain =
+          unit(hash(pane_key, 2)) < 0.6F ? 0.7F * smooth(0.12F, 0.2F, wu - 0.25F * unit(pane_key)) : 0;
+      const bool lamp = s_.settings.light == Light::dusk && unit(pane_key) < 0.3F;
+      const Color pane =
+          lamp ? Color{0.6F, 0.42F, 0.2F}
+               : Color{0.012F, 0.014F, 0.018F} +
+                     s_.light.haze * (0.02F + 0.2F * unit(pane_key) *
+                                                  clamp01(0.5F + s_.noise.at(u * 1.3F + phase, v * 1.3F))) +
+                     Color{0.4F, 0.38F, 0.34F} * curtain;
+      const float pipe = past_edge(0.06F - std::abs(fraction((u + phase) / 7.5F) - 0.5F) * 7.5F, size);
+      color = mix(color, color * 0.35F, pipe);
+      const float plinth = past_edge(0.5F - v, size);
+      return {mix(mix(color, color * 0.6F, plinth) * lit(normal), pane, glass), 1};
     });
   }
 
