@@ -32,10 +32,6 @@ std::uint16_t checksum(std::span<const std::uint8_t> bytes, std::uint16_t crc = 
   return crc;
 }
 
-void put_float(std::vector<std::uint8_t>& out, float value) {
-  put_integer(out, std::bit_cast<std::uint32_t>(value));
-}
-
 /// Writes one frame; `write` appends the payload.
 template <class Write>
 void append_frame(std::vector<std::uint8_t>& out, MessageKind kind, const MavlinkSender& sender,
@@ -82,12 +78,6 @@ struct Sectors {
     return middle + width / 2 > view.left && middle - width / 2 <= view.right;
   }
 };
-
-/// Whole centimetres, rounded towards the vehicle. Ranges are multiples of a millimetre in single precision:
-/// 2.1 m must not become 209 cm.
-double centimetres(double metres) {
-  return std::floor(std::round(metres * 1000) / 10);
-}
 
 /// Summary of the columns of one sector.
 struct Reading {
@@ -192,8 +182,10 @@ ObstacleDistance obstacle_distance(const MavlinkView& view, std::span<const floa
       message.distances[i] = mavlink_unknown_distance;
       continue;
     }
-    const double cm =
-        std::clamp(centimetres(reading.nearest), message.min_distance + 0.0, message.max_distance + 1.0);
+    // Rounded towards the vehicle. Ranges are multiples of a millimetre in single precision: 2.1 m must not
+    // become 209 cm.
+    const double cm = std::clamp(std::floor(std::round(reading.nearest * 1000) / 10),
+                                 message.min_distance + 0.0, message.max_distance + 1.0);
     // Unknown space may contain an obstacle at the shortest distance, or hide one that is visible.
     const bool is_known =
         reading.known &&
@@ -214,8 +206,8 @@ void append_obstacle_distance(std::vector<std::uint8_t>& out, const ObstacleDist
     put_integer(payload, message.max_distance);
     put_integer(payload, sensor_unknown);
     put_integer(payload, message.increment);
-    put_float(payload, message.increment_f);
-    put_float(payload, message.angle_offset);
+    put_integer(payload, std::bit_cast<std::uint32_t>(message.increment_f));
+    put_integer(payload, std::bit_cast<std::uint32_t>(message.angle_offset));
     put_integer(payload, body_frd);
   });
 }

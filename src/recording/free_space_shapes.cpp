@@ -124,17 +124,12 @@ void FreeSpaceGrid::draw(const MetricEstimate& m, const Beams& beams, double cel
     else if (in_view)
       cells_[place.cell] = cell_free;
   }
-  stamp_boundary(m);
-}
-
-/// Marks the cells in which the free space of a column ends as occupied: an obstacle narrower than a cell may
-/// lie between all centres.
-void FreeSpaceGrid::stamp_boundary(const MetricEstimate& m) {
-  for (std::size_t i = 0; i < m.ranges.size(); ++i) {
-    if (!std::isfinite(m.ranges[i]) || !std::isfinite(m.bearings[i]))
-      continue;
-    const double column = (m.ranges[i] * std::cos(m.bearings[i]) - grid_.x) / grid_.resolution;
-    const double row = (m.ranges[i] * std::sin(m.bearings[i]) - grid_.y) / grid_.resolution;
+  // An obstacle narrower than a cell may lie between all centres: the cells in which the free space of a
+  // column ends are occupied.
+  boundary_points(points_, m);
+  for (const BoundaryPoint& point : points_) {
+    const double column = (point.x - grid_.x) / grid_.resolution,
+                 row = (point.y - grid_.y) / grid_.resolution;
     if (column >= 0 && row >= 0 && column < grid_.width && row < grid_.height)
       cells_[static_cast<std::size_t>(row) * grid_.width + static_cast<std::size_t>(column)] = cell_occupied;
   }

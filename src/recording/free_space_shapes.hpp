@@ -50,13 +50,13 @@ class FreeSpaceGrid {
     double across;      ///< cosine of its angle to the camera's axis
   };
   void lay_out(const Beams& beams);
-  void stamp_boundary(const MetricEstimate& metric);
 
   OccupancyGrid grid_;
   ScanFan fan_;
   std::optional<double> yaw_; ///< of `across`
   std::vector<Place> places_;
   std::vector<std::int8_t> cells_;
+  std::vector<BoundaryPoint> points_;
 };
 
 } // namespace terrainseg::recording

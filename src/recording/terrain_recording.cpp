@@ -150,21 +150,17 @@ void TerrainRecording::put(Topic topic, std::uint64_t time, ByteView message) {
     flush();
 }
 
-ByteView TerrainRecording::compress() {
-  compressed_.resize(ZSTD_compressBound(chunk_.size()));
-  const std::size_t size = ZSTD_compressCCtx(compressor_.get(), compressed_.data(), compressed_.size(),
-                                             chunk_.data(), chunk_.size(), zstd_level);
-  if (ZSTD_isError(size)) // out of memory; the output buffer has room for the worst case
-    throw std::runtime_error(std::string("zstd: ") + ZSTD_getErrorName(size));
-  return {compressed_.data(), size};
-}
-
 /// Ends the chunk, so that all messages so far are in the file.
 void TerrainRecording::flush() {
   write({}); // the header
   if (indexes_.empty())
     return;
-  const ByteView records = compress();
+  compressed_.resize(ZSTD_compressBound(chunk_.size()));
+  const std::size_t size = ZSTD_compressCCtx(compressor_.get(), compressed_.data(), compressed_.size(),
+                                             chunk_.data(), chunk_.size(), zstd_level);
+  if (ZSTD_isError(size)) // out of memory; the output buffer has room for the worst case
+    throw std::runtime_error(std::string("zstd: ") + ZSTD_getErrorName(size));
+  const ByteView records = ByteView(compressed_).first(size);
   const std::uint64_t begin = position_;
   write_record(op_chunk, chunk_start_, chunk_end_, std::uint64_t{chunk_.size()}, crc32(chunk_), "zstd",
                std::uint64_t{records.size()}, records);

@@ -54,7 +54,6 @@ class TerrainRecording : public MessageOutlet {
   };
   void write(ByteView bytes);
   template <class... Fields> void write_record(std::uint8_t opcode, const Fields&... fields);
-  ByteView compress();
   void flush();
 
   TerrainMessages messages_;
