@@ -1,21 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
+#include <utility>
 
 #include "scene/draw.hpp"
 
 namespace terrainseg::scene {
 namespace {
 
-/// Returns the point where light that passes `point` meets the ground. `along` is the horizontal distance
-/// that light travels per metre of height.
-Vec3 cast_of(const Vec3& point, const Vec3& along) {
-  return Vec3{point.x, 0, point.z} + along * point.y;
-}
-
 /// Returns the convex hull of ground points. Reorders the points.
 std::vector<Vec3> hull_of(std::span<Vec3> points) {
-  std::sort(points.begin(), points.end(),
-            [](const Vec3& a, const Vec3& b) { return a.x < b.x || (a.x == b.x && a.z < b.z); });
+  std::ranges::sort(points, {}, [](const Vec3& point) { return std::pair(point.x, point.z); });
   const auto turn = [](const Vec3& o, const Vec3& a, const Vec3& b) {
     return (a.x - o.x) * (b.z - o.z) - (a.z - o.z) * (b.x - o.x);
   };
@@ -28,51 +22,46 @@ std::vector<Vec3> hull_of(std::span<Vec3> points) {
       corners.push_back(point);
     }
     corners.pop_back(); // the next pass begins with the last point
-    std::reverse(points.begin(), points.end());
+    std::ranges::reverse(points);
   }
   return corners;
 }
 
-/// The outline of a box's shadow on the ground.
-std::vector<Vec3> cast_hull(const Thing& box, const Vec3& along) {
-  std::array<Vec3, 8> points;
-  for (int i = 0; i < 8; ++i)
-    points[i] = cast_of(box.corner(i & 1 ? box.half_x : -box.half_x, i & 4 ? box.height : box.low,
-                                   i & 2 ? box.half_z : -box.half_z),
-                        along);
-  return hull_of(points);
-}
-
-class SoftShadows {
+class Shadows {
  public:
-  SoftShadows(const Stage& stage, Canvas& canvas)
-      : s_(stage), canvas_(canvas), camera_(stage.moment.camera) {}
+  /// `hard`: the sun is low in a clear sky.
+  Shadows(const Stage& stage, Canvas& canvas, bool hard)
+      : s_(stage), canvas_(canvas), camera_(stage.moment.camera),
+        kept_(stage.light.kept_in_shadow(hard ? 0 : 0.06F)) {
+    const Vec3& sun = stage.light.sun;
+    const float reach = std::min(1 / sun.y, 14.0F);
+    along_ = hard ? Vec3{-sun.x / sun.y, 0, -sun.z / sun.y} : Vec3{-sun.x * reach, 0, -sun.z * reach};
+    stretch_ = std::sqrt(along_.x * along_.x + along_.z * along_.z);
+    ahead_ = along_ * (1 / stretch_);
+    across_ = {ahead_.z, 0, -ahead_.x};
+  }
 
   bool too_far(const Thing& thing) const {
     return camera_.depth(thing.base) > (thing.kind == Thing::Kind::tree ? 45.0F : 90.0F);
   }
 
-  void shadow(const Thing& thing) {
+  void soft(const Thing& thing) {
     if (s_.settings.kind == Kind::corridor || s_.light.sun.y <= 0.01F)
       return;
-    const float reach = std::min(1 / s_.light.sun.y, 14.0F);
-    const Vec3 along = {-s_.light.sun.x * reach, 0, -s_.light.sun.z * reach};
-    const Color kept = s_.light.kept_in_shadow(0.06F);
     if (thing.kind == Thing::Kind::tree) {
-      const Vec3 middle = thing.base + along * (thing.height * 0.62F);
-      const float stretch =
-          std::sqrt(along.x * along.x + along.z * along.z) * 0.36F * thing.height + thing.half_x;
-      darken(ellipse(middle, along, stretch, thing.half_x), kept, 0.35F, true);
-      const Vec3 trunk = {0.012F * thing.height, 0, 0}, end = thing.base + along * (thing.height * 0.4F);
+      const Vec3 middle = thing.base + along_ * (thing.height * 0.62F);
+      const float stretch = stretch_ * 0.36F * thing.height + thing.half_x;
+      darken(ellipse(middle, along_, stretch, thing.half_x), kept_, 0.35F, true);
+      const Vec3 trunk = {0.012F * thing.height, 0, 0}, end = thing.base + along_ * (thing.height * 0.4F);
       const std::array<Vec3, 4> corners = {thing.base - trunk, thing.base + trunk, end + trunk, end - trunk};
-      darken(corners, kept, 0.03F, false);
+      darken(corners, kept_, 0.03F, false);
     } else if (thing.kind == Thing::Kind::bush || thing.kind == Thing::Kind::rock) {
-      const float length = std::sqrt(along.x * along.x + along.z * along.z) * 0.5F * thing.height;
-      const Vec3 middle = thing.base + along * (0.5F * thing.height);
-      darken(ellipse(middle, along, length + 0.6F * thing.half_x, thing.half_x), kept,
+      const float length = stretch_ * 0.5F * thing.height;
+      const Vec3 middle = thing.base + along_ * (0.5F * thing.height);
+      darken(ellipse(middle, along_, length + 0.6F * thing.half_x, thing.half_x), kept_,
              0.04F * thing.half_x + 0.01F, false);
     } else {
-      darken(cast_hull(thing, along), kept, 0.05F, false);
+      darken(cast_hull(thing), kept_, 0.05F, false);
     }
   }
 
@@ -86,6 +75,29 @@ class SoftShadows {
                     2 * rim, false);
     }
     darken(thing.corners(0, rim), {0.42F, 0.42F, 0.42F}, 2 * rim, false);
+  }
+
+  void hard(const Thing& thing) {
+    switch (thing.kind) {
+    case Thing::Kind::tree:
+      return grown(thing, 1.25F, 1.05F);
+    case Thing::Kind::bush:
+    case Thing::Kind::rock:
+      return grown(thing, 1.3F, 1.3F);
+    case Thing::Kind::house:
+      solid(thing);
+      return roof(thing);
+    case Thing::Kind::car: {
+      solid(thing.part(0.2F, 0.58F * thing.height));
+      Thing cabin = thing.part(0.5F * thing.height, thing.height);
+      cabin.base = cabin.corner(0, 0, -0.12F * thing.half_z);
+      cabin.half_x *= 0.8F;
+      cabin.half_z *= 0.47F;
+      return solid(cabin);
+    }
+    default:
+      return solid(thing);
+    }
   }
 
  private:
@@ -132,56 +144,27 @@ class SoftShadows {
         });
   }
 
-  const Stage& s_;
-  Canvas& canvas_;
-  const Camera& camera_;
-};
+  /// Where light that passes a point meets the ground.
+  Vec3 cast(const Vec3& point) const { return Vec3{point.x, 0, point.z} + along_ * point.y; }
 
-class Caster {
- public:
-  Caster(const Stage& stage, Canvas& canvas) : s_(stage), canvas_(canvas), camera_(stage.moment.camera) {
-    const Vec3& sun = stage.light.sun;
-    along_ = {-sun.x / sun.y, 0, -sun.z / sun.y};
-    stretch_ = std::sqrt(along_.x * along_.x + along_.z * along_.z);
-    ahead_ = along_ * (1 / stretch_);
-    across_ = {ahead_.z, 0, -ahead_.x};
-    kept_ = stage.light.kept_in_shadow(0);
+  /// The outline of a box's shadow on the ground.
+  std::vector<Vec3> cast_hull(const Thing& box) const {
+    std::array<Vec3, 8> points;
+    for (int i = 0; i < 8; ++i)
+      points[i] = cast(box.corner(i & 1 ? box.half_x : -box.half_x, i & 4 ? box.height : box.low,
+                                  i & 2 ? box.half_z : -box.half_z));
+    return hull_of(points);
   }
 
-  void cast(const Thing& thing) {
-    switch (thing.kind) {
-    case Thing::Kind::tree:
-      return grown(thing, 1.25F, 1.05F);
-    case Thing::Kind::bush:
-    case Thing::Kind::rock:
-      return grown(thing, 1.3F, 1.3F);
-    case Thing::Kind::house:
-      solid(thing);
-      return roof(thing);
-    case Thing::Kind::car: {
-      solid(thing.part(0.2F, 0.58F * thing.height));
-      Thing cabin = thing.part(0.5F * thing.height, thing.height);
-      cabin.base = cabin.corner(0, 0, -0.12F * thing.half_z);
-      cabin.half_x *= 0.8F;
-      cabin.half_z *= 0.47F;
-      return solid(cabin);
-    }
-    default:
-      return solid(thing);
-    }
-  }
-
- private:
-  void solid(const Thing& box) { fill(cast_hull(box, along_)); }
+  void solid(const Thing& box) { fill(cast_hull(box)); }
 
   void roof(const Thing& thing) {
     const float hx = thing.half_x + 0.4F, hz = thing.half_z + 0.4F;
     std::array<Vec3, 6> points;
     for (int i = 0; i < 6; ++i)
-      points[i] = cast_of(thing.corner(hx * static_cast<float>(i % 3 - 1),
-                                       i % 3 == 1 ? thing.height + 0.7F * thing.half_x : thing.height - 0.2F,
-                                       i < 3 ? -hz : hz),
-                          along_);
+      points[i] = cast(thing.corner(hx * static_cast<float>(i % 3 - 1),
+                                    i % 3 == 1 ? thing.height + 0.7F * thing.half_x : thing.height - 0.2F,
+                                    i < 3 ? -hz : hz));
     fill(hull_of(points));
   }
 
@@ -241,31 +224,31 @@ class Caster {
   const Stage& s_;
   Canvas& canvas_;
   const Camera& camera_;
+  const Color kept_;
   Vec3 along_, ahead_, across_; ///< shadow on the ground per metre of height, metres; unit vectors
   float stretch_ = 1;           ///< length of along_
-  Color kept_;
 };
 
 } // namespace
 
 void cast_hard_shadows(const Stage& stage, const std::vector<Thing>& things, Canvas& canvas) {
-  Caster caster(stage, canvas);
+  Shadows shadows(stage, canvas, true);
   for (const Thing& thing : things)
-    caster.cast(thing);
+    shadows.hard(thing);
   for (const Thing& part : parts_of_the_rover(stage.settings, stage.moment))
-    caster.cast(part);
+    shadows.hard(part);
 }
 
 void draw_shadows(const Stage& stage, const std::vector<Thing>& things, Canvas& canvas) {
   if (stage.light.clear)
     cast_hard_shadows(stage, things, canvas);
-  SoftShadows soft(stage, canvas);
+  Shadows shadows(stage, canvas, false);
   for (const Thing& thing : things) {
-    if (soft.too_far(thing))
+    if (shadows.too_far(thing))
       continue;
     if (!stage.light.clear)
-      soft.shadow(thing);
-    soft.contact(thing);
+      shadows.soft(thing);
+    shadows.contact(thing);
   }
 }
 
