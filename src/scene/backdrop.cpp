@@ -13,6 +13,12 @@ constexpr int run_length = 16; // pixels that share one footprint
 
 constexpr float corridor_height = 2.7F;
 
+/// A point of the ground under a pixel.
+struct Spot {
+  float x, z;                              ///< world
+  std::array<float, octave_count> octaves; ///< of the texture: fine ones, coarse ones, thin clouds
+};
+
 /// What a pixel shows.
 struct Seen {
   Color light; ///< or the reflectance of the ground
@@ -41,7 +47,7 @@ struct Water {
   float damp = 0, puddle = 0;
 };
 
-Water water_at(const Stage& stage, const Vec3& spot, const Footprint& foot) {
+Water water_at(const Stage& stage, const Spot& spot, const Footprint& foot) {
   // Puddles are longer in the direction of driving. Those much smaller than a pixel are left out.
   const float scale = stage.settings.kind == Kind::corridor ? 3.0F : 1.0F;
   const float level = stage.noise.at(spot.x * 0.4F * scale + 57.1F, spot.z * 0.16F * scale + 23.7F) +
@@ -106,13 +112,19 @@ class Surroundings {
   }
 
  protected:
-  /// Thin clouds, as one more octave.
-  float cloud_shadow(const Vec3& spot, const Footprint& foot) const {
-    return octave(octave_count - 1, spot, foot);
+  Spot spot_under(const Vec3& ray, const Footprint& foot) const {
+    const Vec3 point = s_.moment.camera.on_ground(ray);
+    Spot spot{point.x, point.z, {}};
+    for (int k = 0; k < octave_count; ++k)
+      if (foot.slow[k])
+        spot.octaves[k] = foot.first[k] + foot.step[k] * foot.position;
+      else if (foot.amplitude[k] > 0)
+        spot.octaves[k] = foot.amplitude[k] * texture(k, point);
+    return spot;
   }
 
   /// Reflectance of the ground and its label.
-  Seen ground(const Vec3& spot, const Footprint& foot) const {
+  Seen ground(const Spot& spot, const Footprint& foot) const {
     switch (s_.settings.kind) {
     case Kind::road:
       return road(spot, foot);
@@ -132,12 +144,6 @@ class Surroundings {
  private:
   // Octave k of the ground's texture, sheared as far as the world's period allows, so that its grid is not
   // visible.
-  float octave(int k, const Vec3& spot, const Footprint& foot) const {
-    if (foot.amplitude[k] == 0)
-      return 0;
-    return foot.slow[k] ? foot.first[k] + foot.step[k] * foot.position : foot.amplitude[k] * texture(k, spot);
-  }
-
   float texture(int k, const Vec3& spot) const {
     const float f = frequencies[k];
     if (k <= 3)
@@ -146,24 +152,23 @@ class Surroundings {
     return s_.noise.at(spot.x * f + 31.7F * static_cast<float>(k), spot.z * f);
   }
 
-  Color grass(const Vec3& spot, const Footprint& foot, const Color& base) const {
-    const float blades = octave(0, spot, foot), tufts = octave(1, spot, foot), clumps = octave(2, spot, foot);
-    const float patches = octave(3, spot, foot), meadow = octave(4, spot, foot);
+  Color grass(const Spot& spot) const {
+    const auto& [blades, tufts, clumps, patches, meadow, far, clouds] = spot.octaves;
     const float v = 1 + 1.0F * blades + 0.5F * tufts + 0.26F * clumps + 0.2F * patches + 0.18F * meadow;
-    const Color dry = mix(base, Color{0.21F, 0.18F, 0.1F}, clamp01(0.35F + 0.5F * patches + 0.5F * meadow));
+    const Color dry =
+        mix(s_.place.beside, Color{0.21F, 0.18F, 0.1F}, clamp01(0.35F + 0.5F * patches + 0.5F * meadow));
     return dry * std::max(v, 0.15F);
   }
 
-  Seen road(const Vec3& spot, const Footprint& foot) const {
+  Seen road(const Spot& spot, const Footprint& foot) const {
     const Place& p = s_.place;
+    const auto& [grain, stone, worn, patch, wide, far, clouds] = spot.octaves;
     const float s = spot.x - s_.path.at(spot.z), side = std::abs(s);
     const float rim = p.half_width;
-    const float wobble = p.urban ? 0 : 0.12F * octave(3, spot, foot) + 0.06F * octave(2, spot, foot);
+    const float wobble = p.urban ? 0 : 0.12F * patch + 0.06F * worn;
     Color color;
     const float on_road = past_edge(rim + wobble - side, foot.x);
     if (on_road > 0) {
-      const float grain = octave(0, spot, foot), stone = octave(1, spot, foot), worn = octave(2, spot, foot);
-      const float patch = octave(3, spot, foot), wide = octave(4, spot, foot), far = octave(5, spot, foot);
       float v = 1 + 0.34F * grain + 0.15F * stone +
                 p.clumps * (0.06F * worn + 0.08F * patch + 0.13F * wide + 0.08F * far);
       // Tyres darken two tracks in each lane, 0.75 m from its middle.
@@ -185,8 +190,7 @@ class Surroundings {
     if (on_road < 1) {
       Color beyond;
       if (p.urban && side < p.pavement) {
-        const float v =
-            1 + 0.2F * octave(0, spot, foot) + 0.1F * octave(1, spot, foot) + 0.1F * octave(3, spot, foot);
+        const float v = 1 + 0.2F * grain + 0.1F * stone + 0.1F * patch;
         const float joint = std::max(stripe(fraction(spot.z * 1.25F) - 0.5F, 0.012F, foot.z * 1.25F),
                                      stripe(fraction(s * 1.25F) - 0.5F, 0.012F, foot.x * 1.25F));
         const float tile = s_.noise.at(static_cast<float>(floor_of(spot.z * 1.25F)) * 0.5F,
@@ -198,27 +202,25 @@ class Surroundings {
           label = on_road < 0.5F ? not_labelled : driven_terrain;
         }
       } else {
-        beyond = grass(spot, foot, p.beside);
+        beyond = grass(spot);
         if (!p.urban && side < rim + 0.5F) // gravel shoulder
-          beyond = mix(Color{0.2F, 0.185F, 0.16F} * (1 + 0.4F * octave(1, spot, foot)), beyond,
-                       smooth(rim, rim + 0.5F, side + 0.3F * octave(2, spot, foot)));
+          beyond = mix(Color{0.2F, 0.185F, 0.16F} * (1 + 0.4F * stone), beyond,
+                       smooth(rim, rim + 0.5F, side + 0.3F * worn));
       }
       color = mix(beyond, color, on_road);
     }
     return {color, label};
   }
 
-  Seen trail(const Vec3& spot, const Footprint& foot) const {
+  Seen trail(const Spot& spot, const Footprint& foot) const {
     const Place& p = s_.place;
+    const auto& [grit, pebble, lumps, patch, wide, far, clouds] = spot.octaves;
     const float s = spot.x - s_.path.at(spot.z);
-    const float ragged =
-        0.3F * octave(3, spot, foot) + 0.16F * octave(2, spot, foot) + 0.1F * octave(1, spot, foot);
+    const float ragged = 0.3F * patch + 0.16F * lumps + 0.1F * pebble;
     const float inward = p.half_width + ragged - std::abs(s);
     const float on_path = past_edge(inward, foot.x + 0.16F);
     Color color;
     if (on_path > 0) {
-      const float grit = octave(0, spot, foot), pebble = octave(1, spot, foot), lumps = octave(2, spot, foot);
-      const float patch = octave(3, spot, foot), wide = octave(4, spot, foot);
       float v = 1 + 0.45F * grit + 0.45F * pebble + p.clumps * (0.34F * lumps + 0.14F * patch + 0.12F * wide);
       const float rut = smooth(0.26F, 0.06F, std::abs(std::abs(s) - 0.55F));
       v *= 1 - 0.13F * rut;
@@ -229,17 +231,16 @@ class Surroundings {
       const float middle =
           smooth(0.3F, 0.05F, std::abs(s)) * smooth(0.0F, 0.5F, wide + 0.5F * patch + 0.4F * lumps);
       if (middle > 0)
-        color = mix(color, grass(spot, foot, p.beside), 0.7F * middle);
+        color = mix(color, grass(spot), 0.7F * middle);
     }
     if (on_path < 1)
-      color = mix(grass(spot, foot, p.beside), color, on_path);
+      color = mix(grass(spot), color, on_path);
     return {color, on_path < 0.5F ? other_traversable : driven_terrain};
   }
 
-  Color plain(const Vec3& spot, const Footprint& foot) const {
+  Color plain(const Spot& spot, const Footprint& foot) const {
     const Place& p = s_.place;
-    const float grit = octave(0, spot, foot), stone = octave(1, spot, foot), lumps = octave(2, spot, foot);
-    const float patch = octave(3, spot, foot), wide = octave(4, spot, foot), far = octave(5, spot, foot);
+    const auto& [grit, stone, lumps, patch, wide, far, clouds] = spot.octaves;
     float v = 1 + 0.22F * grit + 0.2F * stone +
               p.clumps * (0.16F * lumps + 0.12F * patch + 0.12F * wide + 0.1F * far);
     // Wind ripples in deep sand.
@@ -253,10 +254,9 @@ class Surroundings {
     return mix(dust * v, p.surface * (0.6F * (1 + 0.6F * grit)), 0.75F * pebble);
   }
 
-  Color flooring(const Vec3& spot, const Footprint& foot) const {
+  Color flooring(const Spot& spot, const Footprint& foot) const {
     const Place& p = s_.place;
-    const float grain = octave(0, spot, foot), speck = octave(1, spot, foot), wear = octave(2, spot, foot);
-    const float wide = octave(3, spot, foot);
+    const auto& [grain, speck, wear, wide, far, farther, farthest] = spot.octaves;
     switch (p.flooring) {
     case 0: // linoleum, speckled
       return p.surface * (1 + 0.11F * grain + 0.06F * speck + 0.04F * wear + 0.05F * wide);
@@ -322,10 +322,10 @@ class Outdoors : public Surroundings {
     if (elevation < -c.position.y / 600) {
       const float distance = c.position.y / -ray.y * level;
       if (distance < 0.6F * s_.place.clearing || distance < clearing(ray)) {
-        const Vec3 spot = c.on_ground(ray);
+        const Spot spot = spot_under(ray, foot);
         auto [surface, label] = ground(spot, foot);
         if (!s_.settings.wet || label != driven_terrain) {
-          const float shade = 1 - s_.light.cloud_shade * smooth(0.1F, 0.5F, cloud_shadow(spot, foot));
+          const float shade = 1 - s_.light.cloud_shade * smooth(0.1F, 0.5F, spot.octaves.back());
           return {s_.hazed(surface * horizontal_light_ * canvas_.shade[at] * shade, distance), label};
         }
         const Water water = water_at(s_, spot, foot);
@@ -466,7 +466,7 @@ class Indoors : public Surroundings {
 
   Color floor(const Vec3& ray, float t, float to_wall, const Footprint& foot, std::size_t at) const {
     const Camera& c = s_.moment.camera;
-    const Vec3 spot = c.on_ground(ray);
+    const Spot spot = spot_under(ray, foot);
     const float inside = std::max(s_.place.half_width - std::abs(spot.x), 0.0F);
     const float corner = 1 - 0.35F / (1 + 12 * inside); // light that the wall blocks
     Color surface = ground(spot, foot).light;
