@@ -65,7 +65,6 @@ std::string cause(const char* doing, const std::string& path, int error) {
   return std::string(doing) + " '" + path + "': " + std::strerror(error);
 }
 
-/// Closes a file descriptor at the end of the scope.
 class Descriptor {
  public:
   explicit Descriptor(int fd) : fd_(fd) {}

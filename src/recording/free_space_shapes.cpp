@@ -11,16 +11,12 @@ namespace terrainseg::recording {
 namespace {
 
 constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
-constexpr float free_way = std::numeric_limits<float>::infinity();
 constexpr std::int8_t cell_free = 0, cell_occupied = 100, cell_unknown = -1;
 
 /// The nearer of two ranges. Unknown counts as nearer than free.
 float nearer(float a, float b) {
-  if (std::isfinite(a) && std::isfinite(b))
-    return std::min(a, b);
-  if (std::isfinite(a) || std::isfinite(b))
-    return std::isfinite(a) ? a : b;
-  return std::isnan(a) || std::isnan(b) ? unknown : free_way;
+  const float least = std::fmin(a, b); // ignores NaN
+  return !std::isfinite(least) && (std::isnan(a) || std::isnan(b)) ? unknown : least;
 }
 
 /// The bounding box of the fan and the body's origin, rounded outwards to metres, without cells. It is the

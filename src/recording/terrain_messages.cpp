@@ -10,7 +10,6 @@ const char* text_of(bool value) {
   return value ? "true" : "false";
 }
 
-/// The diagnostic status of an estimate.
 DiagnosticStatus status_of(const Estimate& e, bool has_metres, std::optional<bool> near_clear) {
   const auto has = [&](Flag flag) { return (e.flags & flag) != 0; };
   DiagnosticStatus status;

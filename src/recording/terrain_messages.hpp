@@ -23,7 +23,6 @@ struct MessageOptions {
   std::optional<metric::Mount> mount;          ///< nothing = no transform
 };
 
-/// The data of one frame.
 struct MessageFrame {
   std::uint64_t time = 0; ///< nanoseconds since 1970, or since the start of the stream
   const Estimate* estimate = nullptr;
@@ -80,7 +79,6 @@ class MessageOutlet {
 class TerrainMessages {
  public:
   explicit TerrainMessages(MessageOptions options) : options_(std::move(options)) {}
-  /// Sends the messages of a frame to `out`.
   void add(const MessageFrame& frame, MessageOutlet& out);
 
  private:

@@ -107,7 +107,6 @@ class Renderer {
   /// Renders into a picture of the renderer's size; its frame gets the presentation time.
   void render(std::uint64_t number, Picture& picture);
 
-  /// Returns the camera at a frame.
   View view_of(std::uint64_t number) const;
 
  private:

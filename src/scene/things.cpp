@@ -44,10 +44,9 @@ class Painter {
  private:
   // In a corridor light comes from above and slightly from the rover's side.
   Color lit(const Vec3& normal) const {
-    if (s_.settings.kind == Kind::corridor)
-      return s_.light.on(normal) +
-             s_.light.ambient * (0.12F * std::abs(normal.z) - 0.1F * std::abs(normal.x));
-    return s_.light.on(normal);
+    const bool indoors = s_.settings.kind == Kind::corridor;
+    const float aside = indoors ? 0.12F * std::abs(normal.z) - 0.1F * std::abs(normal.x) : 0;
+    return s_.light.on(normal) + s_.light.ambient * aside;
   }
 
   /// Draws a flat convex face. `shade(u, v, size)`: u and v in metres along the plane's axes, size = metres
@@ -230,19 +229,15 @@ class Painter {
 
   /// An upright picture that faces the camera. `shade(u, v, size)`: u across, v up, metres.
   template <class Shade> void cutout(const Vec3& base, float half_width, float height, Shade&& shade) {
-    Vec3 toward = {camera_.position.x - base.x, 0, camera_.position.z - base.z};
+    const Vec3 toward = {camera_.position.x - base.x, 0, camera_.position.z - base.z};
     const float length = std::sqrt(toward.x * toward.x + toward.z * toward.z);
     if (length < 0.05F)
       return;
-    toward = toward * (1 / length);
-    const Vec3 across = {-toward.z, 0, toward.x};
-    const Vec3 rise = {0, height, 0};
-    const std::array<Vec3, 4> corners = {base - across * half_width, base + across * half_width,
-                                         base + across * half_width + rise,
-                                         base - across * half_width + rise};
-    across_ = across;
-    toward_ = toward;
-    face(corners, {base, across, {0, 1, 0}, toward}, shade);
+    toward_ = toward * (1 / length);
+    across_ = {-toward_.z, 0, toward_.x};
+    const Vec3 side = across_ * half_width, rise = {0, height, 0};
+    const std::array<Vec3, 4> corners = {base - side, base + side, base + side + rise, base - side + rise};
+    face(corners, {base, across_, {0, 1, 0}, toward_}, shade);
   }
 
   // Crowns are bright on the sun's side and dark inside.
@@ -314,30 +309,29 @@ class Painter {
   void rock(const Thing& thing) {
     const float rx = thing.half_x, ry = thing.height;
     const float shift = thing.shift();
-    cutout(thing.base - Vec3{0, 0.12F * ry, 0}, rx * 1.25F, ry * 1.25F,
-           [&](float u, float v, float size) -> Sample {
-             const float x = u / rx, y = (v - 0.3F * ry) / (0.75F * ry);
-             const float lumps = s_.noise.at(u / rx * 1.1F + shift, v / ry * 1.1F),
-                         chips = s_.noise.at(u / rx * 3.5F + shift, v / ry * 3.5F);
-             const float r2 = x * x + y * y, body = 1 - std::sqrt(r2) + 0.22F * lumps + 0.1F * chips;
-             const float ground = past_edge(v - 0.12F * ry, size);
-             const float alpha = past_edge(body * rx, size) * ground;
-             if (alpha <= 0)
-               return {{}, 0};
-             // The side of a rough ellipsoid.
-             const float facing = std::sqrt(std::max(1 - r2, 0.05F));
-             const float nx = x + 0.8F * lumps, ny = y + 0.9F * chips + 0.5F * lumps;
-             const Vec3 normal = across_ * nx + Vec3{0, ny, 0} + toward_ * facing;
-             const float length = std::sqrt(dot(normal, normal)) + 1e-3F;
-             const float fine = 1 / (1 + 20 * size);
-             const Color color =
-                 thing.color *
-                 std::max(1 + 0.4F * fine * s_.noise.at((u + 0.4F * v) * 31 + shift, (v - 0.4F * u) * 31) +
-                              0.4F * fine * s_.noise.at(u * 11 + shift, v * 11) + 0.35F * chips,
-                          0.1F);
-             return {color * s_.light.on(normal * (1 / length)) * (0.55F + 0.45F * clamp01(v / (0.6F * ry))),
-                     alpha};
-           });
+    const Vec3 base = thing.base - Vec3{0, 0.12F * ry, 0};
+    cutout(base, rx * 1.25F, ry * 1.25F, [&](float u, float v, float size) -> Sample {
+      const float x = u / rx, y = (v - 0.3F * ry) / (0.75F * ry);
+      const float lumps = s_.noise.at(u / rx * 1.1F + shift, v / ry * 1.1F),
+                  chips = s_.noise.at(u / rx * 3.5F + shift, v / ry * 3.5F);
+      const float r2 = x * x + y * y, body = 1 - std::sqrt(r2) + 0.22F * lumps + 0.1F * chips;
+      const float ground = past_edge(v - 0.12F * ry, size);
+      const float alpha = past_edge(body * rx, size) * ground;
+      if (alpha <= 0)
+        return {{}, 0};
+      // The side of a rough ellipsoid.
+      const float facing = std::sqrt(std::max(1 - r2, 0.05F));
+      const float nx = x + 0.8F * lumps, ny = y + 0.9F * chips + 0.5F * lumps;
+      const Vec3 normal = across_ * nx + Vec3{0, ny, 0} + toward_ * facing;
+      const float length = std::sqrt(dot(normal, normal)) + 1e-3F;
+      const float fine = 1 / (1 + 20 * size);
+      const Color color =
+          thing.color *
+          std::max(1 + 0.4F * fine * s_.noise.at((u + 0.4F * v) * 31 + shift, (v - 0.4F * u) * 31) +
+                       0.4F * fine * s_.noise.at(u * 11 + shift, v * 11) + 0.35F * chips,
+                   0.1F);
+      return {color * s_.light.on(normal * (1 / length)) * (0.55F + 0.45F * clamp01(v / (0.6F * ry))), alpha};
+    });
   }
 
   void crate(const Thing& thing) {
