@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <tuple>
 
 namespace terrainseg::recording {
 namespace {
@@ -21,7 +20,7 @@ float nearer(float a, float b) {
 
 /// The bounding box of the fan and the body's origin, rounded outwards to metres, without cells. It is the
 /// same for all frames of a stream.
-OccupancyGrid box_of(const ScanFan& fan, double range_max, double cell) {
+GridPlace box_of(const ScanFan& fan, double range_max, double cell) {
   double low[2] = {0, 0}, high[2] = {0, 0};
   for (std::uint32_t i = 0; i < fan.beams; ++i) {
     const double angle = fan.angle_min + i * fan.increment;
@@ -31,18 +30,13 @@ OccupancyGrid box_of(const ScanFan& fan, double range_max, double cell) {
       high[axis] = std::max(high[axis], std::ceil(along[axis]));
     }
   }
-  OccupancyGrid box{cell, 0, 0, low[0], low[1], {}};
+  GridPlace box{cell, 0, 0, low[0], low[1]};
   const double longest = std::max(high[0] - low[0], high[1] - low[1]);
   while (longest / box.resolution > FreeSpaceGrid::most_cells)
     box.resolution *= 2;
   box.width = std::max(static_cast<std::uint32_t>(std::ceil((high[0] - low[0]) / box.resolution)), 1u);
   box.height = std::max(static_cast<std::uint32_t>(std::ceil((high[1] - low[1]) / box.resolution)), 1u);
   return box;
-}
-
-bool at_one_place(const OccupancyGrid& a, const OccupancyGrid& b) {
-  return std::tie(a.resolution, a.width, a.height, a.x, a.y) ==
-         std::tie(b.resolution, b.width, b.height, b.x, b.y);
 }
 
 } // namespace
@@ -97,9 +91,8 @@ void FreeSpaceGrid::lay_out(const Beams& beams) {
 }
 
 void FreeSpaceGrid::draw(const MetricEstimate& m, const Beams& beams, double cell) {
-  if (const OccupancyGrid box = box_of(beams.fan(), m.range_max, cell);
-      !at_one_place(box, grid_) || !(beams.fan() == fan_)) {
-    grid_ = box;
+  if (const GridPlace box = box_of(beams.fan(), m.range_max, cell); box != grid_ || beams.fan() != fan_) {
+    grid_ = {box, {}};
     lay_out(beams);
   }
   if (yaw_ != m.yaw)

@@ -140,9 +140,9 @@ MessageType message_type(std::string_view name) {
 
 void encode(Bytes& bytes, const Header& header, const LaserScan& scan) {
   CdrWriter out = begun(bytes, header);
-  const double steps = scan.ranges.empty() ? 0 : static_cast<double>(scan.ranges.size() - 1);
-  for (const double value : {scan.angle_min, scan.angle_min + steps * scan.angle_increment,
-                             scan.angle_increment, 0.0, scan.scan_time, scan.range_min, scan.range_max})
+  const ScanFan& fan = scan.fan;
+  for (const double value :
+       {fan.angle_min, fan.angle_max(), fan.increment, 0.0, scan.scan_time, fan.range_min, scan.range_max})
     out.put(static_cast<float>(value));
   out.put(scan.ranges);
   out.count(0); // intensities

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "exchange/metric_estimate.hpp"
 #include "metric/camera.hpp"
 #include "recording/cdr.hpp"
 #include "terrainseg/frame.hpp"
@@ -50,10 +51,10 @@ struct Header {
 
 /// sensor_msgs/msg/LaserScan. NaN = unknown, +infinity = free.
 struct LaserScan {
-  double angle_min = 0, angle_increment = 0; ///< angle of ranges[0], the rightmost; step between ranges
-  double scan_time = 0;                      ///< seconds since the previous scan, 0 = first scan
-  double range_min = 0, range_max = 0;
-  std::span<const float> ranges;
+  ScanFan fan;
+  double scan_time = 0; ///< seconds since the previous scan, 0 = first scan
+  double range_max = 0;
+  std::span<const float> ranges; ///< one for each beam
 };
 
 /// A point of sensor_msgs/msg/PointCloud2: float32 fields x, y, z, low, high.
@@ -62,11 +63,14 @@ struct BoundaryPoint {
   float low, high; ///< range minus and plus one standard deviation, metres
 };
 
-/// nav_msgs/msg/OccupancyGrid.
-struct OccupancyGrid {
+struct GridPlace {
   double resolution = 0; ///< metres per cell
   std::uint32_t width = 0, height = 0;
-  double x = 0, y = 0;                ///< corner of the first cell, metres
+  double x = 0, y = 0; ///< corner of the first cell, metres
+  bool operator==(const GridPlace&) const = default;
+};
+/// nav_msgs/msg/OccupancyGrid.
+struct OccupancyGrid : GridPlace {
   std::span<const std::int8_t> cells; ///< rows along x, the first one at y: 0 free, 100 occupied, -1 unknown
 };
 

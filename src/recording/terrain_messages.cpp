@@ -64,10 +64,7 @@ void TerrainMessages::add_metric(MessageOutlet& out, const Header& body, const M
   const double since =
       last_scan_ && body.time > *last_scan_ ? static_cast<double>(body.time - *last_scan_) / 1e9 : 0;
   last_scan_ = body.time;
-  const ScanFan& fan = beams_.fan();
-  send(out, Topic::scan, body, [&] {
-    return LaserScan{fan.angle_min, fan.increment, since, fan.range_min, m.range_max, beams_.ranges()};
-  });
+  send(out, Topic::scan, body, [&] { return LaserScan{beams_.fan(), since, m.range_max, beams_.ranges()}; });
   send(out, Topic::points, body, [&] {
     boundary_points(points_, m);
     return std::span<const BoundaryPoint>(points_);

@@ -285,7 +285,7 @@ struct Disk {
 TEST(Cdr, LaserScanHasTheGoldenBytes) {
   const std::array<float, 5> ranges = {1.5f, 2, inf_value, nan_value, 3.25f};
   Bytes bytes;
-  encode(bytes, {1700000000000000000, "base_link"}, LaserScan{-0.5, 0.25, 1.0 / 30, 0.3, 8, ranges});
+  encode(bytes, {1700000000000000000, "base_link"}, LaserScan{{-0.5, 0.25, 5, 0.3}, 1.0 / 30, 8, ranges});
   EXPECT_EQ(
       hex(bytes),
       "0001000000f15365000000000a000000626173655f6c696e6b000000000000bf0000003f0000803e000000008988083d9a99"
@@ -295,7 +295,7 @@ TEST(Cdr, LaserScanHasTheGoldenBytes) {
 TEST(Cdr, OccupancyGridHasTheGoldenBytes) {
   const std::array<std::int8_t, 8> cells = {0, 0, 100, -1, 0, 100, -1, -1};
   Bytes bytes;
-  encode(bytes, {1700000000000000000, "base_link"}, OccupancyGrid{0.1, 4, 2, 0, -0.1, cells});
+  encode(bytes, {1700000000000000000, "base_link"}, OccupancyGrid{{0.1, 4, 2, 0, -0.1}, cells});
   EXPECT_EQ(
       hex(bytes),
       "0001000000f15365000000000a000000626173655f6c696e6b00000000f1536500000000cdcccc3d04000000020000000000"
