@@ -33,6 +33,12 @@ void put_integer(std::vector<std::uint8_t>& out, Integer value, std::size_t byte
     out.push_back(static_cast<std::uint8_t>(static_cast<std::uint64_t>(value) >> (8 * i)));
 }
 
+/// Appends the lowest `bytes` bytes of a number, big-endian.
+inline void put_big(std::vector<std::uint8_t>& out, std::uint64_t value, int bytes) {
+  for (int i = bytes - 1; i >= 0; --i)
+    out.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
+}
+
 /// Reads untrusted bytes from the front. After a read past the end, or fail(), all reads are empty or 0 and
 /// ok() is false.
 class ByteReader {

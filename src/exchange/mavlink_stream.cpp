@@ -239,9 +239,9 @@ std::span<const std::uint8_t> MavlinkStream::at(std::int64_t time, std::uint64_t
     return {};
   if (is_due(next_heartbeat_, time, heartbeat_period))
     append_heartbeat(bytes_, options.sender, sequence_);
-  ObstacleDistance message = obstacle_distance(view_, metric ? metric->ranges : std::span<const float>(),
-                                               metric ? metric->bearings : std::span<const float>(),
-                                               options.layout, options.unknown, range_min_, range_max_, fan_);
+  const MetricEstimate m = metric ? *metric : MetricEstimate();
+  ObstacleDistance message = obstacle_distance(view_, m.ranges, m.bearings, options.layout, options.unknown,
+                                               range_min_, range_max_, fan_);
   message.time_us = time_us;
   append_obstacle_distance(bytes_, message, options.sender, sequence_);
   return bytes_;

@@ -148,19 +148,15 @@ void search_start_codes(Bytes unit, VideoCodec codec, StampSearch& found) {
 }
 
 void search_lengths(Bytes unit, const NalFraming& framing, StampSearch& found) {
-  std::size_t at = 0;
-  while (unit.size() - at >= framing.length_bytes) {
-    std::size_t size = 0;
-    for (unsigned i = 0; i < framing.length_bytes; ++i)
-      size = size << 8 | unit[at + i];
-    const std::size_t begin = at + framing.length_bytes;
-    if (size > unit.size() - begin)
+  ByteReader in(unit);
+  while (in.left() >= framing.length_bytes) {
+    const std::size_t place = unit.size() - in.left(), size = in.big(framing.length_bytes);
+    if (size > in.left())
       return;
-    if (see(unit.subspan(begin, size), framing.codec, found)) {
-      found.place = at;
+    if (see(in.take(size), framing.codec, found)) {
+      found.place = place;
       return;
     }
-    at = begin + size;
   }
 }
 
@@ -211,8 +207,7 @@ std::vector<std::uint8_t> stamp_unit(const NalFraming& framing, std::uint64_t ti
   const std::size_t size = header_bytes(framing.codec) + 2 + message_size + 1;
   if (framing.length_bytes == 0)
     append(unit, std::array<std::uint8_t, 4>{0, 0, 0, 1});
-  for (unsigned left = framing.length_bytes; left > 0; --left)
-    append(unit, std::array{static_cast<std::uint8_t>(left > sizeof size ? 0 : size >> 8 * (left - 1))});
+  put_big(unit, size, static_cast<int>(framing.length_bytes));
   if (h264)
     append(unit, std::array{h264_sei});
   else // layer 0 and the temporal layer of the picture

@@ -149,12 +149,6 @@ inline std::uint16_t checksum16(View bytes) {
   return static_cast<std::uint16_t>((high << 8) + low);
 }
 
-/// Appends the lowest `bytes` bytes of a number, big-endian.
-inline void put_big(Bytes& out, std::uint64_t value, int bytes) {
-  for (int i = bytes - 1; i >= 0; --i)
-    out.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
-}
-
 /// The number of bytes of a number without leading zeros, at least 1.
 inline int size_of_number(std::uint64_t value) {
   return (std::bit_width(value | 1) + 7) / 8;

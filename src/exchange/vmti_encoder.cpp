@@ -273,61 +273,57 @@ bool KlvEncoder::write(const Estimate& e, const GrayView& mask, std::span<const 
   if (!write_runs(mask, masks))
     return false;
   const std::uint64_t grid = static_cast<std::uint64_t>(mask.width) * static_cast<std::uint64_t>(mask.height);
-  Bytes& series = extra_;
-  series.clear();
+  extra_.clear(); // for the targets, then for the private set
   unsigned targets = 0;
   for (const MaskTarget& target : masks)
     if (target.pixels > 0) {
-      put_mask_target(series, target, grid, e.confidence);
+      put_mask_target(extra_, target, grid, e.confidence);
       ++targets;
     }
   if (e.horizon_row >= 0) {
-    put_horizon_target(series, e, mask.width, mask.height);
+    put_horizon_target(extra_, e, mask.width, mask.height);
     ++targets;
   }
 
-  Bytes& set = set_;
-  set.clear();
-  put_number(set, vmti_time, time_us, 8);
-  put_item(set, vmti_system, bytes_of("terrainseg"));
-  put_number(set, vmti_version, st0903_revision, 1);
-  put_number(set, vmti_targets_total, targets, 1);
-  put_number(set, vmti_targets_reported, targets, 1);
-  put_number(set, vmti_frame_number, e.frame & 0xffffff);
-  put_number(set, vmti_width, static_cast<unsigned>(mask.width));
-  put_number(set, vmti_height, static_cast<unsigned>(mask.height));
+  set_.clear();
+  put_number(set_, vmti_time, time_us, 8);
+  put_item(set_, vmti_system, bytes_of("terrainseg"));
+  put_number(set_, vmti_version, st0903_revision, 1);
+  put_number(set_, vmti_targets_total, targets, 1);
+  put_number(set_, vmti_targets_reported, targets, 1);
+  put_number(set_, vmti_frame_number, e.frame & 0xffffff);
+  put_number(set_, vmti_width, static_cast<unsigned>(mask.width));
+  put_number(set_, vmti_height, static_cast<unsigned>(mask.height));
   if (targets > 0)
-    put_item(set, vmti_target_series, series);
+    put_item(set_, vmti_target_series, extra_);
   put_terrain_set(e, boundary);
 
   constexpr std::size_t sums =
       (2 + 4) + checksum_size; // CRC-32 at the end of the private set, then the checksum
-  put_head(set, vmti_terrain, extra_.size() + 2 + 4);
-  append(set, extra_);
-  Bytes& unit = unit_;
-  unit.assign(vmti_label.begin(), vmti_label.end());
-  put_length(unit, set.size() + sums);
-  append(unit, set);
-  put_head(unit, terrain_crc, 4);
-  put_big(unit, crc32(unit), 4);
-  put_head(unit, vmti_checksum, 2);
-  put_big(unit, checksum16(unit), 2);
+  put_head(set_, vmti_terrain, extra_.size() + 2 + 4);
+  append(set_, extra_);
+  unit_.assign(vmti_label.begin(), vmti_label.end());
+  put_length(unit_, set_.size() + sums);
+  append(unit_, set_);
+  put_head(unit_, terrain_crc, 4);
+  put_big(unit_, crc32(unit_), 4);
+  put_head(unit_, vmti_checksum, 2);
+  put_big(unit_, checksum16(unit_), 2);
   if (platform)
-    nest(*platform, time_us, set.size() + sums);
-  return unit.size() <= klv_unit_limit;
+    nest(*platform, time_us, set_.size() + sums);
+  return unit_.size() <= klv_unit_limit;
 }
 
 /// Appends the VMTI set of unit_, without label, length and checksum, to a UAS Datalink Local Set.
 void KlvEncoder::nest(const UasPlatform& platform, std::uint64_t time_us, std::size_t vmti_size) {
-  Bytes& set = set_; // its content has been copied into the unit
-  set.clear();
-  put_number(set, uas_time, time_us, 8);
-  put_platform(set, platform);
-  put_number(set, uas_version, st0601_revision, 1);
-  put_item(set, uas_vmti, View(unit_).last(vmti_size).first(vmti_size - checksum_size));
+  set_.clear(); // its content has been copied into the unit
+  put_number(set_, uas_time, time_us, 8);
+  put_platform(set_, platform);
+  put_number(set_, uas_version, st0601_revision, 1);
+  put_item(set_, uas_vmti, View(unit_).last(vmti_size).first(vmti_size - checksum_size));
   unit_.assign(uas_label.begin(), uas_label.end());
-  put_length(unit_, set.size() + checksum_size);
-  append(unit_, set);
+  put_length(unit_, set_.size() + checksum_size);
+  append(unit_, set_);
   put_head(unit_, uas_checksum, 2);
   put_big(unit_, checksum16(unit_), 2);
 }

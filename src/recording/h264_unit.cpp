@@ -27,30 +27,24 @@ template <class Take> void for_each_nal(ByteView stream, Take take) {
 
 /// The slice type: the second Exp-Golomb number of a slice header; -1 if the unit is too short.
 int slice_type(ByteView nal) {
-  std::size_t bit = 8; // after the NAL header
-  const auto next = [&]() -> int {
-    if (bit >= nal.size() * 8)
-      return -1;
-    const int value = nal[bit / 8] >> (7 - bit % 8) & 1;
+  std::size_t bit = 8;             // after the NAL header
+  const auto next = [&]() -> int { // 0 past the end
+    const bool set = bit < nal.size() * 8 && (nal[bit / 8] >> (7 - bit % 8) & 1) != 0;
     ++bit;
-    return value;
+    return set;
   };
   int number = -1;
   for (int i = 0; i < 2; ++i) {
     int zeros = 0;
-    for (int value = next(); value != 1; value = next(), ++zeros)
-      if (value < 0 || zeros > 24)
+    while (next() == 0)
+      if (++zeros > 25)
         return -1;
     number = 1;
-    for (int k = 0; k < zeros; ++k) {
-      const int value = next();
-      if (value < 0)
-        return -1;
-      number = 2 * number + value;
-    }
+    for (; zeros > 0; --zeros)
+      number = 2 * number + next();
     --number;
   }
-  return number;
+  return bit <= nal.size() * 8 ? number : -1;
 }
 
 } // namespace

@@ -91,14 +91,6 @@ void TerrainMessages::add_transform(MessageOutlet& out, const Header& body, cons
   });
 }
 
-void TerrainMessages::add_pictures(MessageOutlet& out, const Header& camera, const MessageFrame& frame) {
-  if (!frame.picture.empty())
-    send(out, Topic::picture, camera, [&] { return JpegFile{frame.picture}; });
-  // The parameter sets are also stored while the video topic has no reader.
-  if (const ByteView whole = parameter_sets_.complete(frame.video); !whole.empty())
-    send(out, Topic::video, camera, [&] { return H264Picture{whole}; });
-}
-
 /// After each change of the status that is_new() reports, and once a second.
 void TerrainMessages::add_diagnostics(MessageOutlet& out, const Header& header, const MessageFrame& frame) {
   DiagnosticStatus status = status_of(*frame.estimate, frame.metric != nullptr, frame.near_clear);
@@ -112,7 +104,11 @@ void TerrainMessages::add_diagnostics(MessageOutlet& out, const Header& header, 
 
 void TerrainMessages::add(const MessageFrame& frame, MessageOutlet& out) {
   const Header body{frame.time, options_.body_frame}, camera{frame.time, options_.camera_frame};
-  add_pictures(out, camera, frame);
+  if (!frame.picture.empty())
+    send(out, Topic::picture, camera, [&] { return JpegFile{frame.picture}; });
+  // The parameter sets are also stored while the video topic has no reader.
+  if (const ByteView whole = parameter_sets_.complete(frame.video); !whole.empty())
+    send(out, Topic::video, camera, [&] { return H264Picture{whole}; });
   add_transform(out, body, frame.metric);
   if (frame.metric)
     add_metric(out, body, *frame.metric);

@@ -85,7 +85,6 @@ class TerrainMessages {
   template <class Content> void send(MessageOutlet& out, Topic topic, const Header& header, Content content);
   void add_metric(MessageOutlet& out, const Header& body, const MetricEstimate& metric);
   void add_transform(MessageOutlet& out, const Header& body, const MetricEstimate* metric);
-  void add_pictures(MessageOutlet& out, const Header& camera, const MessageFrame& frame);
   void add_diagnostics(MessageOutlet& out, const Header& header, const MessageFrame& frame);
 
   const MessageOptions options_;
