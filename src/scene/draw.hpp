@@ -21,20 +21,17 @@ struct Canvas {
   static constexpr float hidden = 0.015F;    ///< smaller shares of a pixel are not drawn
 
   int width = 0, height = 0;
-  std::vector<Color> light;
-  std::vector<float> open;  ///< share of each pixel that is not covered yet, 0..1
-  std::vector<Color> shade; ///< share of the ground's light that shadows leave, 0..1
-  std::vector<std::uint8_t> labels;
-
-  Canvas(int w, int h)
-      : width(w), height(h), light(static_cast<std::size_t>(w) * h), open(light.size()), shade(light.size()),
-        labels(light.size()) {}
+  std::vector<Color> light{};
+  std::vector<float> open{};  ///< share of each pixel that is not covered yet, 0..1
+  std::vector<Color> shade{}; ///< share of the ground's light that shadows leave, 0..1
+  std::vector<std::uint8_t> labels{};
 
   void clear() {
-    std::fill(light.begin(), light.end(), Color{});
-    std::fill(open.begin(), open.end(), 1.0F);
-    std::fill(shade.begin(), shade.end(), Color{1, 1, 1});
-    std::fill(labels.begin(), labels.end(), unset);
+    const std::size_t pixels = at(0, height);
+    light.assign(pixels, {});
+    open.assign(pixels, 1);
+    shade.assign(pixels, {1, 1, 1});
+    labels.assign(pixels, unset);
   }
   /// Adds `color` behind the existing content of a pixel.
   void under(std::size_t pixel, const Color& color, float alpha, std::uint8_t label) {

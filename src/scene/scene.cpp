@@ -166,8 +166,8 @@ void Developer::develop(const Canvas& canvas, const Lighting& light, std::uint32
 
 struct Renderer::State {
   State(const Settings& s, int width, int height)
-      : settings(s), path(s), noise(hash(s.seed, 91)), place(place_of(s)), canvas(width, height),
-        mirror(s.wet ? width : 0, s.wet ? height : 0) {}
+      : settings(s), path(s), noise(hash(s.seed, 91)),
+        place(place_of(s)), canvas{width, height}, mirror{s.wet ? width : 0, s.wet ? height : 0} {}
 
   Settings settings;
   Path path;

@@ -242,7 +242,14 @@ class Way {
         things_.push_back(
             car_at(path_.at(middle) + side * kerb, middle, heading_at(path_, middle), own, paint));
       } else if (there) {
-        block(middle, side, own);
+        things_.push_back({.kind = Thing::Kind::crate,
+                           .base = {path_.at(middle) + side * (place_.half_width - 0.5F), 0, middle},
+                           .half_x = own.roll(0.2F, 0.45F),
+                           .half_z = own.roll(0.3F, 1),
+                           .height = own.roll(0.4F, 0.9F),
+                           .heading = heading_at(path_, middle),
+                           .color = obstacle_color(own, {0.5F, 0.16F, 0.02F}, place_.surface, 0.5F),
+                           .key = own.next()});
       }
     });
   }
@@ -289,17 +296,6 @@ class Way {
                        .height = height,
                        .heading = heading_at(path_, middle),
                        .color = wall * dice.roll(0.7F, 1.1F),
-                       .key = dice.next()});
-  }
-
-  void block(float middle, float side, Dice& dice) {
-    things_.push_back({.kind = Thing::Kind::crate,
-                       .base = {path_.at(middle) + side * (place_.half_width - 0.5F), 0, middle},
-                       .half_x = dice.roll(0.2F, 0.45F),
-                       .half_z = dice.roll(0.3F, 1),
-                       .height = dice.roll(0.4F, 0.9F),
-                       .heading = heading_at(path_, middle),
-                       .color = obstacle_color(dice, {0.5F, 0.16F, 0.02F}, place_.surface, 0.5F),
                        .key = dice.next()});
   }
 
