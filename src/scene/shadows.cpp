@@ -41,10 +41,6 @@ class Shadows {
     across_ = {ahead_.z, 0, -ahead_.x};
   }
 
-  bool too_far(const Thing& thing) const {
-    return camera_.depth(thing.base) > (thing.kind == Thing::Kind::tree ? 45.0F : 90.0F);
-  }
-
   void soft(const Thing& thing) {
     if (s_.settings.kind == Kind::corridor || s_.light.sun.y <= 0.01F)
       return;
@@ -244,8 +240,8 @@ void draw_shadows(const Stage& stage, const std::vector<Thing>& things, Canvas& 
     cast_hard_shadows(stage, things, canvas);
   Shadows shadows(stage, canvas, false);
   for (const Thing& thing : things) {
-    if (shadows.too_far(thing))
-      continue;
+    if (stage.moment.camera.depth(thing.base) > (thing.kind == Thing::Kind::tree ? 45.0F : 90.0F))
+      continue; // too far to be seen
     if (!stage.light.clear)
       shadows.soft(thing);
     shadows.contact(thing);
