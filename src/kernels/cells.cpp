@@ -27,62 +27,53 @@ HWY_INLINE int color_distance(int dy, int du, int dv) {
   return std::abs(dy) + 2 * (std::abs(du) + std::abs(dv));
 }
 
-#if HWY_TARGET != HWY_SCALAR
-// Cells in 32-bit lanes, at most 16 per vector, because a row has few cells.
-using D32 = hn::CappedTag<std::int32_t, 16>;
-using V32 = hn::Vec<D32>;
+// Cells in 32-bit lanes, at most 16 per vector, because a row has few cells. Single cells are vectors of one
+// lane.
+using Vector = hn::CappedTag<std::int32_t, 16>;
+using Single = hn::CappedTag<std::int32_t, 1>;
 
-HWY_INLINE V32 load_cells(const std::uint8_t* cells) {
-  return hn::PromoteTo(D32(), hn::LoadU(hn::Rebind<std::uint8_t, D32>(), cells));
+template <class D> HWY_INLINE hn::Vec<D> load_cells(D d, const std::uint8_t* cells) {
+  return hn::PromoteTo(d, hn::LoadU(hn::Rebind<std::uint8_t, D>(), cells));
 }
 
-HWY_INLINE V32 color_distance(V32 dy, V32 du, V32 dv) {
+template <class V> HWY_INLINE V color_distance(V dy, V du, V dv) {
   return hn::Add(hn::Abs(dy), hn::ShiftLeft<1>(hn::Add(hn::Abs(du), hn::Abs(dv))));
 }
 
-HWY_INLINE V32 weighted(const std::array<std::int32_t, 3>& weights, V32 a, V32 b, V32 c) {
-  const D32 d;
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V weighted(D d, const std::array<std::int32_t, 3>& weights, V a, V b, V c) {
   return hn::Add(hn::Add(hn::Mul(hn::Set(d, weights[0]), a), hn::Mul(hn::Set(d, weights[1]), b)),
                  hn::Mul(hn::Set(d, weights[2]), c));
 }
 
-// Calls block(i) so that blocks of n cover 0..count-1; the last one overlaps. Returns false when none fits.
-// Only for loops that do not read what they write.
-template <class Block> HWY_INLINE bool cover(int count, int n, const Block& block) {
-  if (count < n)
-    return false;
+// Calls block(d, i) for vectors from cell i on that cover 0..count-1; the last one overlaps. Only for loops
+// that do not read what they write.
+template <class Block> HWY_INLINE void cover(int count, const Block& block) {
+  const int n = static_cast<int>(hn::Lanes(Vector()));
+  for (int i = 0; i < count && count < n; ++i)
+    block(Single(), i);
   for (int i = 0; i + n < count; i += n)
-    block(i);
-  block(count - n);
-  return true;
+    block(Vector(), i);
+  if (count >= n)
+    block(Vector(), count - n);
 }
-#endif
 
 void weigh_cells(const ComponentRow& in, const std::array<std::int32_t, 3>& weights, std::int32_t offset,
                  int count, std::uint8_t* out) {
-#if HWY_TARGET != HWY_SCALAR
-  const D32 d;
-  const int n = static_cast<int>(hn::Lanes(d));
-  const auto store = [&](int i, V32 sum) HWY_ATTR {
-    const hn::Rebind<std::uint8_t, D32> d8;
+  const auto store = [&](auto d, int i, auto sum) HWY_ATTR {
+    const hn::Rebind<std::uint8_t, decltype(d)> d8;
     hn::StoreU(hn::DemoteTo(d8, hn::ShiftRight<16>(hn::Add(sum, hn::Set(d, offset)))), d8, out + i);
   };
   // For conversions between ranges of the same colour matrix, each output depends on one component only.
   for (std::size_t k = 0; k < 3; ++k)
-    if (weights[(k + 1) % 3] == 0 && weights[(k + 2) % 3] == 0) {
-      const auto weight = hn::Set(d, weights[k]);
-      const std::uint8_t* const cells = in[k];
-      if (cover(count, n, [&](int i) HWY_ATTR { store(i, hn::Mul(weight, load_cells(cells + i))); }))
-        return;
-    }
-  if (cover(count, n, [&](int i) HWY_ATTR {
-        store(i, weighted(weights, load_cells(in[0] + i), load_cells(in[1] + i), load_cells(in[2] + i)));
-      }))
-    return;
-#endif
-  for (int i = 0; i < count; ++i)
-    out[i] = static_cast<std::uint8_t>(within(
-        (weights[0] * in[0][i] + weights[1] * in[1][i] + weights[2] * in[2][i] + offset) >> 16, 0, 255));
+    if (weights[(k + 1) % 3] == 0 && weights[(k + 2) % 3] == 0)
+      return cover(count, [&, weight = weights[k], cells = in[k]](auto d, int i) HWY_ATTR {
+        store(d, i, hn::Mul(hn::Set(d, weight), load_cells(d, cells + i)));
+      });
+  cover(count, [&](auto d, int i) HWY_ATTR {
+    store(d, i,
+          weighted(d, weights, load_cells(d, in[0] + i), load_cells(d, in[1] + i), load_cells(d, in[2] + i)));
+  });
 }
 
 // Auto-vectorised, as the next loops.
@@ -164,40 +155,31 @@ void color_steps_between(const ComponentRow& a, const ComponentRow& b, int gain,
 
 void follow_cells(const ComponentRow& cells, const std::uint8_t* ignored, const FollowRule& rule,
                   const std::array<std::int32_t*, 3>& reference, int count, std::int8_t* penalty) {
-  int i = 0;
-#if HWY_TARGET != HWY_SCALAR
-  const D32 d;
-  const int n = static_cast<int>(hn::Lanes(d));
-  const V32 zero = hn::Zero(d);
-  for (; i + n <= count; i += n) {
+  const auto follow = [&](auto d, int i) HWY_ATTR {
+    const auto zero = hn::Zero(d);
     const auto off = [&](std::size_t c) HWY_ATTR {
-      return hn::Sub(hn::ShiftLeft<4>(load_cells(cells[c] + i)), hn::LoadU(d, reference[c] + i));
+      return hn::Sub(hn::ShiftLeft<4>(load_cells(d, cells[c] + i)), hn::LoadU(d, reference[c] + i));
     };
-    const V32 dy = off(0), du = off(1), dv = off(2);
-    const V32 far = hn::ShiftRight<12>(hn::Mul(color_distance(dy, du, dv), hn::Set(d, rule.gain)));
-    const V32 beyond = hn::ShiftRight<1>(hn::Sub(far, hn::Set(d, rule.free_below)));
-    const hn::Rebind<std::int8_t, D32> d8;
+    const auto dy = off(0), du = off(1), dv = off(2);
+    const auto far = hn::ShiftRight<12>(hn::Mul(color_distance(dy, du, dv), hn::Set(d, rule.gain)));
+    const auto beyond = hn::ShiftRight<1>(hn::Sub(far, hn::Set(d, rule.free_below)));
+    const hn::Rebind<std::int8_t, decltype(d)> d8;
     hn::StoreU(hn::DemoteTo(d8, hn::Min(hn::Max(beyond, zero), hn::Set(d, rule.most))), d8, penalty + i);
     const auto follows =
-        hn::And(hn::Lt(far, hn::Set(d, rule.follow_below)), hn::Eq(load_cells(ignored + i), zero));
-    const auto move = [&](std::size_t c, V32 distance) HWY_ATTR {
-      const V32 step = hn::IfThenElseZero(follows, hn::ShiftRight<2>(distance));
+        hn::And(hn::Lt(far, hn::Set(d, rule.follow_below)), hn::Eq(load_cells(d, ignored + i), zero));
+    const auto move = [&](std::size_t c, auto distance) HWY_ATTR {
+      const auto step = hn::IfThenElseZero(follows, hn::ShiftRight<2>(distance));
       hn::StoreU(hn::Add(hn::LoadU(d, reference[c] + i), step), d, reference[c] + i);
     };
     move(0, dy);
     move(1, du);
     move(2, dv);
-  }
-#endif
-  for (; i < count; ++i) {
-    const auto off = [&](std::size_t c) HWY_ATTR { return 16 * cells[c][i] - reference[c][i]; };
-    const std::array<int, 3> distance{off(0), off(1), off(2)};
-    const int far = (color_distance(distance[0], distance[1], distance[2]) * rule.gain) >> 12;
-    penalty[i] = static_cast<std::int8_t>(within((far - rule.free_below) >> 1, 0, rule.most));
-    if (far < rule.follow_below && !ignored[i])
-      for (std::size_t c = 0; c < 3; ++c)
-        reference[c][i] += distance[c] >> 2;
-  }
+  };
+  int i = 0;
+  for (const int n = static_cast<int>(hn::Lanes(Vector())); i + n <= count; i += n)
+    follow(Vector(), i);
+  for (; i < count; ++i)
+    follow(Single(), i);
 }
 
 // Auto-vectorised.
@@ -214,49 +196,30 @@ void smooth_cells(const std::int32_t* __restrict in, int count, std::int32_t* __
 
 void strongest_of_strip(const Strip& strip, const std::array<std::array<std::int32_t, 3>, 3>& matrix,
                         int rows, const std::uint8_t* last, std::uint8_t* best) {
-#if HWY_TARGET != HWY_SCALAR
-  const D32 d;
-  cover(strip_columns, static_cast<int>(hn::Lanes(d)), [&](int i) HWY_ATTR {
-    const V32 lowest = load_cells(last + i);
-    V32 strongest = hn::Set(d, -1), at = hn::Zero(d);
-    V32 y = load_cells(&strip[0][0][0] + i), u = load_cells(&strip[0][1][0] + i),
-        v = load_cells(&strip[0][2][0] + i);
+  cover(strip_columns, [&](auto d, int i) HWY_ATTR {
+    const auto lowest = load_cells(d, last + i);
+    auto strongest = hn::Set(d, -1), at = hn::Zero(d);
+    auto y = load_cells(d, &strip[0][0][0] + i), u = load_cells(d, &strip[0][1][0] + i),
+         v = load_cells(d, &strip[0][2][0] + i);
     for (int row = 1; row < rows; ++row) {
       const auto& here = strip[row];
-      const V32 y0 = y, u0 = u, v0 = v;
-      y = load_cells(&here[0][0] + i);
-      u = load_cells(&here[1][0] + i);
-      v = load_cells(&here[2][0] + i);
-      const V32 a = hn::Sub(y, y0), b = hn::Sub(u, u0), c = hn::Sub(v, v0);
-      const V32 strength = color_distance(hn::ShiftRight<8>(weighted(matrix[0], a, b, c)),
-                                          hn::ShiftRight<8>(weighted(matrix[1], a, b, c)),
-                                          hn::ShiftRight<8>(weighted(matrix[2], a, b, c)));
-      const V32 this_row = hn::Set(d, row);
+      const auto y0 = y, u0 = u, v0 = v;
+      y = load_cells(d, &here[0][0] + i);
+      u = load_cells(d, &here[1][0] + i);
+      v = load_cells(d, &here[2][0] + i);
+      const auto a = hn::Sub(y, y0), b = hn::Sub(u, u0), c = hn::Sub(v, v0);
+      const auto strength = color_distance(hn::ShiftRight<8>(weighted(d, matrix[0], a, b, c)),
+                                           hn::ShiftRight<8>(weighted(d, matrix[1], a, b, c)),
+                                           hn::ShiftRight<8>(weighted(d, matrix[2], a, b, c)));
+      const auto this_row = hn::Set(d, row);
       // The condition is "row <= last".
       const auto stronger = hn::AndNot(hn::Gt(this_row, lowest), hn::Gt(strength, strongest));
       strongest = hn::IfThenElse(stronger, strength, strongest);
       at = hn::IfThenElse(stronger, this_row, at);
     }
-    const hn::Rebind<std::uint8_t, D32> d8;
+    const hn::Rebind<std::uint8_t, decltype(d)> d8;
     hn::StoreU(hn::DemoteTo(d8, at), d8, best + i);
   });
-#else
-  for (std::size_t i = 0; i < strip_columns; ++i) {
-    int strongest = -1;
-    best[i] = 0;
-    for (std::size_t row = 1; row < static_cast<std::size_t>(rows) && row <= last[i]; ++row) {
-      const auto step = [&](std::size_t c) { return strip[row][c][i] - strip[row - 1][c][i]; };
-      const auto mapped = [&](std::size_t k) {
-        return (matrix[k][0] * step(0) + matrix[k][1] * step(1) + matrix[k][2] * step(2)) >> 8;
-      };
-      const int strength = color_distance(mapped(0), mapped(1), mapped(2));
-      if (strength > strongest) {
-        strongest = strength;
-        best[i] = static_cast<std::uint8_t>(row);
-      }
-    }
-  }
-#endif
 }
 
 void octaves_looked_up(const std::uint32_t* __restrict values, const std::int16_t* __restrict table,
