@@ -77,35 +77,13 @@ HWY_INLINE V mix_both(D16 d16, V samples, V low_coverage, V high_coverage, V low
 
 #endif
 
-bool cover(const std::uint8_t* mask, int count, Coverage full, Coverage half, Coverage* out) {
-  int i = 0;
-  bool some = false;
-#if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint16_t, 32> d16;
-  const hn::Rebind<std::uint8_t, decltype(d16)> d8;
-  const hn::RebindToSigned<decltype(d16)> di16;
-  const int lanes = static_cast<int>(hn::Lanes(d16));
-  const auto strong = hn::Set(di16, static_cast<std::int16_t>(full));
-  const auto weak = hn::Set(di16, static_cast<std::int16_t>(half));
-  auto most = hn::Zero(d8);
-  for (; i + lanes <= count; i += lanes) {
-    ask_ahead(mask + i);
-    const auto v8 = hn::LoadU(d8, mask + i);
-    const auto v = hn::BitCast(di16, hn::PromoteTo(d16, v8));
-    most = hn::Or(most, v8);
-    const auto at_least_half = hn::IfThenElseZero(hn::Gt(v, hn::Set(di16, 63)), weak);
-    const auto coverage = hn::IfThenElse(hn::Gt(v, hn::Set(di16, 191)), strong, at_least_half);
-    hn::StoreU(hn::BitCast(d16, coverage), d16, out + i);
+// Auto-vectorised: in signed 16 bits, of which a vector holds the most.
+void cover(const std::uint8_t* __restrict mask, int count, Coverage full, Coverage half,
+           Coverage* __restrict out) {
+  for (int i = 0; i < count; ++i) {
+    const std::int16_t value = mask[i], weak = value > 63 ? half : Coverage{0};
+    out[i] = static_cast<Coverage>(value > 191 ? full : weak);
   }
-  // A value of 64 or more has at least one of its two upper bits set.
-  const auto upper_bits = hn::And(most, hn::Set(d8, 192));
-  some = !hn::AllTrue(d8, hn::Eq(upper_bits, hn::Zero(d8)));
-#endif
-  for (; i < count; ++i) {
-    out[i] = mask[i] >= 192 ? full : mask[i] >= 64 ? half : Coverage{0};
-    some = some || mask[i] >= 64;
-  }
-  return some;
 }
 
 void pool(const Coverage* __restrict top, const Coverage* __restrict bottom, int pixels,

@@ -10,8 +10,8 @@ namespace terrainseg::kernels {
 
 using Coverage = std::uint16_t;
 
-/// Coverage of mask values: `full` from 192 on, `half` from 64 on, otherwise 0. Returns false when all are 0.
-extern bool (*const cover_mask)(const std::uint8_t* mask, int count, Coverage full, Coverage half,
+/// Coverage of mask values: `full` from 192 on, `half` from 64 on, otherwise 0.
+extern void (*const cover_mask)(const std::uint8_t* mask, int count, Coverage full, Coverage half,
                                 Coverage* out);
 
 /// Returns false when all values are 0.

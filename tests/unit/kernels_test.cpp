@@ -428,12 +428,11 @@ TEST(Kernels, Coverage) {
     for (auto& m : mask)
       m = std::array<std::uint8_t, 6>{0, 63, 64, 128, 191, 255}[random() % (count % 3 == 0 ? 2 : 6)];
     bool some = false;
-    const bool said = cover_mask(mask.data(), count, 256, 51, top.data());
+    cover_mask(mask.data(), count, 256, 51, top.data());
     for (std::size_t i = 0; i < size; ++i) {
       ASSERT_EQ(top[i], mask[i] >= 192 ? 256 : mask[i] >= 64 ? 51 : 0);
       some = some || top[i] != 0;
     }
-    ASSERT_EQ(said, some);
     ASSERT_EQ(covers(top.data(), count), some);
     for (auto& c : bottom)
       c = static_cast<Coverage>(random() % 257);
