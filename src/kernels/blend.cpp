@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "kernels/blend.hpp"
 
+#include <bit>
 #include <cstring>
 
 #include "kernels/targets.hpp"
@@ -37,25 +38,6 @@ constexpr int bytes_ahead = 1024;
 
 HWY_INLINE void ask_ahead(const std::uint8_t* samples) {
   __builtin_prefetch(samples + bytes_ahead, 1);
-}
-
-// Replaces vectors of `count` pixels of `step` bytes: blended(v, i) gives the bytes for those in v, from
-// pixel i on. The last vector overlaps the one before it; it is computed first, from samples that are still
-// unchanged, and stored last. Returns false when not even one vector fits.
-template <int step, class D8, class Blended>
-HWY_INLINE bool in_place(D8 d8, std::uint8_t* samples, int count, const Blended& blended) {
-  const int lanes = static_cast<int>(hn::Lanes(d8)) / step, tail = count - lanes;
-  if (tail < 0)
-    return false;
-  const auto compute = [&](int i) HWY_ATTR {
-    ask_ahead(samples + step * i);
-    return blended(hn::LoadU(d8, samples + step * i), i);
-  };
-  const auto last = compute(tail);
-  for (int i = 0; i < tail; i += lanes)
-    hn::StoreU(compute(i), d8, samples + step * i);
-  hn::StoreU(last, d8, samples + step * tail);
-  return true;
 }
 
 // Blends 16-bit lanes with one multiplication: (s (256 - a) + i a + 128) >> 8 = s + (((i - s) a + 128) >> 8).
@@ -104,83 +86,60 @@ void pool(const Coverage* __restrict top, const Coverage* __restrict bottom, int
   }
 }
 
+// The last vector overlaps the one before it; it is computed first, from samples that are still unchanged,
+// and stored last.
 void plane(std::uint8_t* samples, const Coverage* coverage, int count, std::uint8_t ink) {
 #if HWY_TARGET != HWY_SCALAR
   const hn::CappedTag<std::uint16_t, 32> d16;
   const hn::Rebind<std::uint8_t, decltype(d16)> d8;
   const hn::Rebind<std::int16_t, decltype(d16)> di16;
   const auto colour = hn::Set(d16, ink);
-  if (in_place<1>(d8, samples, count, [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR {
-        const auto sum = mix(d16, hn::PromoteTo(d16, v), hn::LoadU(d16, coverage + i), colour);
-        return hn::DemoteTo(d8, hn::BitCast(di16, sum));
-      }))
-    return;
+  const int lanes = static_cast<int>(hn::Lanes(d8)), tail = count - lanes;
+  const auto blended = [&](int i) HWY_ATTR __attribute__((always_inline)) {
+    ask_ahead(samples + i);
+    const auto sum =
+        mix(d16, hn::PromoteTo(d16, hn::LoadU(d8, samples + i)), hn::LoadU(d16, coverage + i), colour);
+    return hn::DemoteTo(d8, hn::BitCast(di16, sum));
+  };
+  if (tail >= 0) {
+    const auto last = blended(tail);
+    for (int i = 0; i < tail; i += lanes)
+      hn::StoreU(blended(i), d8, samples + i);
+    return hn::StoreU(last, d8, samples + tail);
+  }
 #endif
   for (int i = 0; i < count; ++i)
     samples[i] = mixed(samples[i], coverage[i], ink);
 }
 
-HWY_INLINE void mix_word(std::uint8_t* at, unsigned coverage, int shift, unsigned ink) {
-  const unsigned sample = (at[0] | unsigned{at[1]} << 8) >> shift, weight = coverage;
-  const unsigned value = ((sample * (256 - weight) + ink * weight + 128) >> 8) << shift;
-  at[0] = static_cast<std::uint8_t>(value);
-  at[1] = static_cast<std::uint8_t>(value >> 8);
+// Blends a sample of two bytes, little-endian, with `shift` unused lower bits. One multiplication:
+// (s (256 - a) + i a + 128) >> 8 = s + (((i - s) a + 128) >> 8).
+HWY_INLINE void mix_word(std::uint8_t* at, int coverage, int shift, int ink) {
+  constexpr int lower = std::endian::native == std::endian::little ? 0 : 8, upper = 8 - lower;
+  std::uint16_t word;
+  std::memcpy(&word, at, sizeof word);
+  const int sample = ((word >> lower & 255) | (word >> upper & 255) << 8) >> shift;
+  const int value = (sample + (((ink - sample) * coverage + 128) >> 8)) << shift;
+  word = static_cast<std::uint16_t>((value & 255) << lower | (value >> 8 & 255) << upper);
+  std::memcpy(at, &word, sizeof word);
 }
 
-#if HWY_TARGET != HWY_SCALAR
-
-// Blends both halves of 32-bit lanes, each with its own coverage and ink. A product with 256 fits 32 bits.
-template <class D32, class V = hn::Vec<D32>>
-HWY_INLINE V mix_words(D32 d32, V samples, V low_coverage, V high_coverage, int shift, V low_ink,
-                       V high_ink) {
-  const auto mix_one = [&](V sample, V a, V ink) HWY_ATTR {
-    const auto value = hn::ShiftRightSame(sample, shift);
-    const auto sum = hn::Add(hn::Mul(value, hn::Sub(hn::Set(d32, 256), a)), hn::Mul(ink, a));
-    return hn::ShiftLeftSame(hn::ShiftRight<8>(hn::Add(sum, hn::Set(d32, 128))), shift);
-  };
-  const V low = mix_one(hn::And(samples, hn::Set(d32, 0xffff)), low_coverage, low_ink);
-  const V high = mix_one(hn::ShiftRight<16>(samples), high_coverage, high_ink);
-  return hn::Or(low, hn::ShiftLeft<16>(high));
-}
-
-#endif
-
-void words(std::uint8_t* samples, const Coverage* coverage, int count, int shift, std::uint16_t ink) {
-#if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint32_t, 16> d32;
-  const hn::Repartition<std::uint16_t, decltype(d32)> d16;
-  const hn::Repartition<std::uint8_t, decltype(d32)> d8;
-  const auto colour = hn::Set(d32, ink);
-  if (in_place<2>(d8, samples, count, [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR {
-        const auto a = hn::BitCast(d32, hn::LoadU(d16, coverage + i));
-        return hn::BitCast(d8, mix_words(d32, hn::BitCast(d32, v), hn::And(a, hn::Set(d32, 0xffff)),
-                                         hn::ShiftRight<16>(a), shift, colour, colour));
-      }))
-    return;
-#endif
+// Auto-vectorised, as the next loops.
+void words(std::uint8_t* __restrict samples, const Coverage* __restrict coverage, int count, int shift,
+           std::uint16_t ink) {
   for (int i = 0; i < count; ++i)
     mix_word(samples + 2 * i, coverage[i], shift, ink);
 }
 
-void word_pairs(std::uint8_t* samples, const Coverage* coverage, int count, int shift,
+void word_pairs(std::uint8_t* __restrict samples, const Coverage* __restrict coverage, int count, int shift,
                 const std::array<std::uint16_t, 2>& ink) {
-#if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::uint32_t, 16> d32;
-  const hn::Rebind<std::uint16_t, decltype(d32)> dc;
-  const hn::Repartition<std::uint8_t, decltype(d32)> d8;
-  const auto first = hn::Set(d32, ink[0]), second = hn::Set(d32, ink[1]);
-  if (in_place<4>(d8, samples, count, [&](hn::Vec<decltype(d8)> v, int i) HWY_ATTR {
-        const auto a = hn::PromoteTo(d32, hn::LoadU(dc, coverage + i));
-        return hn::BitCast(d8, mix_words(d32, hn::BitCast(d32, v), a, a, shift, first, second));
-      }))
-    return;
-#endif
-  for (int i = 0; i < count; ++i)
-    for (int c = 0; c < 2; ++c)
-      mix_word(samples + 4 * i + 2 * c, coverage[i], shift, ink[c]);
+  const auto [first, second] = ink;
+  for (int i = 0; i < count; ++i) {
+    mix_word(samples + 4 * i, coverage[i], shift, first);
+    mix_word(samples + 4 * i + 2, coverage[i], shift, second);
+  }
 }
 
-// Auto-vectorised, as the next loops.
 void triples(std::uint8_t* __restrict samples, const Coverage* __restrict coverage, int count,
              const std::array<std::uint8_t, 3>& ink) {
   const auto [first, second, third] = ink;
