@@ -172,9 +172,9 @@ HWY_INLINE hn::Vec<D32> sum_fours(hn::Vec<D8> bytes) {
 }
 
 /// Compares four cells at once.
-void compare_block(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
-                   std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
-                   std::ptrdiff_t plane, std::uint8_t* whole) {
+void compare(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
+             std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
+             std::ptrdiff_t plane, std::uint8_t* whole) {
   const D8 d;
   const hn::RebindToSigned<D32> signed32;
   const hn::Rebind<std::uint16_t, D32> half;
@@ -204,11 +204,11 @@ void compare_block(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const
   for (int c = 0; c < 4; ++c)
     whole[c] = holes[c] == 0;
 }
-#endif
+#else
 
-void compare_plainly(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
-                     std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
-                     std::ptrdiff_t plane, std::uint8_t* whole) {
+void compare(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
+             std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
+             std::ptrdiff_t plane, std::uint8_t* whole) {
   for (int c = 0; c < 4; ++c) {
     whole[c] = 1;
     for (int y = 0; y < 4; ++y)
@@ -226,17 +226,7 @@ void compare_plainly(const std::uint8_t* frame, std::ptrdiff_t frame_stride, con
   }
 }
 
-void compare(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::uint8_t* warped,
-             std::ptrdiff_t warped_stride, const std::int32_t* offsets, std::uint16_t* sums,
-             std::ptrdiff_t plane, std::uint8_t* whole) {
-#if HWY_TARGET != HWY_SCALAR
-  if (hn::Lanes(D8()) == 16) {
-    compare_block(frame, frame_stride, warped, warped_stride, offsets, sums, plane, whole);
-    return;
-  }
 #endif
-  compare_plainly(frame, frame_stride, warped, warped_stride, offsets, sums, plane, whole);
-}
 
 // These loops are auto-vectorised too.
 void add_window(const std::uint16_t* __restrict above, const std::uint16_t* __restrict here,
@@ -286,33 +276,22 @@ void add_windows(const std::uint16_t* above, const std::uint16_t* here, const st
 
 // --- sums of cells that are moved with the ground ---
 
-#if HWY_TARGET != HWY_SCALAR
-using Four = hn::FixedTag<std::int32_t, 4>;
-using FourNarrow = hn::FixedTag<std::int16_t, 4>;
-
 HWY_INLINE void mix_sums(const std::int16_t* a, const std::int16_t* b, const std::int16_t* c,
                          const std::int16_t* d, int fu, int fv, int keep, std::int16_t* out) {
-  const Four wide;
-  const FourNarrow narrow;
-  const auto row = [&](const std::int16_t* left, const std::int16_t* right) HWY_ATTR {
-    return hn::Add(hn::Mul(hn::PromoteTo(wide, hn::LoadU(narrow, left)), hn::Set(wide, 64 - fu)),
-                   hn::Mul(hn::PromoteTo(wide, hn::LoadU(narrow, right)), hn::Set(wide, fu)));
-  };
-  const auto sum = hn::Add(hn::Mul(row(a, b), hn::Set(wide, 64 - fv)), hn::Mul(row(c, d), hn::Set(wide, fv)));
-  const auto value = hn::ShiftRight<12>(hn::Add(sum, hn::Set(wide, 2048)));
-  const auto kept = hn::ShiftRight<8>(hn::Add(hn::Mul(value, hn::Set(wide, keep)), hn::Set(wide, 128)));
-  hn::StoreU(hn::DemoteTo(narrow, kept), narrow, out);
-}
-#else
-HWY_INLINE void mix_sums(const std::int16_t* a, const std::int16_t* b, const std::int16_t* c,
-                         const std::int16_t* d, int fu, int fv, int keep, std::int16_t* out) {
-  for (int i = 0; i < 4; ++i) {
-    const int value =
-        ((a[i] * (64 - fu) + b[i] * fu) * (64 - fv) + (c[i] * (64 - fu) + d[i] * fu) * fv + 2048) >> 12;
-    out[i] = static_cast<std::int16_t>((value * keep + 128) >> 8);
+  const hn::CappedTag<std::int32_t, 4> wide;
+  const hn::Rebind<std::int16_t, decltype(wide)> narrow;
+  for (std::size_t i = 0; i < 4; i += hn::Lanes(wide)) {
+    const auto row = [&](const std::int16_t* left, const std::int16_t* right) HWY_ATTR {
+      return hn::Add(hn::Mul(hn::PromoteTo(wide, hn::LoadU(narrow, left + i)), hn::Set(wide, 64 - fu)),
+                     hn::Mul(hn::PromoteTo(wide, hn::LoadU(narrow, right + i)), hn::Set(wide, fu)));
+    };
+    const auto sum =
+        hn::Add(hn::Mul(row(a, b), hn::Set(wide, 64 - fv)), hn::Mul(row(c, d), hn::Set(wide, fv)));
+    const auto value = hn::ShiftRight<12>(hn::Add(sum, hn::Set(wide, 2048)));
+    const auto kept = hn::ShiftRight<8>(hn::Add(hn::Mul(value, hn::Set(wide, keep)), hn::Set(wide, 128)));
+    hn::StoreU(hn::DemoteTo(narrow, kept), narrow, out + i);
   }
 }
-#endif
 
 void move_sums(const SumSource& source, const std::int32_t* nodes, int columns, int keep, std::int16_t* out) {
   for (int j = 0; j < columns; ++j, out += 4) {
