@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "kernels/blend.hpp"
 
-#include <bit>
 #include <cstring>
 
 #include "kernels/targets.hpp"
@@ -112,15 +111,19 @@ void plane(std::uint8_t* samples, const Coverage* coverage, int count, std::uint
     samples[i] = mixed(samples[i], coverage[i], ink);
 }
 
+// The bytes as a number, in the order of the machine.
+template <class Word> HWY_INLINE Word word_of(const std::uint8_t* bytes) {
+  Word word;
+  std::memcpy(&word, bytes, sizeof word);
+  return word;
+}
+
 // Blends a sample of two bytes, little-endian, with `shift` unused lower bits. One multiplication:
 // (s (256 - a) + i a + 128) >> 8 = s + (((i - s) a + 128) >> 8).
 HWY_INLINE void mix_word(std::uint8_t* at, int coverage, int shift, int ink) {
-  constexpr int lower = std::endian::native == std::endian::little ? 0 : 8, upper = 8 - lower;
-  std::uint16_t word;
-  std::memcpy(&word, at, sizeof word);
-  const int sample = ((word >> lower & 255) | (word >> upper & 255) << 8) >> shift;
+  const int sample = little_endian(word_of<std::uint16_t>(at)) >> shift;
   const int value = (sample + (((ink - sample) * coverage + 128) >> 8)) << shift;
-  word = static_cast<std::uint16_t>((value & 255) << lower | (value >> 8 & 255) << upper);
+  const std::uint16_t word = little_endian(static_cast<std::uint16_t>(value));
   std::memcpy(at, &word, sizeof word);
 }
 
@@ -149,13 +152,6 @@ void triples(std::uint8_t* __restrict samples, const Coverage* __restrict covera
     s[1] = mixed(s[1], coverage[i], second);
     s[2] = mixed(s[2], coverage[i], third);
   }
-}
-
-// The bytes of a pixel as a number, in the order of the machine.
-template <class Word> HWY_INLINE Word word_of(const std::uint8_t* bytes) {
-  Word word;
-  std::memcpy(&word, bytes, sizeof word);
-  return word;
 }
 
 // Blends pixels of two or four bytes: every second byte at once. The bits of `kept` are not changed.

@@ -2,6 +2,8 @@
 // Selects Highway's targets for the kernels. Include it before Highway.
 #pragma once
 
+#include <bit>
+#include <cstdint>
 #include <type_traits>
 
 // With GCC 12 the target for SVE vectors of exactly 32 bytes gives wrong three-byte pixels (found by
@@ -28,6 +30,12 @@ namespace terrainseg::kernels {
 template <auto... constants, class Value, class Use>
 [[gnu::always_inline]] inline void with_constant(Value value, const Use& use) {
   ((value == constants ? use(std::integral_constant<Value, constants>()) : void()), ...);
+}
+
+/// The value of two bytes as they lie in memory, the lower first, and the other way round.
+[[gnu::always_inline]] constexpr std::uint16_t little_endian(std::uint16_t word) {
+  return std::endian::native == std::endian::little ? word
+                                                    : static_cast<std::uint16_t>(word << 8 | word >> 8);
 }
 
 } // namespace terrainseg::kernels
