@@ -36,69 +36,46 @@ std::ptrdiff_t rows_ahead(std::ptrdiff_t stride) {
   return (bytes_ahead + row - 1) / row * stride;
 }
 
-// Writes columns first..end-1. Auto-vectorised; x86 compares only signed bytes.
-void write_plain(const std::uint8_t* __restrict boundary, const std::uint8_t* __restrict safe, int row,
-                 int first, int end, std::uint8_t* __restrict out) {
-  const auto ordered = [](int byte) { return static_cast<std::int8_t>(byte ^ 128); };
-  const std::int8_t here = ordered(row);
-  for (int x = first; x < end; ++x) {
-    const std::uint8_t below = here >= ordered(boundary[x]) ? 128 : 0;
-    const std::uint8_t beyond = here >= ordered(safe[x]) ? 255 : 0;
-    out[x] = below | beyond;
-  }
-}
-
-#if HWY_TARGET != HWY_SCALAR
-using D8 = hn::CappedTag<std::uint8_t, 64>;
-
-// Calls block(x) so that vectors cover 0..width-1, two at a time while they fit; the last one overlaps.
-// Returns false when none fits. Prefetches each cache line at `ahead` from `out` once.
+// Calls block(d, x) for vectors from column x on that cover 0..width-1, two at a time while they fit; the
+// last one overlaps. Narrow masks are covered by single columns. Prefetches each cache line at `ahead` from
+// `out` once.
 template <class Block>
-HWY_INLINE bool cover(int width, const std::uint8_t* out, std::ptrdiff_t ahead, const Block& block) {
+HWY_INLINE void cover(int width, const std::uint8_t* out, std::ptrdiff_t ahead, const Block& block) {
   constexpr int cache_line = 64;
-  const int n = static_cast<int>(hn::Lanes(D8()));
-  if (width < n)
-    return false;
+  const hn::CappedTag<std::uint8_t, cache_line> d;
+  const int n = static_cast<int>(hn::Lanes(d));
+  if (width < n || n == 1) {
+    for (int x = 0; x < width; ++x)
+      block(hn::CappedTag<std::uint8_t, 1>(), x);
+    return;
+  }
   int x = 0;
   for (; x + 2 * n < width; x += 2 * n) {
     for (int line = 0; line < 2 * n; line += cache_line)
       __builtin_prefetch(out + x + line + ahead);
-    block(x);
-    block(x + n);
+    block(d, x);
+    block(d, x + n);
   }
   __builtin_prefetch(out + x + ahead);
   if (x + n < width)
-    block(x);
-  block(width - n);
-  return true;
+    block(d, x);
+  block(d, width - n);
 }
-#endif
 
 void write_row(const std::uint8_t* boundary, const std::uint8_t* safe, int row, int width,
-               [[maybe_unused]] std::ptrdiff_t ahead, std::uint8_t* out) {
-#if HWY_TARGET != HWY_SCALAR
-  const D8 d;
-  const auto here = hn::Set(d, static_cast<std::uint8_t>(row)), doubtful = hn::Set(d, 128);
-  if (cover(width, out, ahead, [&](int x) HWY_ATTR {
-        // x86 cannot compare unsigned bytes.
-        const auto below = hn::Eq(hn::Max(hn::LoadU(d, boundary + x), here), here);
-        const auto beyond = hn::Eq(hn::Max(hn::LoadU(d, safe + x), here), here);
-        // Not computed as the mean of 0 and 255, because Highway's average overflows with SVE.
-        hn::StoreU(hn::Or(hn::IfThenElseZero(below, doubtful), hn::VecFromMask(d, beyond)), d, out + x);
-      }))
-    return;
-#endif
-  write_plain(boundary, safe, row, 0, width, out);
+               std::ptrdiff_t ahead, std::uint8_t* out) {
+  cover(width, out, ahead, [&](auto d, int x) HWY_ATTR {
+    const auto here = hn::Set(d, static_cast<std::uint8_t>(row)), doubtful = hn::Set(d, 128);
+    // x86 cannot compare unsigned bytes.
+    const auto below = hn::Eq(hn::Max(hn::LoadU(d, boundary + x), here), here);
+    const auto beyond = hn::Eq(hn::Max(hn::LoadU(d, safe + x), here), here);
+    // Not computed as the mean of 0 and 255, because Highway's average overflows with SVE.
+    hn::StoreU(hn::Or(hn::IfThenElseZero(below, doubtful), hn::VecFromMask(d, beyond)), d, out + x);
+  });
 }
 
-void fill_row(std::uint8_t* row, int width, std::uint8_t value, [[maybe_unused]] std::ptrdiff_t ahead) {
-#if HWY_TARGET != HWY_SCALAR
-  const D8 d;
-  const auto values = hn::Set(d, value);
-  if (cover(width, row, ahead, [&](int x) HWY_ATTR { hn::StoreU(values, d, row + x); }))
-    return;
-#endif
-  std::memset(row, value, static_cast<std::size_t>(width));
+void fill_row(std::uint8_t* row, int width, std::uint8_t value, std::ptrdiff_t ahead) {
+  cover(width, row, ahead, [&](auto d, int x) HWY_ATTR { hn::StoreU(hn::Set(d, value), d, row + x); });
 }
 
 void fill(std::uint8_t* mask, std::ptrdiff_t stride, int width, int first, int end, std::uint8_t value) {
