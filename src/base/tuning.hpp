@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -24,8 +25,7 @@ namespace terrainseg::tuning {
 struct Knob {
   std::string name; ///< group.constant
   std::int64_t standard = 0;
-  void* number = nullptr;
-  void (*assign)(void* number, std::int64_t value) = nullptr;
+  std::function<void(std::int64_t value)> assign;
 };
 /// All constants. Created on first use, because source files register theirs before main() in any order.
 inline std::vector<Knob>& knobs() {
@@ -33,44 +33,35 @@ inline std::vector<Knob>& knobs() {
   return all;
 }
 
-/// A table computed from tunable constants. Recomputed when one of them is set.
-class Table {
- public:
-  virtual void fill() = 0;
-
- protected:
-  Table() = default;
-  ~Table() = default;
-};
-/// All tables.
-inline std::vector<Table*>& tables() {
-  static std::vector<Table*> all;
+/// Functions that compute the tables of tunable constants again.
+inline std::vector<std::function<void()>>& tables() {
+  static std::vector<std::function<void()>> all;
   return all;
 }
 inline void fill_tables() {
-  for (Table* table : tables())
-    table->fill();
+  for (const auto& fill : tables())
+    fill();
 }
-template <typename Make> class TableOf final : public Table {
+/// A table computed from tunable constants. Recomputed when one of them is set.
+template <typename Make> class TableOf {
  public:
-  explicit TableOf(Make make) : make_(make), values_(make()) { tables().push_back(this); }
+  explicit TableOf(Make make) : values_(make()) {
+    tables().push_back([this, make] { values_ = make(); });
+  }
   TableOf(const TableOf&) = delete;
   TableOf& operator=(const TableOf&) = delete;
-  void fill() override { values_ = make_(); }
   const auto& operator[](std::size_t i) const { return values_[i]; }
 
  private:
-  Make make_;
   decltype(std::declval<Make>()()) values_;
 };
 
 /// Returns false for an unknown name.
 inline bool set(std::string_view name, std::int64_t value) {
-  const auto knob =
-      std::find_if(knobs().begin(), knobs().end(), [&](const Knob& k) { return k.name == name; });
+  const auto knob = std::ranges::find(knobs(), name, &Knob::name);
   if (knob == knobs().end())
     return false;
-  knob->assign(knob->number, value);
+  knob->assign(value);
   fill_tables();
   return true;
 }
@@ -78,16 +69,15 @@ inline bool set(std::string_view name, std::int64_t value) {
 /// Restores all default values.
 inline void reset() {
   for (const Knob& knob : knobs())
-    knob.assign(knob.number, knob.standard);
+    knob.assign(knob.standard);
   fill_tables();
 }
 
 /// Registers a tunable constant and returns its value, which lives as long as the program.
 template <typename Number> const Number& number_of(const char* name, Number standard) {
   auto* const number = new Number(standard);
-  knobs().push_back({name, static_cast<std::int64_t>(standard), number, [](void* at, std::int64_t value) {
-                       *static_cast<Number*>(at) = static_cast<Number>(value);
-                     }});
+  knobs().push_back({name, static_cast<std::int64_t>(standard),
+                     [number](std::int64_t value) { *number = static_cast<Number>(value); }});
   return *number;
 }
 
