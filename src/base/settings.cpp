@@ -100,16 +100,13 @@ constexpr Setting table[] = {
 
 // ---- texts -----------------------------------------------------------------------------------------------
 
-bool is_digit(char letter) {
-  return letter >= '0' && letter <= '9';
+std::string_view trimmed(std::string_view text) {
+  text.remove_prefix(std::min(text.find_first_not_of(' '), text.size()));
+  return text.substr(0, text.find_last_not_of(' ') + 1);
 }
 
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && text.front() == ' ')
-    text.remove_prefix(1);
-  while (!text.empty() && text.back() == ' ')
-    text.remove_suffix(1);
-  return text;
+bool all_digits(std::string_view text) {
+  return text.find_first_not_of("0123456789") == text.npos;
 }
 
 std::string nicks_of(const Setting& setting) {
@@ -137,33 +134,23 @@ struct Read {
   std::string error; ///< the reason when there is no value
 };
 
-Read read_choice(const Setting& setting, std::string_view text) {
-  for (std::size_t i = 0; i < setting.choices.size(); ++i)
-    if (text == setting.choices[i].nick)
-      return {static_cast<std::int64_t>(i), ""};
-  return {0, "not one of " + nicks_of(setting)};
-}
-
-Read read_number(const Setting& setting, std::string_view text) {
-  const auto number = billionths_of(text);
-  if (!number)
-    return {0, setting.kind == SettingKind::fraction ? "not a number" : "not a whole number"};
-  if (setting.kind != SettingKind::fraction && *number % billion != 0)
-    return {0, "not a whole number"};
-  return {kept_value(*number, setting.scale), ""};
-}
-
 Read read(const Setting& setting, std::string_view text) {
-  switch (setting.kind) {
-  case SettingKind::truth:
+  if (setting.kind == SettingKind::truth) {
     if (text == "true" || text == "false")
       return {text == "true", ""};
     return {0, "not one of false, true"};
-  case SettingKind::choice:
-    return read_choice(setting, text);
-  default:
-    return read_number(setting, text);
   }
+  if (setting.kind == SettingKind::choice) {
+    for (std::size_t i = 0; i < setting.choices.size(); ++i)
+      if (text == setting.choices[i].nick)
+        return {static_cast<std::int64_t>(i), ""};
+    return {0, "not one of " + nicks_of(setting)};
+  }
+  const bool fraction = setting.kind == SettingKind::fraction;
+  const auto number = billionths_of(text);
+  if (!number || (!fraction && *number % billion != 0))
+    return {0, fraction ? "not a number" : "not a whole number"};
+  return {kept_value(*number, setting.scale), ""};
 }
 
 constexpr const char* rect_rule =
@@ -176,8 +163,7 @@ std::span<const Setting> setting_table() {
 }
 
 const Setting* find_setting(std::string_view name) {
-  const auto* const found =
-      std::find_if(std::begin(table), std::end(table), [&](const Setting& s) { return name == s.name; });
+  const auto* const found = std::ranges::find(table, name, &Setting::name);
   return found == std::end(table) ? nullptr : found;
 }
 
@@ -210,9 +196,8 @@ std::optional<std::int64_t> billionths_of(std::string_view text) {
   const std::size_t point = std::min(text.find('.'), text.size());
   const std::string_view units = text.substr(0, point),
                          decimals = text.substr(std::min(point + 1, text.size()));
-  if ((units.empty() && decimals.empty()) || units.size() > most_digits ||
-      !std::all_of(units.begin(), units.end(), is_digit) ||
-      !std::all_of(decimals.begin(), decimals.end(), is_digit))
+  if ((units.empty() && decimals.empty()) || units.size() > most_digits || !all_digits(units) ||
+      !all_digits(decimals))
     return std::nullopt;
   std::int64_t value = 0;
   for (const char digit : units)
