@@ -6,6 +6,7 @@
 #include <cstring>
 #include <memory_resource>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "base/workers.hpp"
@@ -148,9 +149,7 @@ struct Step {
   Interleave interleave{};  ///< layout of the rows that are read
   bool vertically = false;  ///< the rows that are read have the width of this level
   bool sparse = false;      ///< uses only every second row that is read
-  int made_every = 1;       ///< a sparse coarser level reads only these rows
   bool begun = false;
-  bool delivered = false; ///< own rows are split into kept planes
   kernels::Waiting waiting;
 
   std::uint8_t* row(int y) const { return (own.holds(y) ? lines : ring).row(y); }
@@ -159,7 +158,6 @@ struct Step {
 // The way of a route's rows through a band.
 struct Course {
   Route route;
-  int due = 0; ///< the row of the frame that a staged route needs next
   int top = 0; ///< coarsest level that is made
   Rows source; ///< rows of the source that this band reads
   Lines<const std::uint8_t> source_lines;
@@ -230,15 +228,14 @@ struct Pyramid::State {
   Band band_of(int index);
   Course course_of(const Route& route, int top, int index);
   void run(Band& band);
-  void run_staged(Band& band);
-  void run_plane(Course& course);
+  void run_plane(const Band& band, std::span<Course> courses);
   void run_band(int index);
   void begin(const Band& band, Course& course) const;
   Lines<const std::uint8_t> source_of(const Band& band, const Route& route) const;
   void advance(Course& course, int level, int available);
   void deliver(const Route& route, int level, int y, const std::uint8_t* pixels);
   void fill_level(int level, int component, int index);
-  void stage(const Band& band, int y) const;
+  void stage(const Band& band, int plane, int y) const;
   void narrow(int plane, int y, std::uint8_t* out) const;
   const std::uint8_t* bytes_of_row(const Band& band, int plane, int y) const;
   Rows own_rows(int level, int index) const;
@@ -330,7 +327,6 @@ Course Pyramid::State::course_of(const Route& route, int top, int index) {
     }
     step.vertically = route.vertical_first && level == 1;
     step.sparse = level <= sparse_of(route);
-    step.made_every = level < sparse_of(route) ? 2 : 1;
     step.source_width = step.vertically ? width(1) : width(level - 1);
     step.source_height = height(level - 1);
     const bool from_three = route.interleave == Interleave::three && level > 1;
@@ -340,9 +336,6 @@ Course Pyramid::State::course_of(const Route& route, int top, int index) {
     step.lines = step.ring;
     if (route.components == 1 && kept(level, route.component[0]))
       step.lines = {planes[level][route.component[0]].data, planes[level][route.component[0]].stride};
-    else
-      for (int i = 0; i < route.components; ++i)
-        step.delivered |= kept(level, route.component[i]);
     // Aligns the second pixel, with which the loops start. Saves 4 % of the pyramid's time.
     const std::ptrdiff_t second = 2 * kernels::written_step(route.interleave);
     const auto take_sums = [&] {
@@ -411,7 +404,8 @@ void Pyramid::State::advance(Course& course, int level, int available) {
     if (step.sparse) {
       if (2 * y >= available)
         return;
-      if (y % step.made_every == 0)
+      // A sparse coarser level reads every second row.
+      if (level == course.top || !course.step[level + 1].sparse || y % 2 == 0)
         reduce_sparsely(step, read(2 * y), out);
     } else {
       if (!step.begun) {
@@ -425,7 +419,7 @@ void Pyramid::State::advance(Course& course, int level, int available) {
         return;
       reduce(step, read(2 * y + 1), read(2 * y + 2), out);
     }
-    if (step.delivered && step.own.holds(y))
+    if (route.components > 1 && step.own.holds(y))
       deliver(route, level, y, out);
     ++step.made.end;
     if (level < course.top && allows_more(step.made.end, step.end))
@@ -433,60 +427,37 @@ void Pyramid::State::advance(Course& course, int level, int available) {
   }
 }
 
+// One plane after the other, because prefetch follows one sequence of rows best; the two routes of packed
+// 4:2:2 together, because they share the frame's rows.
 void Pyramid::State::run(Band& band) {
   for (Course& course : band.courses)
     begin(band, course);
-  if (band.courses[0].route.staged)
-    return run_staged(band);
-  for (Course& course : band.courses)
-    run_plane(course);
+  const std::span<Course> all = band.courses;
+  if (staging == Staging::split)
+    return run_plane(band, all);
+  for (std::size_t i = 0; i < all.size(); ++i)
+    run_plane(band, all.subspan(i, 1));
 }
 
-// One plane after the other, because prefetch follows one sequence of rows best.
-void Pyramid::State::run_plane(Course& course) {
-  const int level = course.route.source_level;
-  if (course.top == level)
-    return;
-  for (int available = course.source.first; available < course.source.end;) {
+// Runs routes that read the same rows.
+void Pyramid::State::run_plane(const Band& band, std::span<Course> courses) {
+  const Course& first = courses[0];
+  int apart = rows_apart(first.route);
+  for (const Course& course : courses)
+    apart = std::min(apart, rows_apart(course.route));
+  for (int available = first.source.first; available < first.source.end;) {
     const int before = available;
-    available = next_that_allows(available, course.source.end);
-    for (int y = before; y < available - 1 && course.read_through > 0; ++y)
-      touch(course.source_lines.row(y), course.read_through);
-    advance(course, level + 1, available);
-  }
-}
-
-// A staged row serves all routes.
-void Pyramid::State::run_staged(Band& band) {
-  int first = shape.height, end = 0, apart = shape.height;
-  for (const Course& course : band.courses) {
-    const Rows source = course.source;
-    const int level = course.route.source_level;
-    if (source.end > source.first) {
-      first = std::min(first, source.first << level);
-      end = std::max(end, source.end << level);
+    available = next_that_allows(available, first.source.end);
+    if (first.route.staged) {
+      for (int y = before; y < available; ++y)
+        if (y % apart == 0)
+          stage(band, first.route.source_plane, y);
+    } else if (first.read_through > 0) {
+      for (int y = before; y < available - 1; ++y)
+        touch(first.source_lines.row(y), first.read_through);
     }
-    apart = std::min(apart, rows_apart(course.route) << level);
-  }
-  // The next row of the frame that a route needs after `available` rows of its source; `end` = none.
-  const auto next = [&](const Course& course, int available) {
-    const int level = course.route.source_level, last = course.source.end;
-    return course.top > level && available < last ? (next_that_allows(available, last) - 1) << level : end;
-  };
-  for (Course& course : band.courses) {
-    const int level = course.route.source_level;
-    course.due = next(course, (first + (1 << level) - 1) >> level);
-  }
-  for (int y = first; y < end; ++y) {
-    if (y % apart == 0)
-      stage(band, y);
-    for (Course& course : band.courses) {
-      if (y != course.due)
-        continue;
-      const int level = course.route.source_level, available = (y >> level) + 1;
-      advance(course, level + 1, available);
-      course.due = next(course, available);
-    }
+    for (Course& course : courses)
+      advance(course, course.route.source_level + 1, available);
   }
 }
 
@@ -496,18 +467,13 @@ void Pyramid::State::narrow(int plane, int y, std::uint8_t* out) const {
                   rows_ahead * source.stride, out);
 }
 
-// Converts row `y` of the frame to source rows. With 4:2:0 chroma the last one may be one past the frame's.
-void Pyramid::State::stage(const Band& band, int y) const {
-  if (staging == Staging::split) {
+// Converts row `y` of a plane of the frame to source rows.
+void Pyramid::State::stage(const Band& band, int plane, int y) const {
+  if (staging == Staging::split)
     kernels::split_422(frame.planes[0].row(y), shape.width, part(0).offset == 0,
                        rows_ahead * frame.planes[0].stride, band.staged_row(0, y), band.staged_row(1, y));
-    return;
-  }
-  for (int p = 0; p < layout.planes; ++p) {
-    const int shift = p == 0 ? 0 : part(1).y_shift, row = y >> shift;
-    if (row << shift == y && row < plane_rows(layout, p, shape.height))
-      narrow(p, row, band.staged_row(p, row));
-  }
+  else
+    narrow(plane, y, band.staged_row(plane, y));
 }
 
 // A row of the frame as bytes. Samples of two bytes are converted into the memory of old staged rows.
