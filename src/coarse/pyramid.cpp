@@ -237,7 +237,6 @@ struct Pyramid::State {
   void fill_level(int level, int component, int index);
   void stage(const Band& band, int plane, int y) const;
   void narrow(int plane, int y, std::uint8_t* out) const;
-  const std::uint8_t* bytes_of_row(const Band& band, int plane, int y) const;
   Rows own_rows(int level, int index) const;
   int sparse_of(const Route& route) const {
     return route.component[0] == 0 ? shape.plan.sparse_luma : shape.plan.sparse_color;
@@ -476,14 +475,6 @@ void Pyramid::State::stage(const Band& band, int plane, int y) const {
     narrow(plane, y, band.staged_row(plane, y));
 }
 
-// A row of the frame as bytes. Samples of two bytes are converted into the memory of old staged rows.
-const std::uint8_t* Pyramid::State::bytes_of_row(const Band& band, int plane, int y) const {
-  if (staging != Staging::narrow)
-    return frame.planes[plane].row(y);
-  narrow(plane, y, band.staged_row(plane, 0));
-  return band.staged_row(plane, 0);
-}
-
 void Pyramid::State::run_band(int index) {
   run(bands[index]);
   for (int c = 0; c < layout.component_count; ++c) {
@@ -495,22 +486,27 @@ void Pyramid::State::run_band(int index) {
 }
 
 // The samples of the frame, repeated where level 0 has more of them. Level 1 has as many as 4:2:0 chroma.
+// Samples of two bytes are converted into the memory of old staged rows.
 void Pyramid::State::fill_level(int level, int component, int index) {
-  const Band& band = bands[index];
   const ComponentLayout& l = part(component);
-  const int x_shift = l.x_shift - level, y_shift = l.y_shift - level;
+  const int y_shift = l.y_shift - level;
   const Rows rows = own_rows(level, index);
   for (int y = rows.first; y < rows.end; ++y) {
     std::uint8_t* out = planes[level][component].row(y);
-    if (y_shift && y % 2 && y > rows.first)
+    if (y_shift && y % 2 && y > rows.first) {
       std::memcpy(out, planes[level][component].row(y - 1), static_cast<std::size_t>(width(level)));
-    else if (l.step == 1 && x_shift == 0 && staging == Staging::narrow)
-      narrow(l.plane, y, out);
-    else if (l.step == 1 && x_shift == 0)
-      std::memcpy(out, frame.planes[l.plane].row(y), static_cast<std::size_t>(width(level)));
+      continue;
+    }
+    const std::uint8_t* row = frame.planes[l.plane].row(y >> y_shift);
+    if (staging == Staging::narrow) {
+      std::uint8_t* const bytes = bands[index].staged_row(l.plane, 0);
+      narrow(l.plane, y >> y_shift, bytes);
+      row = bytes;
+    }
+    if (l.step == 1 && l.x_shift == level)
+      std::memcpy(out, row, static_cast<std::size_t>(width(level)));
     else
-      kernels::spread(bytes_of_row(band, l.plane, y >> y_shift), l.offset, l.step, x_shift, width(level),
-                      out);
+      kernels::spread(row, l.offset, l.step, l.x_shift - level, width(level), out);
   }
 }
 
