@@ -120,7 +120,7 @@ void MotionObstacles::resize(int width, int height) {
   points_.reserve(pixels / (large_rule.block * large_rule.block) + pixels / 64);
   zone_points_.reserve(points_.room());
   alignment_.reserve(points_.room());
-  parallax_.reserve(width, height);
+  parallax_.resize(width, height);
   small_points_.reserve(pixels / 16 / (small_rule.block * small_rule.block) + pixels / 64);
   line_weight_ = line_sum_ = line_information_ = 0;
   line_frames_ = line_offset_ = 0;

@@ -93,33 +93,31 @@ int ground_shift(const PlaneMotion& motion, const GroundCamera& view, int across
   return static_cast<int>(std::clamp<std::int64_t>(std::int64_t{below} * d.length >> 24, 0, 1 << 20));
 }
 
-void Parallax::reserve(int width, int height) {
-  const int segments = (width + 15) / 16 + 2 * side_margin / 16, rows = height + ahead_margin + behind_margin,
-            columns = width / 4, cell_rows = height / 4;
-  nodes_.reserve((rows + anchor_rows) * (segments + 1) * 2);
-  warped_.reserve((rows + 4) * 16 * segments);
-  sums_.reserve((cell_rows + 1) * hypotheses * (columns + 2));
-  seen_.reserve((cell_rows + 1) * (columns + 2));
-  shifts_.reserve(cell_rows * columns);
-  costs_.reserve(7 * columns + 2);
-  near_.reserve(columns + 2);
+void Parallax::resize(int width, int height) {
+  columns_ = width / 4;
+  rows_ = height / 4;
+  segments_ = (width + 15) / 16 + 2 * side_margin / 16;
+  stride_ = std::ptrdiff_t{16} * segments_;
+  const int rows = height + ahead_margin + behind_margin;
+  nodes_.assign((rows + anchor_rows) * (segments_ + 1) * 2, 0);
+  warped_.assign((rows + 4) * stride_, 128);
+  sums_.assign((rows_ + 1) * hypotheses * (columns_ + 2), 0);
+  seen_.assign((rows_ + 1) * (columns_ + 2), 0);
+  shifts_.assign(rows_ * columns_, 0);
+  costs_.assign(7 * columns_ + 2, 0);
+  near_.assign(columns_ + 2, 0);
 }
 
 /// Warps the key frame to the current frame as if everything were ground, starting `above_` rows above the
 /// first cells.
 void Parallax::warp(const PassedView& key, const PlaneMotion& motion, const GroundCamera& view, int first,
                     int end) {
-  const int segments = (view.width + 15) / 16 + 2 * side_margin / 16;
   const int top = 4 * first - above_, rows = 4 * (end - first) + ahead_margin + behind_margin;
-  stride_ = std::ptrdiff_t{16} * segments;
-  const std::ptrdiff_t numbers = std::ptrdiff_t{2} * (segments + 1);
-  nodes_.resize((rows + anchor_rows) * numbers);
-  warped_.resize((rows + 4) * stride_);
-  std::fill_n(warped_.begin() + rows * stride_, 4 * stride_, std::uint8_t{128});
+  const std::ptrdiff_t numbers = std::ptrdiff_t{2} * (segments_ + 1);
   const kernels::PointMap map = pixel_map(motion, view);
   for (int y = 0; y <= rows; y += anchor_rows) {
     std::int32_t* node = nodes_.data() + y * numbers;
-    for (int s = 0; s <= segments; ++s) {
+    for (int s = 0; s <= segments_; ++s) {
       const auto [u, v] = map.at(across(view, 16 * s - side_margin), below(view, top + y));
       *node++ = u * 256;
       *node++ = v * 256;
@@ -133,7 +131,7 @@ void Parallax::warp(const PassedView& key, const PlaneMotion& motion, const Grou
         between[i] = from[i] + (to[i] - from[i]) / anchor_rows * k;
     }
   }
-  kernels::warp_rows(key, nodes_.data(), segments, rows, warped_.data(), stride_);
+  kernels::warp_rows(key, nodes_.data(), segments_, rows, warped_.data(), stride_);
 }
 
 /// Computes the offsets of all hypotheses from a block of cells. Returns the length of the ground's
@@ -180,7 +178,6 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
   const int down = below(view, 4 * row) + 384;
   const std::uint8_t *here = ground + row * columns_, *above = row > 0 ? here - columns_ : here,
                      *under = row + 1 < rows_ ? here + columns_ : here;
-  near_.assign(columns_ + 2, 0);
   for (int j = 0; j < columns_; ++j)
     near_[j + 1] = above[j] | here[j] | under[j];
   for (int next = 0; next < columns_; next += block / 4) {
@@ -214,20 +211,11 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
 void Parallax::compare(const PassedView& picture, const PassedView& key, const PlaneMotion& motion,
                        const GroundCamera& view, const std::uint8_t* ground, int first, int end,
                        std::vector<CellParallax>& cells, std::vector<std::uint8_t>& judged) {
-  columns_ = view.width / 4;
-  rows_ = view.height / 4;
   if (first >= end)
     return;
   const Translation t = translation_of(motion);
   above_ = t.z >= 0 ? ahead_margin : behind_margin;
   warp(key, motion, view, first, end);
-  const int rows = end - first, plane = columns_ + 2;
-  sums_.resize((rows + 1) * hypotheses * plane);
-  seen_.resize((rows + 1) * plane);
-  shifts_.resize(rows * columns_);
-  // The row before the first and after the last one is empty.
-  std::fill(sums_.end() - hypotheses * plane, sums_.end(), std::uint16_t{0});
-  std::fill(seen_.end() - plane, seen_.end(), std::uint16_t{0});
   for (int i = first; i < end; ++i)
     compare_row(picture, t, view, ground, i, first);
   for (int i = first; i < end; ++i)
@@ -239,8 +227,8 @@ void Parallax::weigh_row(const std::uint8_t* ground, int row, int rows, CellPara
                          std::uint8_t* judged) {
   const std::uint16_t* shifts = shifts_.data() + row * columns_;
   const std::ptrdiff_t plane = columns_ + 2;
-  const int above = row > 0 ? row - 1 : rows, under = row + 1; // row `rows` is the empty one
-  costs_.resize(7 * columns_ + 2);
+  // The last row of the sums is empty.
+  const int above = row > 0 ? row - 1 : rows_, under = row + 1 < rows ? row + 1 : rows_;
   const auto part = [&](int k) { return costs_.data() + k * columns_; };
   const kernels::WindowCosts costs{part(0), part(1), part(2), part(3), part(4)};
   const auto sums_of = [&](int i) { return sums_.data() + i * hypotheses * plane; };

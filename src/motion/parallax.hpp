@@ -23,8 +23,8 @@ int ground_shift(const PlaneMotion& motion, const GroundCamera& view, int across
 
 class Parallax {
  public:
-  /// Reserves memory for pictures of that size, so that later calls do not allocate.
-  void reserve(int width, int height);
+  /// Takes the size of all pictures. Only this function allocates.
+  void resize(int width, int height);
 
   /// Compares rows first .. end - 1 of cells. A cell is judged where `ground` (one byte per cell) is not 0
   /// and both frames show it; `judged` is set to 1 there. Other cells remain unchanged.
@@ -41,13 +41,14 @@ class Parallax {
   void weigh_row(const std::uint8_t* ground, int row, int rows, CellParallax* cells, std::uint8_t* judged);
 
   int columns_ = 0, rows_ = 0;
-  int above_ = 0; ///< number of warped rows above the first row of cells
+  int segments_ = 0; ///< of 16 pixels, in a warped row
+  int above_ = 0;    ///< number of warped rows above the first row of cells
   std::ptrdiff_t stride_ = 0;
   std::vector<std::int32_t> nodes_;
   std::vector<std::uint8_t> warped_, near_;
   std::vector<std::uint16_t> sums_;   ///< per row of cells, hypothesis and cell, with one more cell at each
-                                      ///< end
-  std::vector<std::uint16_t> seen_;   ///< per row and cell: 1 where the sums are valid
+                                      ///< end, and an empty row
+  std::vector<std::uint16_t> seen_;   ///< per row and cell, likewise: 1 where the sums are valid
   std::vector<std::uint16_t> shifts_; ///< per cell, Q4 of a pixel; 0 = not compared
   std::vector<std::uint16_t> costs_;  ///< costs of a row, and working memory
 };

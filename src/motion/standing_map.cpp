@@ -44,7 +44,7 @@ void StandingMap::reset(int columns, int rows) {
   sums_.assign(static_cast<std::size_t>(columns) * rows, {});
   moved_.assign(sums_.size(), {});
   stood_.assign(sums_.size(), 0);
-  nodes_.reserve(2 * (columns / 4 + 2));
+  nodes_.resize(2 * (columns / 4 + 2));
   stood_before_.assign(sums_.size(), 0);
   columns_stand_.assign(columns, 0);
   first_filled_ = first_filled_before_ = rows;
@@ -55,7 +55,6 @@ void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int ke
   static_assert(sizeof(Sum) == 4 * sizeof(std::int16_t));
   const kernels::PointMap map = pixel_map(step, view);
   const int first = std::clamp((view.vanishing_row >> 8) / 4, 0, rows_), nodes = columns_ / 4 + 2;
-  nodes_.resize(2 * nodes);
   const int filled = std::min(first_filled_before_, first);
   std::fill_n(moved_.begin() + filled * columns_, (first - filled) * columns_, Sum{});
   const int first_before = std::exchange(first_stood_, rows_), end_before = std::exchange(end_stood_, 0);
