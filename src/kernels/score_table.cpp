@@ -85,66 +85,43 @@ HWY_INLINE void load_pixels(const PixelRow& row, int x, Bytes& first, Bytes& sec
   const Tag d;
   const hn::Repartition<std::uint16_t, Tag> d16;
   const hn::Half<Tag> half;
+  const auto [y, u, v] = row.component;
+  const auto take_chroma = [&, u = u, v = v](Bytes pairs) HWY_ATTR {
+    second = u < v ? repeated_even(d, pairs) : repeated_odd(d, pairs);
+    third = u < v ? repeated_odd(d, pairs) : repeated_even(d, pairs);
+  };
   if constexpr (lie == Lie::planar || lie == Lie::planar_422 || lie == Lie::pairs_422)
-    first = hn::LoadU(d, row.component[0] + x);
+    first = hn::LoadU(d, y + x);
   if constexpr (lie == Lie::planar) {
-    second = hn::LoadU(d, row.component[1] + x);
-    third = hn::LoadU(d, row.component[2] + x);
+    second = hn::LoadU(d, u + x);
+    third = hn::LoadU(d, v + x);
   } else if constexpr (lie == Lie::planar_422) {
     const auto repeated = [&](const std::uint8_t* samples) HWY_ATTR {
       const auto wide = hn::PromoteTo(d16, hn::LoadU(half, samples + x / 2));
       return hn::BitCast(d, hn::Or(wide, hn::ShiftLeft<8>(wide)));
     };
-    second = repeated(row.component[1]);
-    third = repeated(row.component[2]);
+    second = repeated(u);
+    third = repeated(v);
   } else if constexpr (lie == Lie::pairs_422) {
-    const bool in_order = row.component[1] < row.component[2];
-    const auto pairs = hn::LoadU(d, std::min(row.component[1], row.component[2]) + x);
-    second = in_order ? repeated_even(d, pairs) : repeated_odd(d, pairs);
-    third = in_order ? repeated_odd(d, pairs) : repeated_even(d, pairs);
-  } else if constexpr (lie == Lie::packed_422) {
-    const std::uint8_t* base = std::min({row.component[0], row.component[1], row.component[2]}) + 2 * x;
-    const auto a = hn::LoadU(d, base), b = hn::LoadU(d, base + hn::Lanes(d));
-    const bool luma_first = row.component[0] < row.component[1] && row.component[0] < row.component[2];
-    const auto even = hn::ConcatEven(d, b, a), odd = hn::ConcatOdd(d, b, a);
-    first = luma_first ? even : odd;
-    const auto pairs = luma_first ? odd : even;
-    const bool in_order = row.component[1] < row.component[2];
-    second = in_order ? repeated_even(d, pairs) : repeated_odd(d, pairs);
-    third = in_order ? repeated_odd(d, pairs) : repeated_even(d, pairs);
+    take_chroma(hn::LoadU(d, std::min(u, v) + x));
   } else {
-    const std::uint8_t* base = std::min({row.component[0], row.component[1], row.component[2]});
-    if constexpr (lie == Lie::three) {
-      Bytes v0, v1, v2;
-      hn::LoadInterleaved3(d, base + 3 * x, v0, v1, v2);
-      const auto pick = [&](int c) HWY_ATTR {
-        const std::ptrdiff_t at = row.component[c] - base;
-        return at == 0 ? v0 : at == 1 ? v1 : v2;
-      };
-      first = pick(0);
-      second = pick(1);
-      third = pick(2);
+    const std::uint8_t* const base = std::min({y, u, v});
+    if constexpr (lie == Lie::packed_422) {
+      const auto a = hn::LoadU(d, base + 2 * x), b = hn::LoadU(d, base + 2 * x + hn::Lanes(d));
+      const auto even = hn::ConcatEven(d, b, a), odd = hn::ConcatOdd(d, b, a);
+      first = base == y ? even : odd;
+      take_chroma(base == y ? odd : even);
     } else {
-      const std::size_t n = hn::Lanes(d);
-      const auto v0 = hn::LoadU(d, base + 4 * x), v1 = hn::LoadU(d, base + 4 * x + n),
-                 v2 = hn::LoadU(d, base + 4 * x + 2 * n), v3 = hn::LoadU(d, base + 4 * x + 3 * n);
-      const auto even01 = hn::ConcatEven(d, v1, v0), even23 = hn::ConcatEven(d, v3, v2);
-      const auto odd01 = hn::ConcatOdd(d, v1, v0), odd23 = hn::ConcatOdd(d, v3, v2);
-      const auto pick = [&](int c) HWY_ATTR {
-        switch (row.component[c] - base) {
-        case 0:
-          return hn::ConcatEven(d, even23, even01);
-        case 1:
-          return hn::ConcatEven(d, odd23, odd01);
-        case 2:
-          return hn::ConcatOdd(d, even23, even01);
-        default:
-          return hn::ConcatOdd(d, odd23, odd01);
-        }
-      };
-      first = pick(0);
-      second = pick(1);
-      third = pick(2);
+      Bytes v0, v1, v2;
+      [[maybe_unused]] Bytes v3; // no component
+      if constexpr (lie == Lie::three)
+        hn::LoadInterleaved3(d, base + 3 * x, v0, v1, v2);
+      else
+        hn::LoadInterleaved4(d, base + 4 * x, v0, v1, v2, v3);
+      const auto pick = [&](std::ptrdiff_t at) HWY_ATTR { return at == 0 ? v0 : at == 1 ? v1 : v2; };
+      first = pick(y - base);
+      second = pick(u - base);
+      third = pick(v - base);
     }
   }
 }
@@ -223,21 +200,16 @@ std::uint32_t classify_lie(const PixelRow& row, const ComponentScores& scores, s
   return count_full(out, width);
 }
 
-template <bool wide>
-std::uint32_t classify_width(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out,
-                             int width) {
+std::uint32_t classify(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out, int width) {
   const Lie lie = lie_of(row);
   if (lie == Lie::other)
     return plain_pixels(row, scores, 0, width, out);
   std::uint32_t count = 0;
-  with_constant<Lie::planar, Lie::planar_422, Lie::pairs_422, Lie::packed_422, Lie::three, Lie::four>(
-      lie, [&](auto l) HWY_ATTR { count = classify_lie<wide, l>(row, scores, out, width); });
+  with_constant<false, true>(scores.bit_shift == 3, [&](auto wide) HWY_ATTR {
+    with_constant<Lie::planar, Lie::planar_422, Lie::pairs_422, Lie::packed_422, Lie::three, Lie::four>(
+        lie, [&](auto l) HWY_ATTR { count = classify_lie<wide, l>(row, scores, out, width); });
+  });
   return count;
-}
-
-std::uint32_t classify(const PixelRow& row, const ComponentScores& scores, std::uint8_t* out, int width) {
-  return scores.bit_shift == 3 ? classify_width<true>(row, scores, out, width)
-                               : classify_width<false>(row, scores, out, width);
 }
 
 #endif
