@@ -264,14 +264,8 @@ LearningRule learning_rule(const Settings& settings, std::size_t cells) {
 }
 
 int heaviest(std::span<const TerrainModel> learned) {
-  int index = -1;
-  std::uint64_t mass = 0;
-  for (std::size_t n = 0; n < learned.size(); ++n)
-    if (learned[n].mass > mass) {
-      mass = learned[n].mass;
-      index = static_cast<int>(n);
-    }
-  return index;
+  const auto most = std::ranges::max_element(learned, {}, &TerrainModel::mass);
+  return most == learned.end() || most->mass == 0 ? -1 : static_cast<int>(most - learned.begin());
 }
 
 void resize_mixture(std::vector<TerrainModel>& learned, int slots) {
