@@ -47,18 +47,16 @@ void sum_of_blocks(const std::uint8_t* __restrict cells, const std::uint8_t* __r
   }
 }
 
-// out[i] = the sum of one(0) to one(i); four(d, i) gives four of them.
-template <typename Four, typename One>
-void running_sums(int count, std::uint32_t* __restrict out, [[maybe_unused]] const Four& four,
-                  const One& one) {
+// out[i] = the sum of the numbers 0 to i; each(d, i) gives a vector of them from number i on.
+template <typename Each> void running_sums(int count, std::uint32_t* __restrict out, const Each& each) {
   std::uint32_t run = 0;
   int i = 0;
 #if HWY_TARGET != HWY_SCALAR
   const hn::FixedTag<std::uint32_t, 4> d;
   auto before = hn::Zero(d);
   for (; i + 4 <= count; i += 4) {
-    const auto each = four(d, i);
-    const auto pairs = hn::Add(each, hn::ShiftLeftLanes<1>(d, each));
+    const auto four = each(d, i);
+    const auto pairs = hn::Add(four, hn::ShiftLeftLanes<1>(d, four));
     const auto sums = hn::Add(hn::Add(pairs, hn::ShiftLeftLanes<2>(d, pairs)), before);
     hn::StoreU(sums, d, out + i);
     before = hn::Broadcast<3>(sums);
@@ -66,14 +64,13 @@ void running_sums(int count, std::uint32_t* __restrict out, [[maybe_unused]] con
   run = hn::GetLane(before);
 #endif
   for (; i < count; ++i)
-    out[i] = run += one(i);
+    out[i] = run += hn::GetLane(each(hn::CappedTag<std::uint32_t, 1>(), i));
 }
 
 void running_differences(const std::uint32_t* __restrict a, const std::uint32_t* __restrict b, int count,
                          std::uint32_t* __restrict out) {
-  running_sums(
-      count, out, [=](auto d, int i) HWY_ATTR { return hn::Sub(hn::LoadU(d, b + i), hn::LoadU(d, a + i)); },
-      [=](int i) { return b[i] - a[i]; });
+  running_sums(count, out,
+               [=](auto d, int i) HWY_ATTR { return hn::Sub(hn::LoadU(d, b + i), hn::LoadU(d, a + i)); });
 }
 
 /// Table of 2^24 / n, which is faster than a division.
@@ -250,14 +247,10 @@ bool marks_of_row(const ColumnBoxes& boxes, const std::uint8_t* __restrict value
   const int reach = boxes.reach, least_sum = boxes.least;
   std::uint32_t* const after = sums + reach + 1;
   std::fill(sums, after, 0u);
-  running_sums(
-      count, after,
-      [=](auto d, int i) HWY_ATTR {
-        const hn::RebindToSigned<decltype(d)> wide;
-        return hn::BitCast(
-            d, hn::PromoteTo(wide, hn::LoadU(hn::Rebind<std::int16_t, decltype(d)>(), columns + i)));
-      },
-      [=](int i) { return static_cast<std::uint32_t>(columns[i]); });
+  running_sums(count, after, [=](auto d, int i) HWY_ATTR {
+    const hn::Rebind<std::int16_t, decltype(d)> narrow;
+    return hn::BitCast(d, hn::PromoteTo(hn::RebindToSigned<decltype(d)>(), hn::LoadU(narrow, columns + i)));
+  });
   std::fill_n(after + count, reach, after[count - 1]);
   const std::uint32_t* const ends = after + reach;
   for (int i = 0; i < count; ++i)
