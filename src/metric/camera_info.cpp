@@ -34,11 +34,7 @@ void check_nesting(const std::string& text) {
   // Blocks nest by their indent, or by dashes in one line.
   for (std::size_t at = 0; at < text.size();) {
     const std::size_t end = std::min(text.find('\n', at), text.size());
-    std::size_t indent = at;
-    while (indent < end &&
-           (text[indent] == ' ' || text[indent] == '-' || text[indent] == '?' || text[indent] == ':'))
-      ++indent;
-    if (indent - at > 4 * deepest_nesting)
+    if (std::min(text.find_first_not_of(" -?:", at), end) - at > 4 * deepest_nesting)
       throw Flaw{"lines are indented too deeply: this is not a calibration"};
     at = end + 1;
   }

@@ -157,14 +157,12 @@ double expected_range_limit(const Mount& mount, const Camera& camera, int frame_
 void FreeSpaceRanges::adapt(const Camera& camera, int frame_width, int frame_height,
                             const Rectangle& mask_region, int columns) {
   const std::size_t count = static_cast<std::size_t>(std::max(columns, 0));
-  if (camera == calibration_ && camera_.width == frame_width && frame_height_ == frame_height &&
+  if (camera == calibration_ && camera_.width == frame_width && camera_.height == frame_height &&
       mask_region == region_ && result_.ranges.size() == count)
     return;
   calibration_ = {}; // of no camera until all is there: memory may run out in between
   camera_ = scaled(camera, frame_width, frame_height);
   region_ = mask_region;
-  frame_height_ = frame_height;
-  columns_ = count;
   const std::size_t rows = static_cast<std::size_t>(frame_height / node_rows) + 2;
   nodes_.resize(rows * count);
   for (std::size_t i = 0; i < count; ++i) {
@@ -181,10 +179,11 @@ void FreeSpaceRanges::adapt(const Camera& camera, int frame_width, int frame_hei
 /// The ray through the upper edge of `row`: half a row above its centre.
 ImagePoint FreeSpaceRanges::ray(std::size_t column, int row) const {
   constexpr unsigned halves_of_node = 2 * node_rows;
+  const std::size_t columns = result_.ranges.size();
   const unsigned halves = static_cast<unsigned>(std::max(2 * row - 1, 0)); // of a row
   const double part = static_cast<int>(halves % halves_of_node) * (1.0 / halves_of_node);
-  const ImagePoint* const above = &nodes_[halves / halves_of_node * columns_ + column];
-  const ImagePoint* const below = above + columns_;
+  const ImagePoint* const above = &nodes_[halves / halves_of_node * columns + column];
+  const ImagePoint* const below = above + columns;
   return {above->x + (below->x - above->x) * part, above->y + (below->y - above->y) * part};
 }
 
@@ -193,11 +192,11 @@ RayBlock FreeSpaceRanges::rays(std::size_t first, std::size_t columns,
                                std::span<const std::uint16_t> boundary) const {
   RayBlock block;
   for (std::size_t i = 0; i < columns; ++i) {
-    const int row = std::min<int>(boundary[first + i], frame_height_);
+    const int row = std::min<int>(boundary[first + i], camera_.height);
     const ImagePoint seen = ray(first + i, row);
     block.x[i] = seen.x;
     block.y[i] = seen.y;
-    block.beyond[i] = row < frame_height_ ? free_value : unknown_value;
+    block.beyond[i] = row < camera_.height ? free_value : unknown_value;
   }
   std::fill(block.x + columns, std::end(block.x), block.x[columns - 1]);
   std::fill(block.y + columns, std::end(block.y), block.y[columns - 1]);
@@ -211,23 +210,23 @@ double FreeSpaceRanges::nearest(const Mount& mount) const {
   const std::size_t columns = result_.ranges.size();
   double least = free_value;
   for (std::size_t i = 0; i <= places && columns > 0; ++i)
-    if (const auto point = ground(ray(i * (columns - 1) / places, frame_height_)))
+    if (const auto point = ground(ray(i * (columns - 1) / places, camera_.height)))
       least = std::min(least, std::hypot(point->x, point->y));
   return least;
 }
 
 std::optional<GroundView> FreeSpaceRanges::view(const Mount& mount, double sway) const {
   GroundView view{free_value, -free_value, 0};
-  const int columns = static_cast<int>(columns_);
+  const int columns = static_cast<int>(result_.ranges.size());
   for (const auto& [pitch, roll] :
        {std::pair(0.0, 0.0), {sway, 0.0}, {-sway, 0.0}, {0.0, sway}, {0.0, -sway}}) {
     Mount swayed = pitched(mount, pitch);
     swayed.roll += roll;
     const GroundProjection ground(swayed);
-    for (int row = 0; row < frame_height_ + node_rows; row += node_rows) {
+    for (int row = 0; row < camera_.height + node_rows; row += node_rows) {
       double last = unknown_value;
       for (int i = 0; i < columns; ++i) {
-        const auto point = ground(ray(static_cast<std::size_t>(i), std::min(row, frame_height_)));
+        const auto point = ground(ray(static_cast<std::size_t>(i), std::min(row, camera_.height)));
         const double angle =
             point ? std::remainder(std::atan2(point->y, point->x) - mount.yaw, 2 * std::numbers::pi)
                   : static_cast<double>(unknown_value);
@@ -248,7 +247,7 @@ std::optional<GroundView> FreeSpaceRanges::view(const Mount& mount, double sway)
 
 const RangeColumns& FreeSpaceRanges::measure(std::span<const std::uint16_t> boundary, bool unknown,
                                              const Mount& mount, double range_max) {
-  const double error = angle_error(mount, camera_, row_error_of_height * frame_height_);
+  const double error = angle_error(mount, camera_, row_error_of_height * camera_.height);
   const GroundProjection grounds[3] = {GroundProjection(mount), GroundProjection(pitched(mount, error)),
                                        GroundProjection(pitched(mount, -error))};
   if (unknown || boundary.size() != result_.ranges.size()) {

@@ -80,10 +80,8 @@ class FreeSpaceRanges {
 
   Camera calibration_, camera_;
   Rectangle region_;
-  int frame_height_ = 0;
   /// (rows / node_rows + 2) x columns: rays, NaN where there is none. Row by row, as a boundary runs.
   std::vector<ImagePoint> nodes_;
-  std::size_t columns_ = 0;
   RangeColumns result_;
 };
 

@@ -35,9 +35,7 @@ class HorizonMonitor {
       samples_.clear();
     if (!samples_.empty() && time - samples_.back().time < step)
       return;
-    const auto young = std::find_if(samples_.begin(), samples_.end(),
-                                    [time](const Sample& sample) { return time - sample.time <= span; });
-    samples_.erase(samples_.begin(), young);
+    std::erase_if(samples_, [time](const Sample& sample) { return time - sample.time > span; });
     samples_.push_back({time, offset});
   }
   /// Removes all samples and reserves memory, so that add() does not allocate.
