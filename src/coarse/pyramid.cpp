@@ -223,292 +223,278 @@ struct Pyramid::State {
            l.x_shift == 0 && l.y_shift == 0;
   }
 
-  void adopt(const Shape& wanted);
-  std::uint8_t* take(std::ptrdiff_t bytes);
-  Band band_of(int index);
-  Course course_of(const Route& route, int top, int index);
-  void run(Band& band);
-  void run_plane(const Band& band, std::span<Course> courses);
-  void run_band(int index);
-  void begin(const Band& band, Course& course) const;
-  Lines<const std::uint8_t> source_of(const Band& band, const Route& route) const;
-  void advance(Course& course, int level, int available);
-  void deliver(const Route& route, int level, int y, const std::uint8_t* pixels);
-  void fill_level(int level, int component, int index);
-  void stage(const Band& band, int plane, int y) const;
-  void narrow(int plane, int y, std::uint8_t* out) const;
-  Rows own_rows(int level, int index) const;
   int sparse_of(const Route& route) const {
     return route.component[0] == 0 ? shape.plan.sparse_luma : shape.plan.sparse_color;
   }
   /// Number of source rows of which one is read.
   int rows_apart(const Route& route) const { return 1 << std::max(sparse_of(route) - route.source_level, 0); }
-};
 
-void Pyramid::State::adopt(const Shape& wanted) {
-  if (wanted == shape)
-    return;
-  shape = wanted;
-  layout = narrowed(layout_of(shape.format));
-  staging = staging_of(layout);
-  const PyramidPlan& plan = shape.plan;
-  split = shape.bands == 1 ? plan.coarsest : std::min(plan.coarsest, std::max(plan.finest_color, 1));
-  bands.clear();
-  tails.clear();
-  memory.emplace(); // release() would compute in floating point
-  for (int level = 0; level < level_count; ++level)
-    for (int c = 0; c < 3; ++c) {
-      planes[level][c] = {};
-      if (!kept(level, c) || (level == 0 && is_frame_plane(c)))
-        continue;
-      const std::ptrdiff_t stride = aligned(width(level)), bytes = stride * height(level);
-      planes[level][c] = {take(bytes), stride};
-      if (c >= layout.component_count)
-        std::memset(planes[level][c].data, no_chroma, static_cast<std::size_t>(bytes));
+  void adopt(const Shape& wanted) {
+    if (wanted == shape)
+      return;
+    shape = wanted;
+    layout = narrowed(layout_of(shape.format));
+    staging = staging_of(layout);
+    const PyramidPlan& plan = shape.plan;
+    split = shape.bands == 1 ? plan.coarsest : std::min(plan.coarsest, std::max(plan.finest_color, 1));
+    bands.clear();
+    tails.clear();
+    memory.emplace(); // release() would compute in floating point
+    for (int level = 0; level < level_count; ++level)
+      for (int c = 0; c < 3; ++c) {
+        planes[level][c] = {};
+        if (!kept(level, c) || (level == 0 && is_frame_plane(c)))
+          continue;
+        const std::ptrdiff_t stride = aligned(width(level)), bytes = stride * height(level);
+        planes[level][c] = {take(bytes), stride};
+        if (c >= layout.component_count)
+          std::memset(planes[level][c].data, no_chroma, static_cast<std::size_t>(bytes));
+      }
+    for (int i = 0; i < shape.bands; ++i)
+      bands.push_back(band_of(i));
+    for (int c = 0; c < layout.component_count && split < plan.coarsest; ++c) {
+      const Route route{.components = 1,
+                        .component = {c},
+                        .interleave = Interleave::one,
+                        .source_level = split,
+                        .from_kept = true};
+      tails.push_back({{course_of(route, plan.coarsest, 0)}, {}});
     }
-  for (int i = 0; i < shape.bands; ++i)
-    bands.push_back(band_of(i));
-  for (int c = 0; c < layout.component_count && split < plan.coarsest; ++c) {
-    const Route route{.components = 1,
-                      .component = {c},
-                      .interleave = Interleave::one,
-                      .source_level = split,
-                      .from_kept = true};
-    tails.push_back({{course_of(route, plan.coarsest, 0)}, {}});
   }
-}
 
-// Aligned memory of zeros, valid until the next adopt().
-std::uint8_t* Pyramid::State::take(std::ptrdiff_t bytes) {
-  const auto size = static_cast<std::size_t>(bytes);
-  return static_cast<std::uint8_t*>(std::memset(memory->allocate(size, row_alignment), 0, size));
-}
+  // Aligned memory of zeros, valid until the next adopt().
+  std::uint8_t* take(std::ptrdiff_t bytes) {
+    const auto size = static_cast<std::size_t>(bytes);
+    return static_cast<std::uint8_t*>(std::memset(memory->allocate(size, row_alignment), 0, size));
+  }
 
-// A band owns rows of the coarsest level that is computed in bands, and the finer rows below them. Each
-// coarser level has one owner.
-Rows Pyramid::State::own_rows(int level, int index) const {
-  if (level > split)
-    return {0, height(level)};
-  const int coarse = height(split), shift = split - level;
-  // The first band has the smallest overlap, so it gets the remaining row.
-  const auto cut = [&](int i) {
-    return std::min(height(level), (coarse * i + shape.bands - 1) / shape.bands << shift);
-  };
-  return {cut(index), index + 1 == shape.bands ? height(level) : cut(index + 1)};
-}
-
-Band Pyramid::State::band_of(int index) {
-  Band band;
-  for (const Route& route : routes_of(layout))
-    band.courses.push_back(course_of(route, split, index));
-  if (staging == Staging::none)
-    return band;
-  const std::ptrdiff_t stride = aligned(shape.width + 1);
-  for (int p = 0; p < (staging == Staging::split ? 2 : layout.planes); ++p)
-    band.staged[p] = {take(stride * ring_rows), stride};
-  return band;
-}
-
-Course Pyramid::State::course_of(const Route& route, int top, int index) {
-  Course course;
-  course.route = route;
-  course.top = top;
-  for (int level = top; level > route.source_level; --level) {
-    Step& step = course.step[level];
-    step.own = own_rows(level, index);
-    step.made.first = step.own.first;
-    step.end = step.own.end;
-    // The rows that the coarser level reads: two more on each side.
-    if (level < top) {
-      const Step& coarser = course.step[level + 1];
-      step.made.first = std::max(0, std::min(step.own.first, 2 * coarser.made.first - 2));
-      step.end = std::min(height(level), std::max(step.own.end, 2 * coarser.end + 1));
-    }
-    step.vertically = route.vertical_first && level == 1;
-    step.sparse = level <= sparse_of(route);
-    step.source_width = step.vertically ? width(1) : width(level - 1);
-    step.source_height = height(level - 1);
-    const bool from_three = route.interleave == Interleave::three && level > 1;
-    step.interleave = from_three ? Interleave::four : route.interleave;
-    const std::ptrdiff_t bytes = std::ptrdiff_t{width(level)} * kernels::written_step(route.interleave);
-    step.ring = {take(aligned(bytes) * ring_rows), aligned(bytes), ring_rows - 1};
-    step.lines = step.ring;
-    if (route.components == 1 && kept(level, route.component[0]))
-      step.lines = {planes[level][route.component[0]].data, planes[level][route.component[0]].stride};
-    // Aligns the second pixel, with which the loops start. Saves 4 % of the pyramid's time.
-    const std::ptrdiff_t second = 2 * kernels::written_step(route.interleave);
-    const auto take_sums = [&] {
-      return reinterpret_cast<std::uint16_t*>(take(2 * bytes + row_alignment) + row_alignment - second);
+  // A band owns rows of the coarsest level that is computed in bands, and the finer rows below them. Each
+  // coarser level has one owner.
+  Rows own_rows(int level, int index) const {
+    if (level > split)
+      return {0, height(level)};
+    const int coarse = height(split), shift = split - level;
+    // The first band has the smallest overlap, so it gets the remaining row.
+    const auto cut = [&](int i) {
+      return std::min(height(level), (coarse * i + shape.bands - 1) / shape.bands << shift);
     };
-    step.waiting.partial = take_sums();
-    step.waiting.held = take_sums();
+    return {cut(index), index + 1 == shape.bands ? height(level) : cut(index + 1)};
   }
-  if (top > route.source_level) {
-    const Step& first = course.step[route.source_level + 1];
-    course.source = {std::max(0, 2 * first.made.first - 2),
-                     std::min(height(route.source_level), 2 * first.end + 1)};
-  }
-  return course;
-}
 
-void Pyramid::State::begin(const Band& band, Course& course) const {
-  const Route& route = course.route;
-  for (int level = route.source_level + 1; level <= course.top; ++level) {
-    course.step[level].made.end = course.step[level].made.first;
-    course.step[level].begun = false;
+  Band band_of(int index) {
+    Band band;
+    for (const Route& route : routes_of(layout))
+      band.courses.push_back(course_of(route, split, index));
+    if (staging == Staging::none)
+      return band;
+    const std::ptrdiff_t stride = aligned(shape.width + 1);
+    for (int p = 0; p < (staging == Staging::split ? 2 : layout.planes); ++p)
+      band.staged[p] = {take(stride * ring_rows), stride};
+    return band;
   }
-  course.source_lines = source_of(band, route);
-  const bool cached = route.staged || route.from_kept;
-  const std::ptrdiff_t stride = course.source_lines.stride;
-  course.read_through =
-      !cached && reads_through(stride) ? row_bytes(layout, route.source_plane, shape.width) : 0;
-  if (course.top > route.source_level)
-    course.step[route.source_level + 1].ahead =
-        cached || course.read_through > 0 ? 0 : stride * std::max(rows_ahead, rows_apart(route));
-}
 
-Lines<const std::uint8_t> Pyramid::State::source_of(const Band& band, const Route& route) const {
-  if (route.from_kept) {
-    const MutablePlane& plane = planes[route.source_level][route.component[0]];
+  Course course_of(const Route& route, int top, int index) {
+    Course course;
+    course.route = route;
+    course.top = top;
+    for (int level = top; level > route.source_level; --level) {
+      Step& step = course.step[level];
+      step.own = own_rows(level, index);
+      step.made.first = step.own.first;
+      step.end = step.own.end;
+      // The rows that the coarser level reads: two more on each side.
+      if (level < top) {
+        const Step& coarser = course.step[level + 1];
+        step.made.first = std::max(0, std::min(step.own.first, 2 * coarser.made.first - 2));
+        step.end = std::min(height(level), std::max(step.own.end, 2 * coarser.end + 1));
+      }
+      step.vertically = route.vertical_first && level == 1;
+      step.sparse = level <= sparse_of(route);
+      step.source_width = step.vertically ? width(1) : width(level - 1);
+      step.source_height = height(level - 1);
+      const bool from_three = route.interleave == Interleave::three && level > 1;
+      step.interleave = from_three ? Interleave::four : route.interleave;
+      const std::ptrdiff_t bytes = std::ptrdiff_t{width(level)} * kernels::written_step(route.interleave);
+      step.ring = {take(aligned(bytes) * ring_rows), aligned(bytes), ring_rows - 1};
+      step.lines = step.ring;
+      if (route.components == 1 && kept(level, route.component[0]))
+        step.lines = {planes[level][route.component[0]].data, planes[level][route.component[0]].stride};
+      // Aligns the second pixel, with which the loops start. Saves 4 % of the pyramid's time.
+      const std::ptrdiff_t second = 2 * kernels::written_step(route.interleave);
+      const auto take_sums = [&] {
+        return reinterpret_cast<std::uint16_t*>(take(2 * bytes + row_alignment) + row_alignment - second);
+      };
+      step.waiting.partial = take_sums();
+      step.waiting.held = take_sums();
+    }
+    if (top > route.source_level) {
+      const Step& first = course.step[route.source_level + 1];
+      course.source = {std::max(0, 2 * first.made.first - 2),
+                       std::min(height(route.source_level), 2 * first.end + 1)};
+    }
+    return course;
+  }
+
+  void begin(const Band& band, Course& course) const {
+    const Route& route = course.route;
+    for (int level = route.source_level + 1; level <= course.top; ++level) {
+      course.step[level].made.end = course.step[level].made.first;
+      course.step[level].begun = false;
+    }
+    course.source_lines = source_of(band, route);
+    const bool cached = route.staged || route.from_kept;
+    const std::ptrdiff_t stride = course.source_lines.stride;
+    course.read_through =
+        !cached && reads_through(stride) ? row_bytes(layout, route.source_plane, shape.width) : 0;
+    if (course.top > route.source_level)
+      course.step[route.source_level + 1].ahead =
+          cached || course.read_through > 0 ? 0 : stride * std::max(rows_ahead, rows_apart(route));
+  }
+
+  Lines<const std::uint8_t> source_of(const Band& band, const Route& route) const {
+    if (route.from_kept) {
+      const MutablePlane& plane = planes[route.source_level][route.component[0]];
+      return {plane.data, plane.stride};
+    }
+    if (route.staged) {
+      const MutablePlane& rows = band.staged[route.source_plane];
+      return {rows.data, rows.stride, ring_rows - 1};
+    }
+    const Plane& plane = frame.planes[route.source_plane];
     return {plane.data, plane.stride};
   }
-  if (route.staged) {
-    const MutablePlane& rows = band.staged[route.source_plane];
-    return {rows.data, rows.stride, ring_rows - 1};
+
+  void deliver(const Route& route, int level, int y, const std::uint8_t* pixels) {
+    const int step = kernels::written_step(route.interleave);
+    for (int i = 0; i < route.components; ++i)
+      if (kept(level, route.component[i]))
+        kernels::spread(pixels, route.offset[i], step, 0, width(level),
+                        planes[level][route.component[i]].row(y));
   }
-  const Plane& plane = frame.planes[route.source_plane];
-  return {plane.data, plane.stride};
-}
 
-void Pyramid::State::deliver(const Route& route, int level, int y, const std::uint8_t* pixels) {
-  const int step = kernels::written_step(route.interleave);
-  for (int i = 0; i < route.components; ++i)
-    if (kept(level, route.component[i]))
-      kernels::spread(pixels, route.offset[i], step, 0, width(level),
-                      planes[level][route.component[i]].row(y));
-}
-
-// Computes the rows of this level and of all coarser ones that rows 0..available-1 of the finer level allow.
-void Pyramid::State::advance(Course& course, int level, int available) {
-  const Route& route = course.route;
-  Step& step = course.step[level];
-  const int last = step.source_height - 1;
-  const auto read = [&](int y) -> const std::uint8_t* {
-    const int row = kernels::reflect_101(y, step.source_height);
-    return level - 1 == route.source_level ? course.source_lines.row(row) : course.step[level - 1].row(row);
-  };
-  while (step.made.end < step.end) {
-    const int y = step.made.end;
-    std::uint8_t* const out = step.row(y);
-    if (step.sparse) {
-      if (2 * y >= available)
-        return;
-      // A sparse coarser level reads every second row.
-      if (level == course.top || !course.step[level + 1].sparse || y % 2 == 0)
-        reduce_sparsely(step, read(2 * y), out);
-    } else {
-      if (!step.begun) {
-        if (std::min(std::max(2 * y, y == 0 ? 2 : 0), last) >= available)
+  // Computes the rows of this level and of all coarser ones that rows 0..available-1 of the finer level
+  // allow.
+  void advance(Course& course, int level, int available) {
+    const Route& route = course.route;
+    Step& step = course.step[level];
+    const int last = step.source_height - 1;
+    const auto read = [&](int y) -> const std::uint8_t* {
+      const int row = kernels::reflect_101(y, step.source_height);
+      return level - 1 == route.source_level ? course.source_lines.row(row) : course.step[level - 1].row(row);
+    };
+    while (step.made.end < step.end) {
+      const int y = step.made.end;
+      std::uint8_t* const out = step.row(y);
+      if (step.sparse) {
+        if (2 * y >= available)
           return;
-        reduce(step, read(2 * y - 2), read(2 * y - 2), out);
-        reduce(step, read(2 * y - 1), read(2 * y), out);
-        step.begun = true;
+        // A sparse coarser level reads every second row.
+        if (level == course.top || !course.step[level + 1].sparse || y % 2 == 0)
+          reduce_sparsely(step, read(2 * y), out);
+      } else {
+        if (!step.begun) {
+          if (std::min(std::max(2 * y, y == 0 ? 2 : 0), last) >= available)
+            return;
+          reduce(step, read(2 * y - 2), read(2 * y - 2), out);
+          reduce(step, read(2 * y - 1), read(2 * y), out);
+          step.begun = true;
+        }
+        if (std::min(2 * y + 2, last) >= available)
+          return;
+        reduce(step, read(2 * y + 1), read(2 * y + 2), out);
       }
-      if (std::min(2 * y + 2, last) >= available)
-        return;
-      reduce(step, read(2 * y + 1), read(2 * y + 2), out);
+      if (route.components > 1 && step.own.holds(y))
+        deliver(route, level, y, out);
+      ++step.made.end;
+      if (level < course.top && allows_more(step.made.end, step.end))
+        advance(course, level + 1, step.made.end);
     }
-    if (route.components > 1 && step.own.holds(y))
-      deliver(route, level, y, out);
-    ++step.made.end;
-    if (level < course.top && allows_more(step.made.end, step.end))
-      advance(course, level + 1, step.made.end);
   }
-}
 
-// One plane after the other, because prefetch follows one sequence of rows best; the two routes of packed
-// 4:2:2 together, because they share the frame's rows.
-void Pyramid::State::run(Band& band) {
-  for (Course& course : band.courses)
-    begin(band, course);
-  const std::span<Course> all = band.courses;
-  if (staging == Staging::split)
-    return run_plane(band, all);
-  for (std::size_t i = 0; i < all.size(); ++i)
-    run_plane(band, all.subspan(i, 1));
-}
-
-// Runs routes that read the same rows.
-void Pyramid::State::run_plane(const Band& band, std::span<Course> courses) {
-  const Course& first = courses[0];
-  int apart = rows_apart(first.route);
-  for (const Course& course : courses)
-    apart = std::min(apart, rows_apart(course.route));
-  for (int available = first.source.first; available < first.source.end;) {
-    const int before = available;
-    available = next_that_allows(available, first.source.end);
-    if (first.route.staged) {
-      for (int y = before; y < available; ++y)
-        if (y % apart == 0)
-          stage(band, first.route.source_plane, y);
-    } else if (first.read_through > 0) {
-      for (int y = before; y < available - 1; ++y)
-        touch(first.source_lines.row(y), first.read_through);
-    }
-    for (Course& course : courses)
-      advance(course, course.route.source_level + 1, available);
+  // One plane after the other, because prefetch follows one sequence of rows best; the two routes of packed
+  // 4:2:2 together, because they share the frame's rows.
+  void run(Band& band) {
+    for (Course& course : band.courses)
+      begin(band, course);
+    const std::span<Course> all = band.courses;
+    if (staging == Staging::split)
+      return run_plane(band, all);
+    for (std::size_t i = 0; i < all.size(); ++i)
+      run_plane(band, all.subspan(i, 1));
   }
-}
 
-void Pyramid::State::narrow(int plane, int y, std::uint8_t* out) const {
-  const Plane& source = frame.planes[plane];
-  kernels::narrow(source.row(y), layout.upper_shift(), row_bytes(layout, plane, shape.width),
-                  rows_ahead * source.stride, out);
-}
-
-// Converts row `y` of a plane of the frame to source rows.
-void Pyramid::State::stage(const Band& band, int plane, int y) const {
-  if (staging == Staging::split)
-    kernels::split_422(frame.planes[0].row(y), shape.width, part(0).offset == 0,
-                       rows_ahead * frame.planes[0].stride, band.staged_row(0, y), band.staged_row(1, y));
-  else
-    narrow(plane, y, band.staged_row(plane, y));
-}
-
-void Pyramid::State::run_band(int index) {
-  run(bands[index]);
-  for (int c = 0; c < layout.component_count; ++c) {
-    if (kept(0, c) && !is_frame_plane(c))
-      fill_level(0, c, index);
-    if (kept(1, c) && part(c).y_shift == 1)
-      fill_level(1, c, index);
+  // Runs routes that read the same rows.
+  void run_plane(const Band& band, std::span<Course> courses) {
+    const Course& first = courses[0];
+    int apart = rows_apart(first.route);
+    for (const Course& course : courses)
+      apart = std::min(apart, rows_apart(course.route));
+    for (int available = first.source.first; available < first.source.end;) {
+      const int before = available;
+      available = next_that_allows(available, first.source.end);
+      if (first.route.staged) {
+        for (int y = before; y < available; ++y)
+          if (y % apart == 0)
+            stage(band, first.route.source_plane, y);
+      } else if (first.read_through > 0) {
+        for (int y = before; y < available - 1; ++y)
+          touch(first.source_lines.row(y), first.read_through);
+      }
+      for (Course& course : courses)
+        advance(course, course.route.source_level + 1, available);
+    }
   }
-}
 
-// The samples of the frame, repeated where level 0 has more of them. Level 1 has as many as 4:2:0 chroma.
-// Samples of two bytes are converted into the memory of old staged rows.
-void Pyramid::State::fill_level(int level, int component, int index) {
-  const ComponentLayout& l = part(component);
-  const int y_shift = l.y_shift - level;
-  const Rows rows = own_rows(level, index);
-  for (int y = rows.first; y < rows.end; ++y) {
-    std::uint8_t* out = planes[level][component].row(y);
-    if (y_shift && y % 2 && y > rows.first) {
-      std::memcpy(out, planes[level][component].row(y - 1), static_cast<std::size_t>(width(level)));
-      continue;
-    }
-    const std::uint8_t* row = frame.planes[l.plane].row(y >> y_shift);
-    if (staging == Staging::narrow) {
-      std::uint8_t* const bytes = bands[index].staged_row(l.plane, 0);
-      narrow(l.plane, y >> y_shift, bytes);
-      row = bytes;
-    }
-    if (l.step == 1 && l.x_shift == level)
-      std::memcpy(out, row, static_cast<std::size_t>(width(level)));
+  void narrow(int plane, int y, std::uint8_t* out) const {
+    const Plane& source = frame.planes[plane];
+    kernels::narrow(source.row(y), layout.upper_shift(), row_bytes(layout, plane, shape.width),
+                    rows_ahead * source.stride, out);
+  }
+
+  // Converts row `y` of a plane of the frame to source rows.
+  void stage(const Band& band, int plane, int y) const {
+    if (staging == Staging::split)
+      kernels::split_422(frame.planes[0].row(y), shape.width, part(0).offset == 0,
+                         rows_ahead * frame.planes[0].stride, band.staged_row(0, y), band.staged_row(1, y));
     else
-      kernels::spread(row, l.offset, l.step, l.x_shift - level, width(level), out);
+      narrow(plane, y, band.staged_row(plane, y));
   }
-}
+
+  void run_band(int index) {
+    run(bands[index]);
+    for (int c = 0; c < layout.component_count; ++c) {
+      if (kept(0, c) && !is_frame_plane(c))
+        fill_level(0, c, index);
+      if (kept(1, c) && part(c).y_shift == 1)
+        fill_level(1, c, index);
+    }
+  }
+
+  // The samples of the frame, repeated where level 0 has more of them. Level 1 has as many as 4:2:0 chroma.
+  // Samples of two bytes are converted into the memory of old staged rows.
+  void fill_level(int level, int component, int index) {
+    const ComponentLayout& l = part(component);
+    const int y_shift = l.y_shift - level;
+    const Rows rows = own_rows(level, index);
+    for (int y = rows.first; y < rows.end; ++y) {
+      std::uint8_t* out = planes[level][component].row(y);
+      if (y_shift && y % 2 && y > rows.first) {
+        std::memcpy(out, planes[level][component].row(y - 1), static_cast<std::size_t>(width(level)));
+        continue;
+      }
+      const std::uint8_t* row = frame.planes[l.plane].row(y >> y_shift);
+      if (staging == Staging::narrow) {
+        std::uint8_t* const bytes = bands[index].staged_row(l.plane, 0);
+        narrow(l.plane, y >> y_shift, bytes);
+        row = bytes;
+      }
+      if (l.step == 1 && l.x_shift == level)
+        std::memcpy(out, row, static_cast<std::size_t>(width(level)));
+      else
+        kernels::spread(row, l.offset, l.step, l.x_shift - level, width(level), out);
+    }
+  }
+};
 
 Pyramid::Pyramid() : state_(std::make_unique<State>()) {}
 Pyramid::~Pyramid() = default;
