@@ -77,7 +77,6 @@ struct Route {
   Interleave interleave{};        ///< layout of the source rows
   int source_level = 0;           ///< level that has as many rows as the source
   bool vertical_first = false;    ///< 4:2:2 chroma: already as narrow as level 1
-  bool staged = false;            ///< source rows are converted one by one, see Staging
   int source_plane = 0;           ///< plane of the frame, or of the band's staged rows
   bool from_kept = false;         ///< the source is a kept level
 };
@@ -109,9 +108,8 @@ std::vector<Route> routes_of(const FormatLayout& layout) {
   if (layout.rgb)
     return {
         {3, {0, 1, 2}, {a.offset, b.offset, c.offset}, a.step == 3 ? Interleave::three : Interleave::four}};
-  const Staging staging = staging_of(layout);
-  const bool packed = staging == Staging::split, staged = staging != Staging::none;
-  std::vector<Route> routes{{1, {0}, {0}, Interleave::one, 0, false, staged}};
+  const bool packed = staging_of(layout) == Staging::split;
+  std::vector<Route> routes{{1, {0}, {0}, Interleave::one}};
   const bool narrow_chroma = b.x_shift > b.y_shift, u_first = b.offset < c.offset;
   if (packed || layout.planes == 2)
     routes.push_back({2,
@@ -120,12 +118,10 @@ std::vector<Route> routes_of(const FormatLayout& layout) {
                       Interleave::two,
                       b.y_shift,
                       narrow_chroma,
-                      staged,
                       packed ? 1 : b.plane});
   else
     for (int i = 1; i < layout.component_count; ++i)
-      routes.push_back(
-          {1, {i}, {0}, Interleave::one, b.y_shift, narrow_chroma, staged, layout.components[i].plane});
+      routes.push_back({1, {i}, {0}, Interleave::one, b.y_shift, narrow_chroma, layout.components[i].plane});
   return routes;
 }
 
@@ -223,6 +219,7 @@ struct Pyramid::State {
            l.x_shift == 0 && l.y_shift == 0;
   }
 
+  bool staged(const Route& route) const { return staging != Staging::none && !route.from_kept; }
   int sparse_of(const Route& route) const {
     return route.component[0] == 0 ? shape.plan.sparse_luma : shape.plan.sparse_color;
   }
@@ -342,7 +339,7 @@ struct Pyramid::State {
       course.step[level].begun = false;
     }
     course.source_lines = source_of(band, route);
-    const bool cached = route.staged || route.from_kept;
+    const bool cached = staging != Staging::none || route.from_kept;
     const std::ptrdiff_t stride = course.source_lines.stride;
     course.read_through =
         !cached && reads_through(stride) ? row_bytes(layout, route.source_plane, shape.width) : 0;
@@ -356,7 +353,7 @@ struct Pyramid::State {
       const MutablePlane& plane = planes[route.source_level][route.component[0]];
       return {plane.data, plane.stride};
     }
-    if (route.staged) {
+    if (staged(route)) {
       const MutablePlane& rows = band.staged[route.source_plane];
       return {rows.data, rows.stride, ring_rows - 1};
     }
@@ -432,7 +429,7 @@ struct Pyramid::State {
     for (int available = first.source.first; available < first.source.end;) {
       const int before = available;
       available = next_that_allows(available, first.source.end);
-      if (first.route.staged) {
+      if (staged(first.route)) {
         for (int y = before; y < available; ++y)
           if (y % apart == 0)
             stage(band, first.route.source_plane, y);
