@@ -2,6 +2,7 @@
 #include "learning/terrain_model.hpp"
 
 #include <algorithm>
+#include <initializer_list>
 #include <numeric>
 #include <string>
 
@@ -115,16 +116,20 @@ std::string out_of_range(const std::string& field, std::uint64_t value, std::uin
          std::to_string(most);
 }
 
+/// The first text that is not empty, or an empty one.
+std::string first_of(std::initializer_list<std::string> flaws) {
+  const auto* const found = std::ranges::find_if_not(flaws, &std::string::empty);
+  return found == flaws.end() ? std::string() : *found;
+}
+
 std::string flaw_of(const TerrainModel& model, std::size_t index) {
   const std::string name = "of model " + std::to_string(index);
   std::string flaw = out_of_range("the mass " + name, model.mass, 0, most_mass);
   // A null model may have a variance of 0.
   const std::uint32_t least_variance = model.mass > 0 ? 1 : 0;
-  for (std::size_t c = 0; c < 3 && flaw.empty(); ++c) {
-    flaw = out_of_range("a mean " + name, model.mean[c], 0, most_mean);
-    if (flaw.empty())
-      flaw = out_of_range("a variance " + name, model.variance[c], least_variance, most_variance);
-  }
+  for (std::size_t c = 0; c < 3; ++c)
+    flaw = first_of({flaw, out_of_range("a mean " + name, model.mean[c], 0, most_mean),
+                     out_of_range("a variance " + name, model.variance[c], least_variance, most_variance)});
   return flaw;
 }
 
@@ -140,12 +145,9 @@ std::string flaw_of(const std::vector<std::uint32_t>& histogram, const std::stri
 std::string flaw_of(const KeptLine& line) {
   constexpr std::uint64_t longest_side = 32767;
   const std::uint64_t least = line.height > 0 ? 1 : 0, most = line.height > 0 ? longest_side : 0;
-  for (std::string flaw : {out_of_range("the height of the line's frames", line.height, 0, longest_side),
-                           out_of_range("the width of the line's frames", line.width, least, most),
-                           out_of_range("the line", line.row_q8, 0, std::uint64_t{line.height} << 8)})
-    if (!flaw.empty())
-      return flaw;
-  return {};
+  return first_of({out_of_range("the height of the line's frames", line.height, 0, longest_side),
+                   out_of_range("the width of the line's frames", line.width, least, most),
+                   out_of_range("the line", line.row_q8, 0, std::uint64_t{line.height} << 8)});
 }
 
 } // namespace
@@ -281,15 +283,11 @@ std::string flaw_of(const Terrain& terrain) {
   for (std::size_t i = 0; i < terrain.models.size(); ++i)
     if (std::string flaw = flaw_of(terrain.models[i], i); !flaw.empty())
       return flaw;
-  for (std::string flaw :
-       {flaw_of(terrain.negative_colors, "negative colours", color_bins),
-        flaw_of(terrain.terrain_texture, "terrain texture", texture_bins),
-        flaw_of(terrain.negative_texture, "negative texture", texture_bins),
-        out_of_range("the exposure mean", terrain.exposure_mean, 0, most_exposure_mean),
-        out_of_range("the horizon", terrain.horizon, 0, most_horizon), flaw_of(terrain.line)})
-    if (!flaw.empty())
-      return flaw;
-  return {};
+  return first_of({flaw_of(terrain.negative_colors, "negative colours", color_bins),
+                   flaw_of(terrain.terrain_texture, "terrain texture", texture_bins),
+                   flaw_of(terrain.negative_texture, "negative texture", texture_bins),
+                   out_of_range("the exposure mean", terrain.exposure_mean, 0, most_exposure_mean),
+                   out_of_range("the horizon", terrain.horizon, 0, most_horizon), flaw_of(terrain.line)});
 }
 
 } // namespace terrainseg
