@@ -33,12 +33,6 @@ void subtract_mean(const std::uint8_t* __restrict in, const std::uint16_t* __res
   }
 }
 
-void change_columns(const std::uint8_t* __restrict added, const std::uint8_t* __restrict removed, int width,
-                    std::uint16_t* __restrict columns) {
-  for (int x = 0; x < width; ++x)
-    columns[x] = static_cast<std::uint16_t>(columns[x] + added[x] - removed[x]);
-}
-
 template <int radius>
 void high_pass_of(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int gain,
                   std::uint8_t* out, std::uint16_t* columns) {
@@ -52,7 +46,9 @@ void high_pass_of(const std::uint8_t* in, std::ptrdiff_t stride, int width, int 
     std::fill_n(columns, radius, middle[0]);
     std::fill_n(middle + width, radius, middle[width - 1]);
     subtract_mean<radius>(row(y), columns, width, gain, out + static_cast<std::ptrdiff_t>(y) * width);
-    change_columns(row(y + radius + 1), row(y - radius), width, middle);
+    const std::uint8_t *added = row(y + radius + 1), *removed = row(y - radius);
+    for (int x = 0; x < width; ++x)
+      middle[x] = static_cast<std::uint16_t>(middle[x] + added[x] - removed[x]);
   }
 }
 

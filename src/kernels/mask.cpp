@@ -74,13 +74,10 @@ void write_row(const std::uint8_t* boundary, const std::uint8_t* safe, int row, 
   });
 }
 
-void fill_row(std::uint8_t* row, int width, std::uint8_t value, std::ptrdiff_t ahead) {
-  cover(width, row, ahead, [&](auto d, int x) HWY_ATTR { hn::StoreU(hn::Set(d, value), d, row + x); });
-}
-
 void fill(std::uint8_t* mask, std::ptrdiff_t stride, int width, int first, int end, std::uint8_t value) {
-  for (int y = first; y < end; ++y)
-    fill_row(mask + y * stride, width, value, rows_ahead(stride));
+  for (std::uint8_t* row = mask + first * stride; first < end; ++first, row += stride)
+    cover(width, row, rows_ahead(stride),
+          [&](auto d, int x) HWY_ATTR { hn::StoreU(hn::Set(d, value), d, row + x); });
 }
 
 void write_mask(const std::uint16_t* boundary, const std::uint16_t* safe, int width, int first, int end,

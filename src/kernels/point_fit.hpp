@@ -37,24 +37,22 @@ struct PointMap {
   std::int64_t g0, g1, g3, g4, x_offset, y_offset, across_w, below_w, w_offset;
   std::int32_t middle, line, outside;
 
-  PointPosition at(std::int64_t a, std::int64_t b) const;
+  PointPosition at(std::int64_t a, std::int64_t b) const {
+    const std::int64_t w = (across_w * a + below_w * b + w_offset) >> 16; // Q24
+    if (w < 1 << 18)
+      return {-outside, -outside};
+    const std::int64_t reciprocal = (std::int64_t{1} << 48) / w; // Q24
+    const auto placed = [&](std::int64_t position, std::int64_t from) {
+      constexpr std::int64_t limit = std::int64_t{1} << 32;
+      // Q20 from Q32, limited: beyond 2^20 pixels the point is outside.
+      const std::int64_t near = std::clamp(position >> 12, -limit, limit);
+      return static_cast<std::int32_t>(
+          std::clamp<std::int64_t>(from + (near * reciprocal >> 36), -outside, outside));
+    };
+    return {placed(((g0 * a) << 7) + g1 * b + x_offset, middle),
+            placed(((g3 * a) << 7) + g4 * b + y_offset, line)};
+  }
 };
-
-inline PointPosition PointMap::at(std::int64_t a, std::int64_t b) const {
-  const std::int64_t w = (across_w * a + below_w * b + w_offset) >> 16; // Q24
-  if (w < 1 << 18)
-    return {-outside, -outside};
-  const std::int64_t reciprocal = (std::int64_t{1} << 48) / w; // Q24
-  const auto placed = [&](std::int64_t position, std::int64_t from) {
-    constexpr std::int64_t limit = std::int64_t{1} << 32;
-    // Q20 from Q32, limited: beyond 2^20 pixels the point is outside.
-    const std::int64_t near = std::clamp(position >> 12, -limit, limit);
-    return static_cast<std::int32_t>(
-        std::clamp<std::int64_t>(from + (near * reciprocal >> 36), -outside, outside));
-  };
-  return {placed(((g0 * a) << 7) + g1 * b + x_offset, middle),
-          placed(((g3 * a) << 7) + g4 * b + y_offset, line)};
-}
 
 /// The points to compare: lists of `count` numbers.
 struct PointLists {
