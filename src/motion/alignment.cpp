@@ -54,12 +54,6 @@ void sizes_of(const std::int32_t* __restrict differences, std::size_t count, std
   }
 }
 
-/// Auto-vectorised.
-void append(const std::uint16_t* __restrict order, int count, std::uint16_t* __restrict keys) {
-  for (int u = 0; u < count; ++u)
-    keys[u] = static_cast<std::uint16_t>(keys[u] * 16 + order[u]);
-}
-
 GroundPoint point_at(const PassedView& picture, const GroundCamera& view, int u, int v) {
   const std::uint8_t* row = picture.row(v);
   const int dx = row[u + 1] - row[u - 1], dy = picture.row(v + 1)[u] - picture.row(v - 1)[u];
@@ -151,7 +145,8 @@ void PointSelection::select(const PassedView& picture, const GroundCamera& view,
     }
     if (!filled)
       continue;
-    append(order_.data(), width, keys_.data());
+    for (int u = 0; u < width; ++u)
+      keys_[u] = static_cast<std::uint16_t>(keys_[u] * 16 + order_[u]);
     for (int left = 1; left < width - 1; left += rule.block) {
       const int end = std::min(left + rule.block, width - 1);
       std::uint16_t key = 0;

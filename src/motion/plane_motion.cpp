@@ -126,10 +126,6 @@ std::optional<LeastSquares> solve(const NormalEquations& equations, int fraction
   return found;
 }
 
-GroundCamera GroundCamera::quarter() const {
-  return {width / 4, height / 4, focal / 4, (vanishing_row - 384) / 4};
-}
-
 PlaneMotion compose(const PlaneMotion& a, const PlaneMotion& b) {
   return normalised(product(a.g, b.g));
 }

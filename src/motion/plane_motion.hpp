@@ -46,7 +46,7 @@ struct GroundCamera {
   int focal = 0;         ///< pixels
   int vanishing_row = 0; ///< Q8 of a pixel; may lie outside the picture
   /// The same camera for pictures reduced by 4 x 4.
-  GroundCamera quarter() const;
+  GroundCamera quarter() const { return {width / 4, height / 4, focal / 4, (vanishing_row - 384) / 4}; }
   bool operator==(const GroundCamera&) const = default;
 };
 
