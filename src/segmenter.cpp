@@ -17,11 +17,6 @@ std::unique_ptr<Pipeline> make_pipeline(PipelineKind kind) {
   return std::make_unique<FreeSpacePipeline>();
 }
 
-/// The pipeline that learned a terrain. Only the default pipeline fills negative_colors.
-PipelineKind teacher_of(const Terrain& terrain) {
-  return terrain.negative_colors.empty() ? PipelineKind::paper : PipelineKind::free_space;
-}
-
 void count(const Settings& settings, std::uint32_t flags, Counters& counters) {
   ++(!settings.learning     ? counters.skipped_frozen
      : !settings.near_clear ? counters.skipped_near
@@ -185,7 +180,9 @@ Status Segmenter::adopt(const Terrain& terrain) {
   if (s.space && *s.space != terrain.space)
     return {Status::Code::foreign_terrain,
             "the terrain was learned in another colour space than that of the frames: learn it again"};
-  const PipelineKind teacher = teacher_of(terrain);
+  // Only the default pipeline fills negative_colors.
+  const PipelineKind teacher =
+      terrain.negative_colors.empty() ? PipelineKind::paper : PipelineKind::free_space;
   if (heaviest(terrain.models) >= 0 && teacher != s.settings.pipeline())
     return {Status::Code::foreign_terrain,
             "the terrain was learned with free-space = " +
