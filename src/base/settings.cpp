@@ -153,9 +153,6 @@ Read read(const Setting& setting, std::string_view text) {
   return {kept_value(*number, setting.scale), ""};
 }
 
-constexpr const char* rect_rule =
-    "must be x,y,w,h in fractions of the frame, such as 0.35,0.85,0.3,0.15, or empty";
-
 } // namespace
 
 std::span<const Setting> setting_table() {
@@ -248,7 +245,9 @@ std::optional<SettingsError> parse_window_rect(std::string_view text, Rectangle&
     rect_q16 = {};
     return std::nullopt;
   }
-  const SettingsError wrong{"window-rect", std::string(text), rect_rule};
+  const SettingsError wrong{
+      "window-rect", std::string(text),
+      "must be x,y,w,h in fractions of the frame, such as 0.35,0.85,0.3,0.15, or empty"};
   std::array<int, 4> sides{};
   std::string_view rest = text;
   for (std::size_t i = 0; i < sides.size(); ++i) {
