@@ -162,11 +162,7 @@ struct Course {
   std::array<Step, level_count> step;
 };
 
-// Whether that number of finer rows is enough for one more row: an odd number, or all of them.
-constexpr bool allows_more(int available, int end) {
-  return available % 2 != 0 || available == end;
-}
-// The next such number greater than `available`.
+// The next number of finer rows that is enough for one more row: an odd number, or all of them.
 constexpr int next_that_allows(int available, int end) {
   return std::min(available + 1 + available % 2, end);
 }
@@ -403,7 +399,7 @@ struct Pyramid::State {
       if (route.components > 1 && step.own.holds(y))
         deliver(route, level, y, out);
       ++step.made.end;
-      if (level < course.top && allows_more(step.made.end, step.end))
+      if (level < course.top && (step.made.end % 2 != 0 || step.made.end == step.end))
         advance(course, level + 1, step.made.end);
     }
   }
