@@ -47,8 +47,8 @@ Change roll(double degrees) {
   });
 }
 
-Change light(double factor) {
-  return [=](Scene& s) { s.picture.convertTo(s.picture, -1, factor); };
+Change light(double factor, double added = 0) {
+  return [=](Scene& s) { s.picture.convertTo(s.picture, -1, factor, added); };
 }
 
 /// Normal noise that depends on the picture's place in the sequence only through the state of one generator.
@@ -148,6 +148,7 @@ const std::vector<std::pair<std::string, Change>>& changes() {
       {"roll", roll(5)},
       {"dark", light(0.5)},
       {"bright", light(1.6)},
+      {"haze", light(0.88, 12)},
       {"noise", noise(10)},
       {"blur", [](Scene& s) { cv::GaussianBlur(s.picture, s.picture, {}, 2); }},
       {"jpeg", jpeg(15)},
