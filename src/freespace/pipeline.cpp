@@ -69,7 +69,7 @@ FrameLine end_of_ground(const View& view, bool continued, const MotionTrack& tra
 
 void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, EstimateWriter& out,
                                 StageClock& clock) {
-  const View view = reader_.read(task, terrain.exposure_mean, clock);
+  const View view = reader_.read(task, terrain.exposure_mean, memory_.black, clock);
   answer_.start(view, out);
   const Temporal mode = task.settings.temporal;
   // The last boundary predicts where the ground of this frame is.

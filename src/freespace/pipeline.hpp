@@ -21,6 +21,7 @@ namespace terrainseg {
 /// terrain is the segmenter's Terrain.
 struct Memory {
   LastPicture last;
+  std::uint32_t black = 0; ///< of the exposure, followed, Q8; 0 = not yet known
   WindowMemory window;
   CellScores average; ///< running average of the scores
   GridCurve boundary; ///< boundary of the last frame; empty = none

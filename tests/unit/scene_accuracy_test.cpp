@@ -146,7 +146,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"trail_bumpy", {Kind::trail, Light::day, Motion::bumpy, 2}, 2.5, 1.2, 1.2},
                     Case{"trail_drift", {Kind::trail, Light::drift, Motion::straight, 2}, 2.5, 1.2, 1.8},
                     Case{"corridor_day", {Kind::corridor, Light::day, Motion::straight, 1}, 1.5, 0.5, 6},
-                    Case{"corridor_dusk", {Kind::corridor, Light::dusk, Motion::straight, 2}, 3, 4, 3.5},
+                    Case{"corridor_dusk", {Kind::corridor, Light::dusk, Motion::straight, 2}, 3.1, 4, 11.5},
                     Case{"plain_day", {Kind::plain, Light::day, Motion::straight, 1}, 1.6, 2.2, 1.2},
                     // Rocks of the sand's own colour, everywhere.
                     Case{"plain_rocks", {Kind::plain, Light::day, Motion::turn, 3, 100}, 5, 7.5, 1.2},

@@ -15,35 +15,52 @@ TERRAINSEG_TUNED(int, exposure, follow_shift, 4);
 TERRAINSEG_TUNED(int, exposure, target_mean, 110);
 TERRAINSEG_TUNED(std::uint32_t, exposure, darkest_mean,
                  8 << 8); ///< Q8: below it a gain amplifies only the sensor's noise
+/// Inverse of the share of the cells that is darker than black.
+TERRAINSEG_TUNED(std::uint32_t, exposure, darkest_share, 200);
+/// Mean luma, Q8, from which nothing is subtracted, and inverse of the share of what is missing to it that is
+/// subtracted at most: in a bright picture the darkest luma belongs to the ground, not to the lens.
+TERRAINSEG_TUNED(std::uint32_t, exposure, dark_mean, 112 << 8);
+TERRAINSEG_TUNED(std::uint32_t, exposure, most_of_missing, 10);
 
 } // namespace
 
-std::uint32_t mean_luma(const Grid& grid) {
-  std::uint64_t sum = 0, count = 0;
+Light light_of(const Grid& grid) {
+  std::array<std::uint32_t, 256> histogram{};
+  std::uint32_t count = 0, sum = 0, darker = 0, black = 0;
   for (int i = grid.height / 2; i < grid.height; ++i) {
     const std::uint8_t *const luma = grid.planes[0].row(i), *const ignored = &grid.ignored[grid.at(i, 0)];
     for (int j = 0; j < grid.width; ++j)
-      if (!ignored[j]) {
-        sum += luma[j];
-        ++count;
-      }
+      histogram[luma[j]] += ignored[j] == 0;
   }
-  return count ? static_cast<std::uint32_t>((sum << 8) / count) : target_mean << 8;
+  for (std::uint32_t y = 0; y < 256; ++y) {
+    count += histogram[y];
+    sum += histogram[y] * y;
+  }
+  if (count == 0)
+    return {static_cast<std::uint32_t>(target_mean << 8), 0};
+  while ((darker += histogram[black]) * darkest_share <= count)
+    ++black;
+  return {static_cast<std::uint32_t>((std::uint64_t{sum} << 8) / count), black << 8};
 }
 
-std::uint32_t follow_exposure(std::uint32_t mean, std::uint32_t now) {
-  if (mean == 0)
+std::uint32_t follow_exposure(std::uint32_t followed, std::uint32_t now) {
+  if (followed == 0)
     return std::max(now, 1u);
-  const int step = (static_cast<int>(now) - static_cast<int>(mean)) >> follow_shift;
-  return static_cast<std::uint32_t>(std::max(1, static_cast<int>(mean) + step));
+  const int step = (static_cast<int>(now) - static_cast<int>(followed)) >> follow_shift;
+  return static_cast<std::uint32_t>(std::max(1, static_cast<int>(followed) + step));
 }
 
-void fill_exposure(std::uint32_t mean, ExposureTables& tables) {
+void fill_exposure(const Light& light, ExposureTables& tables) {
+  const std::uint32_t most = (dark_mean - std::min(light.mean, dark_mean)) / most_of_missing,
+                      black = std::min({light.black, light.mean, most});
   // With this gain the error of a dusk drive is 4 %, without it 12 %.
-  const int g = mean == 0 ? 256 : (target_mean << 16) / static_cast<int>(std::max(mean, darkest_mean));
+  const int g = light.mean == 0
+                    ? 256
+                    : (target_mean << 16) / static_cast<int>(std::max(light.mean - black, darkest_mean));
   tables.gain = g;
+  tables.black = static_cast<int>(black >> 8);
   for (int y = 0; y < 256; ++y) {
-    const int n = std::min(255, (y * g) >> 8);
+    const int n = std::min(255, (std::max(y - tables.black, 0) * g) >> 8);
     tables.luma[y] = static_cast<std::uint8_t>(n);
     tables.chroma_gain[y] = static_cast<std::uint16_t>(std::min(65535, g * 128 * 3 / (n + 24)));
   }
@@ -51,7 +68,7 @@ void fill_exposure(std::uint32_t mean, ExposureTables& tables) {
 
 TerrainModel in_this_light(const TerrainModel& learned, const ExposureTables& exposure) {
   TerrainModel model = learned;
-  const int luma = std::min(learned.mean[0] * 256 / exposure.gain, 255 << 8); // Q8
+  const int luma = std::min(learned.mean[0] * 256 / exposure.gain + (exposure.black << 8), 255 << 8); // Q8
   const int chroma_gain = std::max<int>(exposure.chroma_gain[luma >> 8], 1);
   for (int c = 0; c < 3; ++c) {
     const std::int64_t gain = c == 0 ? exposure.gain : chroma_gain; // 64 bits for the square of the chroma
@@ -176,13 +193,17 @@ void average_columns(std::uint8_t* __restrict cells, int width, int height, int 
   }
 }
 
-// Reduces the luma of cells with surroundings brighter than the `mean` (Q8).
-void flatten_light(const std::vector<std::uint8_t>& around, std::uint32_t mean,
+// Reduces the luma of cells with surroundings brighter than the `mean` (Q8). All are seen above `black`.
+void flatten_light(const std::vector<std::uint8_t>& around, std::uint32_t mean, int black,
                    std::vector<std::uint8_t>& luma) {
   std::array<std::uint16_t, 256> factor{}; // Q8
-  const std::uint32_t level = mean + (light_floor << 8);
-  for (std::uint32_t y = 0; y < 256; ++y) {
-    const std::uint32_t ratio = std::min(level / (y + light_floor), 256u);
+  const auto over_black = [black](int value) {
+    return static_cast<std::uint32_t>(std::max(value - black, 0)) + light_floor;
+  };
+  const std::uint32_t level =
+      mean - std::min(mean, static_cast<std::uint32_t>(black) << 8) + (light_floor << 8);
+  for (int y = 0; y < 256; ++y) {
+    const std::uint32_t ratio = std::min(level / over_black(y), 256u);
     factor[y] = static_cast<std::uint16_t>(256 - ((256 - ratio) * light_share >> 8));
   }
   for (std::size_t i = 0; i < luma.size(); ++i)
@@ -257,7 +278,7 @@ void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, cons
   }
   if (mean > 0) {
     mean_around(grid, std::max(grid.width / light_reach, 1), out.half_around, out.sums, out.around);
-    flatten_light(out.around, mean, out.luma);
+    flatten_light(out.around, mean, exposure.black, out.luma);
   }
   bin_colors(out.luma.data(), out.u.data(), out.v.data(), static_cast<int>(grid.size()), out.color.data());
   out.differences.resize(grid.size());

@@ -17,20 +17,28 @@ namespace terrainseg {
 // shadow.
 
 struct ExposureTables {
+  int black = 0;                                ///< luma that is subtracted first, in grey levels
   int gain = 256;                               ///< Q8 on luma
   std::array<std::uint8_t, 256> luma{};         ///< normalised luma for each luma
   std::array<std::uint16_t, 256> chroma_gain{}; ///< Q8 gain on (chroma - 128) for each luma; normalises
                                                 ///< chroma to saturation
 };
 
-/// Mean luma of the grid's lower half without ignored cells, Q8.
-std::uint32_t mean_luma(const Grid& grid);
+/// Light of a frame in the grid's lower half without ignored cells, Q8: the mean luma, and the luma that one
+/// cell of 200 is darker than. A mean of 0 is not yet known.
+struct Light {
+  std::uint32_t mean = 0, black = 0;
+  bool operator==(const Light&) const = default;
+};
+Light light_of(const Grid& grid);
 
-/// Moves `mean` (Q8; 0 = unknown) towards `now` by a sixteenth.
-std::uint32_t follow_exposure(std::uint32_t mean, std::uint32_t now);
+/// Moves a `followed` value (Q8; 0 = unknown) towards `now` by a sixteenth.
+std::uint32_t follow_exposure(std::uint32_t followed, std::uint32_t now);
 
-/// Computes tables that bring the mean to 110. A mean of 0 gives no gain.
-void fill_exposure(std::uint32_t mean, ExposureTables& tables);
+/// Computes tables that bring black to 0 and the mean to 110. A lens that scatters light, or a range that is
+/// declared wrongly, takes contrast from dark pictures: black is at most a tenth of what the mean is below
+/// 112. A mean of 0 gives no gain.
+void fill_exposure(const Light& light, ExposureTables& tables);
 
 /// Converts a model of normalised colours back to the light of the current frame.
 TerrainModel in_this_light(const TerrainModel& learned, const ExposureTables& exposure);
@@ -71,7 +79,7 @@ void log2_q8(const std::uint32_t* values, int count, std::int16_t* out);
 void mean_around(const Grid& grid, int reach, std::vector<std::uint8_t>& between,
                  std::vector<std::uint32_t>& sums, std::vector<std::uint8_t>& out);
 
-/// `texture` is the output of TextureReader. Unless `mean` is 0 (Q8, see mean_luma()), the luma of cells with
+/// `texture` is the output of TextureReader. Unless `mean` is 0 (Q8, see Light), the luma of cells with
 /// brighter surroundings is reduced, because ground in a bright part of the picture is in another light.
 void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, const ExposureTables& exposure,
                std::uint32_t mean, CellBins& cells);

@@ -108,7 +108,8 @@ void TextureReader::read(const LumaLevels& luma, const Grid& grid, std::vector<s
       t = static_cast<std::uint16_t>(std::min(65535, (t * gain) >> 8));
 }
 
-View FrameReader::read(const FrameTask& task, std::uint32_t& exposure_mean, StageClock& clock) {
+View FrameReader::read(const FrameTask& task, std::uint32_t& exposure_mean, std::uint32_t& black,
+                       StageClock& clock) {
   pyramid_.build(task.frame, coarse_plan(task.frame.format, task.grid_level), &task.workers);
   clock.lap(Stage::pyramid);
   const TrainingArea area{
@@ -124,13 +125,13 @@ View FrameReader::read(const FrameTask& task, std::uint32_t& exposure_mean, Stag
   area.veto.fill_cells(task.grid_level, grid_.width, grid_.height, 1, vetoed_.data());
   clock.lap(Stage::prefilter);
   if (!blank)
-    read_cells(task, exposure_mean);
+    read_cells(task, exposure_mean, black);
   clock.lap(Stage::features);
   return {task,    pyramid_, luma_, transform_, window,    window_cells_, area.veto,
           vetoed_, blank,    grid_, texture_,   exposure_, cells_,        connected_};
 }
 
-void FrameReader::read_cells(const FrameTask& task, std::uint32_t& exposure_mean) {
+void FrameReader::read_cells(const FrameTask& task, std::uint32_t& exposure_mean, std::uint32_t& black) {
   const Settings& settings = task.settings;
   const bool rgb = layout_of(task.frame.format).rgb;
   transform_ = color_transform_of(rgb, task.frame.colorimetry);
@@ -140,14 +141,16 @@ void FrameReader::read_cells(const FrameTask& task, std::uint32_t& exposure_mean
     texture_reader_.read(luma_, grid_, texture_);
   else
     texture_.assign(grid_.size(), 0);
-  const std::uint32_t mean_now = settings.exposure ? mean_luma(grid_) : 0;
+  const Light now = settings.exposure ? light_of(grid_) : Light{};
+  if (settings.exposure && (settings.learning || black == 0))
+    black = follow_exposure(exposure_mean == 0 ? 0 : black, now.black);
   if (settings.exposure && settings.learning)
-    exposure_mean = follow_exposure(exposure_mean, mean_now);
-  const std::uint32_t mean = settings.exposure ? exposure_mean : 0;
-  if (exposure_of_tables_ != mean)
-    fill_exposure(mean, exposure_);
-  exposure_of_tables_ = mean;
-  bin_cells(grid_, texture_, exposure_, mean_now, cells_);
+    exposure_mean = follow_exposure(exposure_mean, now.mean);
+  const Light light = settings.exposure ? Light{exposure_mean, black} : Light{};
+  if (light_of_tables_ != light)
+    fill_exposure(light, exposure_);
+  light_of_tables_ = light;
+  bin_cells(grid_, texture_, exposure_, now.mean, cells_);
   if (settings.connected_ground)
     connected_.look(grid_, cells_);
 }

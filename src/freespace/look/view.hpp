@@ -89,12 +89,12 @@ struct View {
 /// Reads one frame: computes all of its features that do not depend on the terrain.
 class FrameReader {
  public:
-  /// Updates the exposure's mean unless learning is off.
-  View read(const FrameTask& task, std::uint32_t& exposure_mean, StageClock& clock);
+  /// Updates the exposure's mean and black (Q8; 0 = unknown) unless learning is off.
+  View read(const FrameTask& task, std::uint32_t& exposure_mean, std::uint32_t& black, StageClock& clock);
   const ExposureTables& exposure() const { return exposure_; } ///< of the last frame
 
  private:
-  void read_cells(const FrameTask& task, std::uint32_t& exposure_mean);
+  void read_cells(const FrameTask& task, std::uint32_t& exposure_mean, std::uint32_t& black);
 
   Pyramid pyramid_;
   std::vector<Cell> window_cells_;
@@ -106,7 +106,7 @@ class FrameReader {
   TextureReader texture_reader_;
   std::vector<std::uint16_t> texture_;
   ExposureTables exposure_;
-  std::optional<std::uint32_t> exposure_of_tables_; ///< mean luma for which exposure_ was computed
+  std::optional<Light> light_of_tables_; ///< for which exposure_ was computed
   CellBins cells_;
   ConnectedGround connected_;
 };
