@@ -123,13 +123,14 @@ std::string first_of(std::initializer_list<std::string> flaws) {
 }
 
 std::string flaw_of(const TerrainModel& model, std::size_t index) {
-  const std::string name = "of model " + std::to_string(index);
-  std::string flaw = out_of_range("the mass " + name, model.mass, 0, most_mass);
+  const std::string name = " of model " + std::to_string(index), mean = "a mean" + name,
+                    variance = "a variance" + name;
+  std::string flaw = out_of_range("the mass" + name, model.mass, 0, most_mass);
   // A null model may have a variance of 0.
   const std::uint32_t least_variance = model.mass > 0 ? 1 : 0;
   for (std::size_t c = 0; c < 3; ++c)
-    flaw = first_of({flaw, out_of_range("a mean " + name, model.mean[c], 0, most_mean),
-                     out_of_range("a variance " + name, model.variance[c], least_variance, most_variance)});
+    flaw = first_of({flaw, out_of_range(mean, model.mean[c], 0, most_mean),
+                     out_of_range(variance, model.variance[c], least_variance, most_variance)});
   return flaw;
 }
 
