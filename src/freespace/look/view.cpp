@@ -141,12 +141,15 @@ void FrameReader::read_cells(const FrameTask& task, std::uint32_t& exposure_mean
     texture_reader_.read(luma_, grid_, texture_);
   else
     texture_.assign(grid_.size(), 0);
-  const Light now = settings.exposure ? light_of(grid_) : Light{};
-  if (settings.exposure && (settings.learning || black == 0))
-    black = follow_exposure(exposure_mean == 0 ? 0 : black, now.black);
-  if (settings.exposure && settings.learning)
-    exposure_mean = follow_exposure(exposure_mean, now.mean);
-  const Light light = settings.exposure ? Light{exposure_mean, black} : Light{};
+  Light now, light;
+  if (settings.exposure) {
+    now = light_of(grid_);
+    if (settings.learning || black == 0)
+      black = follow_exposure(exposure_mean == 0 ? 0 : black, now.black);
+    if (settings.learning)
+      exposure_mean = follow_exposure(exposure_mean, now.mean);
+    light = {exposure_mean, black};
+  }
   if (light_of_tables_ != light)
     fill_exposure(light, exposure_);
   light_of_tables_ = light;
