@@ -240,28 +240,52 @@ void excess_of_row(const std::uint8_t* __restrict values, const std::uint8_t* __
   }
 }
 
-bool marks_of_row(const ColumnBoxes& boxes, const std::uint8_t* __restrict values, int least, int count,
-                  std::uint8_t* __restrict marks) {
-  const std::int16_t* __restrict columns = boxes.columns;
-  std::uint32_t* __restrict sums = boxes.work;
-  const int reach = boxes.reach, least_sum = boxes.least;
-  std::uint32_t* const after = sums + reach + 1;
-  std::fill(sums, after, 0u);
-  running_sums(count, after, [=](auto d, int i) HWY_ATTR {
-    const hn::Rebind<std::int16_t, decltype(d)> narrow;
-    return hn::BitCast(d, hn::PromoteTo(hn::RebindToSigned<decltype(d)>(), hn::LoadU(narrow, columns + i)));
-  });
-  std::fill_n(after + count, reach, after[count - 1]);
-  const std::uint32_t* const ends = after + reach;
-  for (int i = 0; i < count; ++i)
-    marks[i] = static_cast<std::uint8_t>(static_cast<std::int32_t>(ends[i] - sums[i]) >= least_sum);
-  std::uint8_t any = 0;
-  const auto least_value = static_cast<std::uint8_t>(least);
-  for (int i = 0; i < count; ++i) {
-    marks[i] = static_cast<std::uint8_t>(marks[i] & static_cast<std::uint8_t>(values[i] >= least_value));
-    any = static_cast<std::uint8_t>(any | marks[i]);
+/// Marks the cells of one vector from cell i on, whose boxes are summed in the numbers of `d`. Returns the
+/// marks.
+template <class D>
+HWY_INLINE auto marks_of_cells(D d, const ColumnBoxes& boxes, const std::uint8_t* values, int least, int i,
+                               std::uint8_t* marks) {
+  using Number = hn::TFromD<D>;
+  const hn::Rebind<std::uint8_t, D> d8;
+  auto sum = hn::Zero(d);
+  for (int k = i - boxes.reach; k <= i + boxes.reach; ++k) {
+    if constexpr (sizeof(Number) == sizeof(std::int16_t))
+      sum = hn::Add(sum, hn::LoadU(d, boxes.columns + k));
+    else
+      sum = hn::Add(sum, hn::PromoteTo(d, hn::LoadU(hn::Rebind<std::int16_t, D>(), boxes.columns + k)));
   }
-  return any != 0;
+  const auto value = hn::PromoteTo(d, hn::LoadU(d8, values + i));
+  const auto marked = hn::And(hn::Gt(sum, hn::Set(d, static_cast<Number>(boxes.least - 1))),
+                              hn::Gt(value, hn::Set(d, static_cast<Number>(least - 1))));
+  const auto mark = hn::DemoteTo(d8, hn::IfThenElseZero(marked, hn::Set(d, 1)));
+  hn::StoreU(mark, d8, marks + i);
+  return mark;
+}
+
+template <class D>
+HWY_INLINE bool marks_of_cells_of_row(D d, const ColumnBoxes& boxes, const std::uint8_t* values, int least,
+                                      int count, std::uint8_t* marks) {
+  const hn::CappedTag<hn::TFromD<D>, 1> one;
+  const hn::Rebind<std::uint8_t, D> d8;
+  const int n = static_cast<int>(hn::Lanes(d));
+  auto any = hn::Zero(d8);
+  std::uint8_t any_of_rest = 0;
+  int i = 0;
+  for (; i + n <= count; i += n)
+    any = hn::Or(any, marks_of_cells(d, boxes, values, least, i, marks));
+  if (i < count && count >= n) // the last vector again takes some cells of the one before it
+    any = hn::Or(any, marks_of_cells(d, boxes, values, least, count - n, marks));
+  else
+    for (; i < count; ++i)
+      any_of_rest |= hn::GetLane(marks_of_cells(one, boxes, values, least, i, marks));
+  return any_of_rest != 0 || !hn::AllTrue(d8, hn::Eq(any, hn::Zero(d8)));
+}
+
+bool marks_of_row(const ColumnBoxes& boxes, const std::uint8_t* values, int least, int count,
+                  std::uint8_t* marks) {
+  if (boxes.reach <= reach_of_16_bits)
+    return marks_of_cells_of_row(hn::ScalableTag<std::int16_t>(), boxes, values, least, count, marks);
+  return marks_of_cells_of_row(hn::ScalableTag<std::int32_t>(), boxes, values, least, count, marks);
 }
 
 } // namespace HWY_NAMESPACE

@@ -74,13 +74,15 @@ extern void (*const oddness)(const DeviationRow& in, const std::int16_t* nearest
 extern void (*const add_excess)(const std::uint8_t* values, const std::uint8_t* ground, int enough, int sign,
                                 int count, std::int16_t* sums);
 
-/// Boxes of `columns` from i - reach to i + reach, of which the part inside the row counts.
+/// Boxes of `columns` from i - reach to i + reach: there are `reach` more of them on both sides of the row.
+/// Each is at most 127 (2 reach + 1) from 0, the sum over the rows of a box.
 struct ColumnBoxes {
   const std::int16_t* columns;
   int reach;
-  std::int32_t least;  ///< smallest sum that is enough
-  std::uint32_t* work; ///< 2 reach + 1 numbers more than columns
+  std::int16_t least; ///< smallest sum that is enough
 };
+/// Up to this reach the sum of a box fits 16 bits.
+inline constexpr int reach_of_16_bits = 7;
 
 /// marks[i] = 1 where values[i] is at least `least` and the sum of the box is enough, otherwise 0. Returns
 /// whether there is any.

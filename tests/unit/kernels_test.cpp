@@ -1461,23 +1461,26 @@ TEST(Kernels, MarkBoxes) {
     std::mt19937 random(35);
     for (int count = 1; count <= 150; ++count)
       for (const bool at_end : {false, true}) {
-        const int reach = static_cast<int>(random() % 12), least = static_cast<int>(random() % 128);
+        const int reach = static_cast<int>(random() % 16), least = static_cast<int>(random() % 128),
+                  most = 127 * (2 * reach + 1);
         const auto size = static_cast<std::size_t>(count);
         const Guarded<std::uint8_t> values(size, at_end), marks(size, at_end);
-        const Guarded<std::int16_t> columns(size, at_end);
-        const Guarded<std::uint32_t> work(size + static_cast<std::size_t>(2 * reach + 1), at_end);
+        const Guarded<std::int16_t> columns(size + static_cast<std::size_t>(2 * reach), at_end);
+        std::fill_n(columns.data(), columns.size(), std::int16_t{0});
+        std::int16_t* const inside = columns.data() + reach;
+        const bool extreme = random() % 8 == 0; // the largest sums must not overflow
         for (std::size_t i = 0; i < size; ++i) {
           values[i] = random() & 127;
-          columns[i] = static_cast<std::int16_t>(random());
+          inside[i] = static_cast<std::int16_t>(extreme ? most : static_cast<int>(random() % 512) - 256);
         }
-        const int least_sum = count % 3 == 0 ? 0 : static_cast<std::int16_t>(random());
-        const bool any = mark_boxes({columns.data(), reach, least_sum, work.data()}, values.data(), least,
-                                    count, marks.data());
+        const auto least_sum =
+            static_cast<std::int16_t>(count % 3 == 0 ? 0 : static_cast<int>(random() % 2048) - 1024);
+        const bool any = mark_boxes({inside, reach, least_sum}, values.data(), least, count, marks.data());
         bool some = false;
         for (int i = 0; i < count; ++i) {
           int sum = 0;
           for (int j = std::max(i - reach, 0); j <= std::min(i + reach, count - 1); ++j)
-            sum += columns[static_cast<std::size_t>(j)];
+            sum += inside[j];
           const bool marked = sum >= least_sum && values[static_cast<std::size_t>(i)] >= least;
           some |= marked;
           ASSERT_EQ(marks[static_cast<std::size_t>(i)], marked) << i << " of " << count;

@@ -27,8 +27,8 @@ class CandidateCells {
 
   void reserve(int width, int height) {
     seeds_.resize(width * height);
-    columns_.reserve(width);
-    sums_.resize(width + 2 * height + 1); // for the largest reach
+    margin_ = height; // for the largest reach
+    columns_.reserve(width + 2 * margin_);
   }
 
   /// Sets marks[cell] = 1 where the value is at least `least` and the box that extends growth_reach(row)
@@ -40,23 +40,26 @@ class CandidateCells {
             std::uint8_t* marks) {
     const auto add_excess = [&](int row, int sign) {
       kernels::add_excess(view.values + view.cell_of(row), view.ground.row(row), enough, sign, view.width,
-                          columns_.data());
+                          columns());
     };
     const auto add_seeds = [&](int row, int sign) {
       const std::uint8_t* const seeds = &seeds_[view.cell_of(row)];
-      kernels::add_excess(seeds, seeds, 0, sign, view.width, columns_.data());
+      kernels::add_excess(seeds, seeds, 0, sign, view.width, columns());
     };
     return mark_boxes(view, seed_reach, add_excess, least, 0, seeds_.data()) &&
            mark_boxes(view, growth_reach, add_seeds, least, 1, marks);
   }
 
  private:
+  std::int16_t* columns() { return columns_.data() + margin_; }
+
   // Marks the cells with a value of at least `least` around which the box has at least `least_sum`. Returns
   // whether there are any. `add(row, sign)` adds a row to columns_ or subtracts it. Boxes only move down with
   // the rows, so each row is added once.
   template <typename Reach, typename Add>
-  bool mark_boxes(const View& view, Reach reach_of, Add add, int least, int least_sum, std::uint8_t* marks) {
-    columns_.assign(view.width, 0);
+  bool mark_boxes(const View& view, Reach reach_of, Add add, int least, std::int16_t least_sum,
+                  std::uint8_t* marks) {
+    columns_.assign(view.width + 2 * margin_, 0);
     bool any = false;
     int top = view.first, bottom = view.first;
     for (int i = view.first; i < view.height; ++i) {
@@ -65,15 +68,15 @@ class CandidateCells {
         add(bottom, 1);
       for (; top < i - reach; ++top)
         add(top, -1);
-      any |= kernels::mark_boxes({columns_.data(), reach, least_sum, sums_.data()},
-                                 view.values + view.cell_of(i), least, view.width, marks + view.cell_of(i));
+      any |= kernels::mark_boxes({columns(), reach, least_sum}, view.values + view.cell_of(i), least,
+                                 view.width, marks + view.cell_of(i));
     }
     return any;
   }
 
   std::vector<std::uint8_t> seeds_;
-  std::vector<std::int16_t> columns_; ///< sums over the rows of a box, of which there are at most 255
-  std::vector<std::uint32_t> sums_;
+  std::vector<std::int16_t> columns_; ///< sums over the rows of a box, and zeros on both sides
+  int margin_ = 0;                    ///< number of these zeros on each side
 };
 
 /// Connected pieces (eight neighbours) of marked cells, as runs of cells of a row. Allocates in reserve()
