@@ -110,7 +110,7 @@ void evaluate(const EvalOptions& o) {
     for (const std::string& input : o.inputs) {
       std::cerr << sequence.name << ": " << o.engines[0] << ", " << input << '\n';
       std::vector<Sample> changed = samples;
-      perturb(input, changed);
+      perturb(input, changed, sequence.stills);
       all.push_back(measure(sequence, changed, o.engines[0], input));
     }
   }

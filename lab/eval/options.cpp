@@ -19,7 +19,7 @@ const std::vector<std::string> stages_changed{
     "near-spots=false",   "far-spots=false",   "stone-field=false",      "window-guard=false",
     "vivid-colors=false", "motion=off",        "ground-behind=false",    "refine=false",
     "doubtful=-96",       "negatives=off",     "temporal=off",           "free-space=false",
-    "learned-models=2",   "training-models=1", "forget-shift=0"};
+    "learned-models=4",   "training-models=1", "forget-shift=0"};
 
 const std::vector<std::string> baselines{"default", "paper", "reference", "rows", "ramp", "mean-mask"};
 
@@ -137,6 +137,22 @@ std::vector<KindRule> kinds_of(const EvalEntries& e) {
   return rules;
 }
 
+/// A wrong word must not end a run after hours.
+void check_names(const EvalOptions& o) {
+  for (const std::string& engine : o.engines)
+    if (engine.starts_with("default") || engine.starts_with("paper"))
+      try {
+        tune(engine);
+        filter_settings(engine, 0);
+      } catch (const std::runtime_error& problem) {
+        throw UsageError(problem.what());
+      }
+  const std::vector<std::string>& known = perturbation_names();
+  for (const std::string& input : o.inputs)
+    if (std::find(known.begin(), known.end(), input) == known.end())
+      throw UsageError("--perturb " + input + ": no such change; --help lists them");
+}
+
 } // namespace
 
 std::string eval_help() {
@@ -168,6 +184,7 @@ EvalOptions parse_eval_options(const std::vector<std::string>& words) {
   o.leave_out = e.leave_out;
   o.kinds = kinds_of(e);
   o.unsafe_weight = e.unsafe_weight;
+  check_names(o);
   return o;
 }
 

@@ -31,7 +31,8 @@ Change warp(const std::function<cv::Matx23d(const cv::Size&)>& matrix_for) {
     const cv::Matx23d m = matrix_for(size);
     cv::Mat3b picture;
     cv::Mat1b labels;
-    cv::warpAffine(s.picture, picture, m, size, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+    // What enters from outside looks like the ground beside it; a repeated edge would be streaks.
+    cv::warpAffine(s.picture, picture, m, size, cv::INTER_LINEAR, cv::BORDER_REFLECT);
     cv::warpAffine(s.labels, labels, m, size, cv::INTER_NEAREST, cv::BORDER_CONSTANT, cv::Scalar(label_none));
     s = {picture, labels};
   };
@@ -93,18 +94,20 @@ class TemporaryFile {
   std::string path_;
 };
 
-void encode_h264(std::vector<Scene>& samples) {
+void encode_h264(std::vector<Scene>& samples, bool stills) {
   const TemporaryFile file(".mkv");
-  // The largest picture, with even sides: 4:2:0 has no others, and a video has one size.
+  // The largest picture, because a video has one size. 4:2:0 has even sides; OpenCV writes rows without the
+  // padding that GStreamer expects behind a width that is not a multiple of four.
   cv::Size size;
   for (const Scene& s : samples)
-    size = {std::max(size.width, (s.picture.cols + 1) / 2 * 2),
+    size = {std::max(size.width, (s.picture.cols + 3) / 4 * 4),
             std::max(size.height, (s.picture.rows + 1) / 2 * 2)};
   {
     const std::string pipeline =
         "appsrc ! videoconvert ! video/x-raw,format=I420 ! x264enc pass=qual quantizer=36 "
-        "speed-preset=veryfast ! h264parse ! matroskamux ! filesink location=" +
-        file.path();
+        "speed-preset=veryfast " +
+        std::string(stills ? "key-int-max=1" : "") +
+        " ! h264parse ! matroskamux ! filesink location=" + file.path();
     cv::VideoWriter writer(pipeline, cv::CAP_GSTREAMER, 0, 15, size, true);
     if (!writer.isOpened())
       throw std::runtime_error("h264: OpenCV has no GStreamer with x264enc here");
@@ -185,13 +188,13 @@ const std::vector<std::string>& perturbation_names() {
   return names;
 }
 
-void perturb(const std::string& name, std::vector<Sample>& samples) {
+void perturb(const std::string& name, std::vector<Sample>& samples, bool stills) {
   std::vector<Scene> scenes;
   scenes.reserve(samples.size());
   for (const Sample& s : samples)
     scenes.push_back({s.picture.bgr(), s.labels.clone()});
   if (name == "h264")
-    encode_h264(scenes);
+    encode_h264(scenes, stills);
   else {
     const Change change = change_named(name); // with a new generator of random numbers
     for (Scene& s : scenes)

@@ -13,8 +13,9 @@ namespace terrainseg::eval {
 const std::vector<std::string>& perturbation_names();
 
 /// Changes every picture, and the labels where geometry changes; the bottom edge stays where it is.
-/// Deterministic. h264 needs GStreamer's x264enc behind OpenCV. Throws std::runtime_error that names what is
+/// Deterministic. h264 needs GStreamer's x264enc behind OpenCV; `stills` have nothing in common, so that none
+/// is predicted from the one before. Throws std::runtime_error that names what is
 /// wrong.
-void perturb(const std::string& name, std::vector<Sample>& samples);
+void perturb(const std::string& name, std::vector<Sample>& samples, bool stills = false);
 
 } // namespace terrainseg::eval

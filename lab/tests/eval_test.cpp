@@ -399,9 +399,10 @@ TEST(EvalPerturbations, EachChangesThePictureAndKeepsItsLabelsInStep) {
 
 TEST(EvalPerturbations, H264TakesPicturesOfSeveralAndOddSizes) {
   std::vector<Sample> samples;
-  for (const cv::Size size : {cv::Size(320, 240), cv::Size(301, 199)}) {
+  for (const cv::Size size : {cv::Size(318, 240), cv::Size(301, 199)}) { // rows of 954 bytes
     cv::Mat3b bgr(size, cv::Vec3b(60, 70, 80));
     bgr.rowRange(0, 100) = cv::Vec3b(220, 180, 160);
+    bgr.colRange(200, 240) = cv::Vec3b(10, 10, 10);
     samples.push_back({Picture::of(bgr, {}), cv::Mat1b(size, std::uint8_t{label_terrain})});
   }
   try {
@@ -417,6 +418,8 @@ TEST(EvalPerturbations, H264TakesPicturesOfSeveralAndOddSizes) {
     ASSERT_EQ(after.size(), sample.labels.size());
     EXPECT_NEAR(after(20, 20)[1], 180, 25);
     EXPECT_NEAR(after(after.rows - 20, after.cols - 20)[1], 70, 25);
+    for (int row = 20; row < after.rows; row += 40)
+      EXPECT_NEAR(after(row, 220)[1], 10, 25) << row << ": a skewed picture";
   }
 }
 

@@ -182,6 +182,11 @@ TEST(Options, ArriveWhereTheyBelong) {
   EXPECT_NE(eval_help().find("h264"), std::string::npos);
 }
 
+TEST(Options, EveryEngineOfTheAblationCanBeMeasured) {
+  for (const std::string& engine : parse_eval_options({"a", "--ablation"}).engines)
+    EXPECT_NO_THROW(filter_settings(engine, 0)) << engine;
+}
+
 TEST(Experiments, WrongWordsAreRefused) {
   EXPECT_THROW(run_paper({"--only", "table9"}), UsageError);
   EXPECT_THROW(run_paper({"--limit", "many"}), UsageError);
@@ -192,6 +197,9 @@ TEST(Experiments, WrongWordsAreRefused) {
   EXPECT_THROW(parse_eval_options({"a", "--limit"}), UsageError);
   EXPECT_THROW(parse_eval_options({"a", "--colour"}), UsageError);
   EXPECT_THROW(parse_eval_options({"a", "--every", "0"}), UsageError);
+  EXPECT_THROW(parse_eval_options({"a", "--engine", "default,learned-models=2"}), UsageError);
+  EXPECT_THROW(parse_eval_options({"a", "--engine", "default,tuning.nothing=1"}), UsageError);
+  EXPECT_THROW(parse_eval_options({"a", "--perturb", "upside-down"}), UsageError);
   EXPECT_THROW(run_paper({"--only", "table2", "--data", "/nowhere", "--out",
                           (std::filesystem::temp_directory_path() / "terrainseg-none").string()}),
                std::runtime_error);
