@@ -2,6 +2,7 @@
 #include "freespace/look/color_bins.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 #include <tuple>
 #include <utility>
@@ -119,6 +120,24 @@ TEST(Exposure, ScatteredLightChangesNothing) {
   EXPECT_EQ(cells.u, expected.u);
   EXPECT_EQ(cells.v, expected.v);
   EXPECT_EQ(cells.texture, expected.texture);
+}
+
+// An oracle in octaves: differences over a noise floor of 7 grey levels that grows by a quarter of the gain
+// above 1, and a surface's differences grow by 1.25 octaves for each of its luma.
+TEST(Exposure, RoughnessIsMeasuredOverTheNoise) {
+  for (const int luma : {12, 25, 60, 110, 200})
+    for (const int difference : {0, 1, 8, 60, 255}) {
+      const test::OwnedGrid grid = gray(luma, luma);
+      const std::vector<std::uint16_t> texture(grid.size(), static_cast<std::uint16_t>(16 * difference));
+      ExposureTables exposure;
+      fill_exposure({static_cast<std::uint32_t>(luma) << 8, 0}, exposure);
+      CellBins cells;
+      bin_cells(grid, texture, exposure, 0, cells);
+      const double gain = exposure.gain / 256.0, noise = 7 * (1 + std::max(gain - 1, 0.0) / 4);
+      const double octaves = std::log2(16 * (difference * gain + noise)) - 2 +
+                             1.25 * (std::log2(90) - std::log2(cells.luma[0] + 16));
+      EXPECT_NEAR(cells.roughness[0] / 256.0, octaves, 0.03) << luma << ' ' << difference;
+    }
 }
 
 TEST(Exposure, OffIsNoGainAndDarkIsBounded) {

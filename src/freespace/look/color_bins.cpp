@@ -98,6 +98,10 @@ constexpr std::uint32_t light_floor = 8; ///< added to both lumas of a ratio
 /// Q4: the sum of the noise of three bands, 7 grey levels. Without it compressed pictures lose most of their
 /// texture evidence. Half of it costs 0.3 points of error at 1 Hz, and several points for JPEG at quality 15.
 constexpr int noise_floor = 112;
+/// The gain of a dark picture amplifies its noise too: the floor grows by a quarter of the gain above 1. With
+/// all of it dusk has 2 points more unsafe pixels; without it 0.17 points more error in pictures of other
+/// cameras, most of it on Mars.
+constexpr int noise_growth_shift = 2;
 /// Increase of the roughness per octave of brightness on the same surface, in Q8 of an octave.
 constexpr int brightness_slope = 320;
 constexpr int middle_grey = 1664; ///< log2(90) Q8
@@ -128,8 +132,10 @@ constexpr auto octave_table = [] {
 // The gain is below 2^12, that of the darkest mean. Auto-vectorised.
 void scale_differences(const std::uint16_t* __restrict differences, std::uint32_t gain, std::size_t count,
                        std::uint32_t* __restrict out) {
+  const std::uint32_t amplified = std::max(gain, 256u) - 256,
+                      floor = noise_floor + (noise_floor * amplified >> (8 + noise_growth_shift));
   for (std::size_t i = 0; i < count; ++i)
-    out[i] = ((differences[i] * gain >> 8) + noise_floor) << lookup_shift;
+    out[i] = ((differences[i] * gain >> 8) + floor) << lookup_shift;
 }
 
 // Looks up the normalised luma and the gain of the chroma.
