@@ -2,6 +2,7 @@
 #include "lab/eval/figures.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <stdexcept>
@@ -140,6 +141,26 @@ int true_horizon(const cv::Mat1b& labels) {
 
 Counts count_pixels(const cv::Mat1b& mask, const cv::Mat1b& labels) {
   return count(mask, labels, false, traversable_from);
+}
+
+std::optional<double> found_by_confidence(const std::vector<const Figures*>& runs, double error) {
+  // By value of the confidence, the weights of wrong frames and of the others.
+  std::array<double, 256> wrong{}, others{};
+  for (const Figures* run : runs)
+    for (const FrameFigures& frame : run->frames)
+      if (frame.confidence >= 0)
+        (frame.error > error ? wrong : others)[static_cast<std::size_t>(std::min(frame.confidence, 255))] +=
+            1 / static_cast<double>(run->frames.size());
+  const double all_wrong = std::accumulate(wrong.begin(), wrong.end(), 0.0),
+               all_others = std::accumulate(others.begin(), others.end(), 0.0);
+  if (all_wrong == 0 || all_others == 0)
+    return std::nullopt;
+  double below = 0, found = 0;
+  for (std::size_t c = 0; c < wrong.size(); ++c) {
+    found += wrong[c] * (all_others - below - others[c] / 2);
+    below += others[c];
+  }
+  return found / (all_wrong * all_others);
 }
 
 Scorer::Scorer(std::string sequence, std::string engine, std::string input) {

@@ -82,6 +82,11 @@ struct Figures {
   double mean_other_missed() const;  ///< mean of FrameFigures::other
 };
 
+/// How well the confidence finds the frames of some runs that are wrong by more than `error` percent: the
+/// probability that such a frame has less of it than another one (area under the ROC curve). Each run counts
+/// the same. None where all frames are of one kind, or have no confidence.
+std::optional<double> found_by_confidence(const std::vector<const Figures*>& runs, double error);
+
 /// Collects one pass.
 class Scorer {
  public:

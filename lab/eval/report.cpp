@@ -276,6 +276,25 @@ void write_stills_row(std::ostream& out, const std::string& name, std::size_t fr
 
 } // namespace
 
+/// How well the confidence finds frames that are wrong by more than 30 %.
+void write_found(std::ostream& out, const std::vector<Figures>& all, const std::string& engine) {
+  constexpr double wrong = 30;
+  std::vector<const Figures*> runs;
+  std::size_t frames = 0, bad = 0;
+  for (const Figures& f : all)
+    if (f.engine == engine) {
+      runs.push_back(&f);
+      frames += f.frames.size();
+      bad += static_cast<std::size_t>(std::count_if(f.frames.begin(), f.frames.end(),
+                                                    [](const FrameFigures& k) { return k.error > wrong; }));
+    }
+  if (const auto found = found_by_confidence(runs, wrong))
+    out << "\n"
+        << bad << " of " << counted(frames, "frame")
+        << " are wrong by more than 30 %; area under the curve of the "
+        << "confidence, each set counts the same: " << number(*found, 2) << '\n';
+}
+
 void write_stills(std::ostream& out, const std::vector<Figures>& all) {
   for (const std::string& engine : distinct(all, &Figures::engine)) {
     MeanOfSets mean;
@@ -364,6 +383,7 @@ void write_sureness(std::ostream& out, const std::vector<Figures>& all) {
     for (const auto& row : rows)
       table.add(row);
     out << '\n' << table.text();
+    write_found(out, all, engine);
   }
 }
 

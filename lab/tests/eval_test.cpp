@@ -361,6 +361,41 @@ TEST(EvalComparison, FewBlocksCannotTell) {
   EXPECT_FALSE(compare(a, b, 1).too_few());
 }
 
+// Against all pairs of frames.
+TEST(EvalFigures, TheCurveOfTheConfidenceIsTheShareOfPairsInOrder) {
+  std::mt19937 random(23);
+  for (int trial = 0; trial < 50; ++trial) {
+    std::vector<Figures> runs(1 + trial % 3);
+    std::vector<const Figures*> all;
+    for (Figures& run : runs) {
+      run.frames.resize(1 + random() % 20);
+      for (FrameFigures& frame : run.frames) {
+        frame.error = static_cast<double>(random() % 61);
+        frame.confidence = static_cast<int>(random() % 12) * 23;
+      }
+      all.push_back(&run);
+    }
+    double ordered = 0, pairs = 0;
+    for (const Figures& a : runs)
+      for (const FrameFigures& wrong : a.frames)
+        for (const Figures& b : runs)
+          for (const FrameFigures& other : b.frames)
+            if (wrong.error > 30 && other.error <= 30) {
+              const double weight = 1.0 / static_cast<double>(a.frames.size() * b.frames.size());
+              pairs += weight;
+              ordered += wrong.confidence < other.confidence    ? weight
+                         : wrong.confidence == other.confidence ? weight / 2
+                                                                : 0;
+            }
+    const auto found = found_by_confidence(all, 30);
+    ASSERT_EQ(found.has_value(), pairs > 0);
+    if (pairs > 0) {
+      EXPECT_NEAR(*found, ordered / pairs, 1e-9);
+    }
+  }
+  EXPECT_FALSE(found_by_confidence({}, 30));
+}
+
 TEST(EvalPerturbations, EachChangesThePictureAndKeepsItsLabelsInStep) {
   cv::Mat1b labels(240, 320, std::uint8_t{label_obstacle});
   labels.rowRange(100, 240) = label_terrain;
