@@ -1,8 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "freespace/answer/evidence.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
 #include <gtest/gtest.h>
 
+#include "freespace/learn/window_teacher.hpp"
 #include "support/grids.hpp"
 
 namespace terrainseg {
@@ -43,6 +49,37 @@ TEST_F(Confidence, FallsWithTheShareOfTheGroundThatIsNotSure) {
   };
   EXPECT_NEAR(with_part(20, 20), 2 * with_part(15, 25), 20);
   EXPECT_EQ(with_part(15, 15), 0);
+}
+
+// An oracle in doubles: a smooth window of one luma says most, 9 octaves of roughness say nothing, lumas that
+// differ by 30 from their mean say half. Seven tenths are usual.
+TEST_F(Confidence, AWindowThatIsRoughOrVariedSaysLittle) {
+  std::mt19937 random(17);
+  for (int trial = 0; trial < 200; ++trial) {
+    CellBins cells;
+    cells.luma.resize(grid_.size());
+    cells.roughness.resize(grid_.size());
+    const int octaves = static_cast<int>(random() % 11), range = 1 + static_cast<int>(random() % 200);
+    for (std::size_t i = 0; i < grid_.size(); ++i) {
+      cells.luma[i] = static_cast<std::uint8_t>(random() % range);
+      cells.roughness[i] = static_cast<std::int16_t>(256 * octaves + static_cast<int>(random() % 256));
+    }
+    std::vector<Cell> window;
+    for (int j = 0; j < 1 + trial % 40; ++j)
+      window.push_back({static_cast<std::int16_t>(j), static_cast<std::int16_t>(29 - trial % 7)});
+    const auto mean_of = [&](auto value) {
+      double sum = 0;
+      for (const Cell& cell : window)
+        sum += value(grid_.at(cell.y, cell.x));
+      return sum / static_cast<double>(window.size());
+    };
+    const double rough = mean_of([&](std::size_t i) { return cells.roughness[i] / 256.0; }),
+                 luma = mean_of([&](std::size_t i) { return cells.luma[i]; }),
+                 away = mean_of([&](std::size_t i) { return std::abs(cells.luma[i] - luma); });
+    const double expected = 256 / 0.7 * std::clamp((9 - rough) / 4, 0.0, 1.0) / (1 + away / 30);
+    EXPECT_NEAR(clarity_of_window(grid_, cells, window), expected, 9) << trial;
+    EXPECT_EQ(clarity_of_window(grid_, cells, {}), 256);
+  }
 }
 
 TEST_F(Confidence, FallsWithTheJumpsOfTheCurve) {

@@ -57,14 +57,14 @@ TEST(Exposure, BlackIsDarkerThanAllButOneCellOfTwoHundred) {
 }
 
 TEST(Exposure, FollowsSlowlyAndArrives) {
-  std::uint32_t mean = follow_exposure(0, 100 << 8);
+  std::uint32_t mean = follow_slowly(0, 100 << 8);
   EXPECT_EQ(mean, 100u << 8);
-  const std::uint32_t next = follow_exposure(mean, 50 << 8);
+  const std::uint32_t next = follow_slowly(mean, 50 << 8);
   EXPECT_EQ(next, (100u << 8) - (50u << 4));
   for (int i = 0; i < 200; ++i)
-    mean = follow_exposure(mean, 50 << 8);
+    mean = follow_slowly(mean, 50 << 8);
   EXPECT_NEAR(mean, 50 << 8, 16);
-  EXPECT_GT(follow_exposure(0, 0), 0u); // black is no reason to start anew
+  EXPECT_GT(follow_slowly(0, 0), 0u); // black is no reason to start anew
 }
 
 // The luma that the exposure brings the mean to.

@@ -130,10 +130,12 @@ void AnswerWriter::write(const Findings& f, HorizonHold& hold, EstimateWriter& o
   estimate.speed_over_height = f.speed;
   estimate.vanishing_row = f.end.row_q16(f.view.task.frame.height);
   write_rows(f, confidence, hold, out);
+  // What was learned from an unclear window holds less far. The horizon depends on the curve alone.
+  const auto clear = static_cast<std::uint8_t>(std::min(confidence * f.lesson.clarity / 256, 255));
   // A window that shows the vehicle says nothing about the ground.
-  estimate.confidence = f.lesson.flags & flag_window_still ? confidence / 4
-                        : f.lesson.from_memory             ? confidence / 2
-                                                           : confidence;
+  estimate.confidence = f.lesson.flags & flag_window_still ? clear / 4
+                        : f.lesson.from_memory             ? clear / 2
+                                                           : clear;
   clock.lap(Stage::boundary);
   write_mask(f, out);
   write_confidence(f, estimate);

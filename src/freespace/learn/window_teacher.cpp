@@ -128,6 +128,36 @@ bool StillWindow::look(const Grid& grid, const Rectangle& window) {
 
 namespace {
 
+/// Mean roughness of the window (Q8 of an octave) up to which it is smooth, and from which it teaches
+/// nothing.
+TERRAINSEG_TUNED(int, window_clarity, smooth, 5 << 8);
+TERRAINSEG_TUNED(int, window_clarity, rough, 9 << 8);
+TERRAINSEG_TUNED(int, window_clarity, half_at_difference,
+                 30); ///< mean difference of the window's lumas from their mean that halves the confidence
+/// Q8: the clarity of a usual window, which leaves the confidence as it is.
+TERRAINSEG_TUNED(int, window_clarity, usual, 179);
+
+} // namespace
+
+int clarity_of_window(const Grid& grid, const CellBins& cells, std::span<const Cell> window) {
+  if (window.empty())
+    return 256;
+  const auto count = static_cast<std::int64_t>(window.size());
+  std::int64_t roughness = 0, luma = 0, difference = 0;
+  for (const Cell& cell : window) {
+    roughness += cells.roughness[grid.at(cell.y, cell.x)];
+    luma += cells.luma[grid.at(cell.y, cell.x)];
+  }
+  for (const Cell& cell : window)
+    difference += std::abs(cells.luma[grid.at(cell.y, cell.x)] - luma / count);
+  const std::int64_t calm =
+      std::clamp<std::int64_t>(256 * (rough - roughness / count) / (rough - smooth), 0, 256);
+  return static_cast<int>(256 * calm * half_at_difference * count /
+                          (usual * (half_at_difference * count + difference)));
+}
+
+namespace {
+
 /// Smallest number of cells that can be split into two kinds.
 TERRAINSEG_TUNED(std::size_t, own_shadow, fewest, 32);
 /// Percent of the cells. A crate or paint that is brighter than the ground and fills less than two fifths of
@@ -262,6 +292,11 @@ WindowLesson WindowTeacher::learn(const View& view, const GridCurve& last, Windo
   lesson.flags = learning_flag(settings, true);
   if (view.blank)
     return lesson;
+  if (settings.near_clear)
+    memory.clarity = follow_slowly(
+        memory.clarity,
+        static_cast<std::uint32_t>(clarity_of_window(view.grid, view.cells, view.window_cells)) << 8);
+  lesson.clarity = memory.clarity == 0 ? 256 : static_cast<int>(memory.clarity >> 8);
   const Grid colors = view.colors();
   const std::span<const Cell> taught = lit_window(view);
   const Gaussian moments = moments_of(colors, taught);

@@ -42,10 +42,16 @@ class StillWindow {
   int changes_ = 0; ///< changes of the picture above the window in which the window was still
 };
 
+/// How much the training window says about the ground ahead, Q8: 256 for a usual one, or without cells. Less
+/// when its `window` cells are rough or of different luma, because it may show several kinds of ground, or a
+/// thing.
+int clarity_of_window(const Grid& grid, const CellBins& cells, std::span<const Cell> window);
+
 /// What the checks keep between frames.
 struct WindowMemory {
   WindowGuard guard;
   StillWindow still;
+  std::uint32_t clarity = 0; ///< of the window, followed, Q16; 0 = not yet known
 };
 
 /// Writes to `lit` the cells of the training window that the rover's own shadow does not darken. A shadow is
@@ -63,6 +69,7 @@ struct WindowLesson {
   std::uint32_t flags = 0;  ///< flag_learned, or the reason for not learning; flag_window_still
   bool known = false;       ///< a terrain is known, from this frame or from earlier ones
   bool from_memory = false; ///< the window was not examined
+  int clarity = 0;          ///< of the windows of this and of earlier frames, Q8
   Vouched trusted;          ///< the window's cells that are ground, and the ground connected to them
   Horizon horizon;          ///< the paper's horizon, when the settings select it
 };

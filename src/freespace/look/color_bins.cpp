@@ -43,7 +43,7 @@ Light light_of(const Grid& grid) {
   return {static_cast<std::uint32_t>((std::uint64_t{sum} << 8) / count), black << 8};
 }
 
-std::uint32_t follow_exposure(std::uint32_t followed, std::uint32_t now) {
+std::uint32_t follow_slowly(std::uint32_t followed, std::uint32_t now) {
   if (followed == 0)
     return std::max(now, 1u);
   const int step = (static_cast<int>(now) - static_cast<int>(followed)) >> follow_shift;

@@ -145,9 +145,9 @@ void FrameReader::read_cells(const FrameTask& task, std::uint32_t& exposure_mean
   if (settings.exposure) {
     now = light_of(grid_);
     if (settings.learning || black == 0)
-      black = follow_exposure(exposure_mean == 0 ? 0 : black, now.black);
+      black = follow_slowly(exposure_mean == 0 ? 0 : black, now.black);
     if (settings.learning)
-      exposure_mean = follow_exposure(exposure_mean, now.mean);
+      exposure_mean = follow_slowly(exposure_mean, now.mean);
     light = {exposure_mean, black};
   }
   if (light_of_tables_ != light)

@@ -234,7 +234,7 @@ void LocalReference::climb(const Grid& grid, const std::array<int, 3>& start, in
 
 namespace {
 
-TERRAINSEG_TUNED(int, geodesic, far, 1 << 20);
+constexpr int far = 1 << 20; ///< beyond all distances
 /// Distance without a penalty, and the largest penalty. It may outweigh colour alone, but not colour and
 /// texture together.
 TERRAINSEG_TUNED(int, geodesic, free_distance, 10);

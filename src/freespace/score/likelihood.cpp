@@ -22,7 +22,7 @@ TERRAINSEG_TUNED(int, light_ahead, sunlit, 128 << 8);
 /// Change of U upwards and of V downwards in shade, Q8 of a normalised grey level. The error is nearly
 /// constant up to 7, except that with 4 snow has 5.43 % instead of 5.38 %.
 TERRAINSEG_TUNED(int, light_ahead, blue, 2 << 8);
-TERRAINSEG_TUNED(int, light_ahead, most, 255 << 8);
+constexpr int most = 255 << 8;
 
 } // namespace
 
@@ -46,7 +46,7 @@ TerrainModel in_other_light(const TerrainModel& model) {
 
 namespace {
 
-TERRAINSEG_TUNED(int, likelihood, colors_per_bin_log2, luma_bin_shift + 2 * chroma_bin_shift);
+constexpr int colors_per_bin_log2 = luma_bin_shift + 2 * chroma_bin_shift;
 
 TERRAINSEG_TUNED(int, likelihood, score_limit, 48); ///< 1.5 nats: no cell outweighs two neighbours
 /// Smallest evidence of a colour that counts as ground in any light. With 0, dusk has 1.3 points more unsafe
