@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <random>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -266,6 +267,34 @@ TEST(FreeSpacePipeline, NothingIsLearnedWhileTheWindowIsNotClear) {
   EXPECT_EQ(s.estimate().flags & (flag_learned | flag_frozen | flag_unknown), flag_frozen);
   EXPECT_LT(s.estimate().confidence, confidence * 3 / 4);
   EXPECT_EQ(s.counters().skipped_near, 2u);
+}
+
+TEST(FreeSpacePipeline, AnIgnoredWindowSaysNothingAgainstWhatWasLearned) {
+  const Segmenter teacher = after_drive({});
+  Settings settings;
+  settings.ignore_regions = {{0, 170, 320, 70}};
+  Segmenter s(settings);
+  ASSERT_TRUE(s.adopt(teacher.terrain()).ok());
+  run(s, 4, 6);
+  EXPECT_EQ(s.estimate().flags & (flag_learned | flag_unknown), 0u);
+  EXPECT_GT(s.estimate().confidence, teacher.estimate().confidence / 3);
+}
+
+// Boxes around cells are higher than such a frame.
+TEST(FreeSpacePipeline, FramesMayBeOfAFewRows) {
+  std::mt19937 random(5);
+  for (const int height : {1, 2, 3, 4, 5, 8, 17, 40}) {
+    scene::Picture picture(PixelFormat::I420, 1600, height);
+    const MutableFrame frame = picture.mutable_frame();
+    Segmenter s({});
+    for (int k = 0; k < 3; ++k) {
+      for (int y = 0; y < height; ++y)
+        for (int x = 0; x < 1600; ++x)
+          frame.planes[0].row(y)[x] = static_cast<std::uint8_t>(random() % 40 + (x % 97 == 0 ? 180 : 90));
+      ASSERT_TRUE(s.process(picture.frame()).ok()) << height;
+      EXPECT_EQ(s.estimate().mask.height, height);
+    }
+  }
 }
 
 TEST(FreeSpacePipeline, WhatWasLearnedGoesToAnother) {

@@ -27,7 +27,7 @@ class CandidateCells {
 
   void reserve(int width, int height) {
     seeds_.resize(width * height);
-    margin_ = height; // for the largest reach
+    margin_ = std::max(height, least_margin); // for the largest reach
     columns_.reserve(width + 2 * margin_);
   }
 
@@ -51,6 +51,8 @@ class CandidateCells {
   }
 
  private:
+  static constexpr int least_margin = 4; ///< the search far away reaches two cells in a single row too
+
   std::int16_t* columns() { return columns_.data() + margin_; }
 
   // Marks the cells with a value of at least `least` around which the box has at least `least_sum`. Returns
