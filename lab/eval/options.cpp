@@ -137,20 +137,20 @@ std::vector<KindRule> kinds_of(const EvalEntries& e) {
   return rules;
 }
 
-/// A wrong word must not end a run after hours.
+/// A wrong word must not end a run after hours. Leaves the tuned constants as the source has them.
 void check_names(const EvalOptions& o) {
-  for (const std::string& engine : o.engines)
-    if (engine.starts_with("default") || engine.starts_with("paper"))
-      try {
+  try {
+    for (const std::string& engine : o.engines)
+      if (engine.starts_with("default") || engine.starts_with("paper")) {
         tune(engine);
         filter_settings(engine, 0);
-      } catch (const std::runtime_error& problem) {
-        throw UsageError(problem.what());
       }
-  const std::vector<std::string>& known = perturbation_names();
-  for (const std::string& input : o.inputs)
-    if (std::find(known.begin(), known.end(), input) == known.end())
-      throw UsageError("--perturb " + input + ": no such change; --help lists them");
+    tune("default");
+    for (const std::string& input : o.inputs)
+      check_perturbation(input);
+  } catch (const std::runtime_error& problem) {
+    throw UsageError(problem.what());
+  }
 }
 
 } // namespace

@@ -165,16 +165,6 @@ const std::vector<std::pair<std::string, Change>>& changes() {
   return all;
 }
 
-Change change_named(const std::string& name) {
-  std::string all;
-  for (const auto& [known, change] : changes()) {
-    if (known == name)
-      return change;
-    all += " " + known;
-  }
-  throw std::runtime_error(name + ": no such perturbation; there are" + all + " h264");
-}
-
 } // namespace
 
 const std::vector<std::string>& perturbation_names() {
@@ -188,7 +178,18 @@ const std::vector<std::string>& perturbation_names() {
   return names;
 }
 
+void check_perturbation(const std::string& name) {
+  const std::vector<std::string>& names = perturbation_names();
+  if (std::find(names.begin(), names.end(), name) != names.end())
+    return;
+  std::string all;
+  for (const std::string& known : names)
+    all += " " + known;
+  throw std::runtime_error(name + ": no such perturbation; there are" + all);
+}
+
 void perturb(const std::string& name, std::vector<Sample>& samples, bool stills) {
+  check_perturbation(name);
   std::vector<Scene> scenes;
   scenes.reserve(samples.size());
   for (const Sample& s : samples)
@@ -196,7 +197,9 @@ void perturb(const std::string& name, std::vector<Sample>& samples, bool stills)
   if (name == "h264")
     encode_h264(scenes, stills);
   else {
-    const Change change = change_named(name); // with a new generator of random numbers
+    const Change change = std::find_if(changes().begin(), changes().end(), [&](const auto& known) {
+                            return known.first == name;
+                          })->second; // with a new generator of random numbers
     for (Scene& s : scenes)
       change(s);
   }

@@ -274,9 +274,7 @@ void write_stills_row(std::ostream& out, const std::string& name, std::size_t fr
   out << '\n';
 }
 
-} // namespace
-
-/// How well the confidence finds frames that are wrong by more than 30 %.
+/// How well the confidence finds frames that are wrong by more than 30 percent.
 void write_found(std::ostream& out, const std::vector<Figures>& all, const std::string& engine) {
   constexpr double wrong = 30;
   std::vector<const Figures*> runs;
@@ -290,10 +288,12 @@ void write_found(std::ostream& out, const std::vector<Figures>& all, const std::
     }
   if (const auto found = found_by_confidence(runs, wrong))
     out << "\n"
-        << bad << " of " << counted(frames, "frame")
-        << " are wrong by more than 30 %; area under the curve of the "
+        << bad << " of " << counted(frames, "frame") << " are wrong by more than " << number(wrong, 0)
+        << " %; area under the curve of the "
         << "confidence, each set counts the same: " << number(*found, 2) << '\n';
 }
+
+} // namespace
 
 void write_stills(std::ostream& out, const std::vector<Figures>& all) {
   for (const std::string& engine : distinct(all, &Figures::engine)) {
