@@ -47,15 +47,15 @@ void sum_of_blocks(const std::uint8_t* __restrict cells, const std::uint8_t* __r
   }
 }
 
-// out[i] = the sum of the numbers 0 to i; each(d, i) gives a vector of them from number i on.
-template <typename Each> void running_sums(int count, std::uint32_t* __restrict out, const Each& each) {
+void running_differences(const std::uint32_t* __restrict a, const std::uint32_t* __restrict b, int count,
+                         std::uint32_t* __restrict out) {
   std::uint32_t run = 0;
   int i = 0;
 #if HWY_TARGET != HWY_SCALAR
   const hn::FixedTag<std::uint32_t, 4> d;
   auto before = hn::Zero(d);
   for (; i + 4 <= count; i += 4) {
-    const auto four = each(d, i);
+    const auto four = hn::Sub(hn::LoadU(d, b + i), hn::LoadU(d, a + i));
     const auto pairs = hn::Add(four, hn::ShiftLeftLanes<1>(d, four));
     const auto sums = hn::Add(hn::Add(pairs, hn::ShiftLeftLanes<2>(d, pairs)), before);
     hn::StoreU(sums, d, out + i);
@@ -64,13 +64,7 @@ template <typename Each> void running_sums(int count, std::uint32_t* __restrict 
   run = hn::GetLane(before);
 #endif
   for (; i < count; ++i)
-    out[i] = run += hn::GetLane(each(hn::CappedTag<std::uint32_t, 1>(), i));
-}
-
-void running_differences(const std::uint32_t* __restrict a, const std::uint32_t* __restrict b, int count,
-                         std::uint32_t* __restrict out) {
-  running_sums(count, out,
-               [=](auto d, int i) HWY_ATTR { return hn::Sub(hn::LoadU(d, b + i), hn::LoadU(d, a + i)); });
+    out[i] = run += b[i] - a[i];
 }
 
 /// Table of 2^24 / n, which is faster than a division.
