@@ -51,8 +51,8 @@ TEST_F(Confidence, FallsWithTheShareOfTheGroundThatIsNotSure) {
   EXPECT_EQ(with_part(15, 15), 0);
 }
 
-// An oracle in doubles: a smooth window of one luma says most, 9 octaves of roughness say nothing, lumas that
-// differ by 30 from their mean say half. Seven tenths are usual.
+// An oracle in floating point. The share is 1 for a smooth window of one luma, 0 from 9 octaves of roughness
+// on, and half where lumas differ by 30 from their mean; 0.7 is usual.
 TEST_F(Confidence, AWindowThatIsRoughOrVariedSaysLittle) {
   std::mt19937 random(17);
   for (int trial = 0; trial < 200; ++trial) {

@@ -64,7 +64,7 @@ TEST(Exposure, FollowsSlowlyAndArrives) {
   for (int i = 0; i < 200; ++i)
     mean = follow_slowly(mean, 50 << 8);
   EXPECT_NEAR(mean, 50 << 8, 16);
-  EXPECT_GT(follow_slowly(0, 0), 0u); // black is no reason to start anew
+  EXPECT_GT(follow_slowly(0, 0), 0u); // a black frame is known: following does not start again
 }
 
 // The luma that the exposure brings the mean to.

@@ -130,7 +130,7 @@ void AnswerWriter::write(const Findings& f, HorizonHold& hold, EstimateWriter& o
   estimate.speed_over_height = f.speed;
   estimate.vanishing_row = f.end.row_q16(f.view.task.frame.height);
   write_rows(f, confidence, hold, out);
-  // What was learned from an unclear window holds less far. The horizon depends on the curve alone.
+  // An unclear window lowers the confidence of the mask. That of the horizon depends on the curve alone.
   const auto clear = static_cast<std::uint8_t>(std::min(confidence * f.lesson.clarity / 256, 255));
   // A window that shows the vehicle says nothing about the ground.
   estimate.confidence = f.lesson.flags & flag_window_still ? clear / 4

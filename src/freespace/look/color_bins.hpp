@@ -32,7 +32,7 @@ struct Light {
 };
 Light light_of(const Grid& grid);
 
-/// Moves a `followed` value (Q8; 0 = unknown) towards `now` by a sixteenth.
+/// Moves a `followed` value (0 = unknown) towards `now` by a sixteenth.
 std::uint32_t follow_slowly(std::uint32_t followed, std::uint32_t now);
 
 /// Computes tables that bring black to 0 and the mean to 110. A lens that scatters light, or a range that is
