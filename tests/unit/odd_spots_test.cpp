@@ -148,8 +148,10 @@ class ByDefinition {
   /// Rows below the horizon: no size is that of a lesser distance, nor of one under 24 in a search far away.
   int least() const { return s_.view.rows > 0 ? 24 : 2; }
   Deviation measured(int i, int j) const {
-    const int I = (i + 1) / 2, J = (j + 1) / 2, d = std::max(2 * I - horizon_, least());
-    const int reach = std::max((12 * d / 16 + 1) / 2, 2), rows = std::max((d + 1) / 2, 1);
+    // From the last row on two rows of blocks share the boxes of the lower one.
+    const int last = h_ / 2, I = last - (last - (i + 1) / 2) / 2 * 2, J = (j + 1) / 2;
+    const int d = std::max(2 * I - horizon_, least()), size = (10 * d / 16 + 1) / 2;
+    const int reach = std::max(size, 2), rows = std::max(size, 1);
     const int top = std::max(I - rows, 0), bottom = std::min(I + rows, h_ / 2);
     const Box left = box(top, bottom, J - reach, J - 1), right = box(top, bottom, J + 1, J + reach),
               whole = box(top, bottom, J - reach, J + reach);
