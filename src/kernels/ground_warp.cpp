@@ -102,6 +102,55 @@ HWY_INLINE bool lies_outside(const Picture& source, const std::int32_t* nodes) {
          (nodes[0] >= right && nodes[2] >= right) || (nodes[1] >= bottom && nodes[3] >= bottom);
 }
 
+#if HWY_TARGET != HWY_SCALAR
+/// Pixels that vectors compute at once. Their columns in the source must span less than 15, and their rows
+/// be at most two.
+using Warped = hn::CappedTag<std::int32_t, 8>;
+
+/// Whether warp_few() can compute pixels from (u, v) on, which are all inside the picture.
+HWY_INLINE bool are_near(std::int32_t u, std::int32_t v, std::int32_t du, std::int32_t dv) {
+  const int last = static_cast<int>(hn::Lanes(Warped())) - 1;
+  const int columns = ((u + last * du) >> 16) - (u >> 16), rows = ((v + last * dv) >> 16) - (v >> 16);
+  return columns >= 0 && columns < 15 && std::abs(rows) <= 1;
+}
+
+void warp_few(const Picture& source, std::int32_t u0, std::int32_t v0, std::int32_t du, std::int32_t dv,
+              std::uint8_t* out) {
+  const Warped d;
+  const hn::Repartition<std::uint8_t, Warped> d8;
+  const hn::Repartition<std::int16_t, Warped> d16;
+  const int last = static_cast<int>(hn::Lanes(d)) - 1;
+  const int column = u0 >> 16, row = std::min(v0, v0 + last * dv) >> 16;
+  const auto index = hn::Iota(d, 0);
+  const auto u = hn::Add(hn::Set(d, u0), hn::Mul(index, hn::Set(d, du))),
+             v = hn::Add(hn::Set(d, v0), hn::Mul(index, hn::Set(d, dv)));
+  // Looks up two neighbouring pixels as two numbers of 16 bits.
+  const auto at = hn::Sub(hn::ShiftRight<16>(u), hn::Set(d, column));
+  const auto both = hn::BitCast(
+      d8, hn::Add(hn::Or(at, hn::ShiftLeft<16>(at)), hn::Set(d, static_cast<std::int32_t>(0x80018000))));
+  const auto pixels = [&](int y) HWY_ATTR {
+    return hn::BitCast(d, hn::TableLookupBytesOr0(hn::LoadDup128(d8, source.row(y) + column), both));
+  };
+  // The third row is read where a pixel needs it, and never the last one of the picture.
+  const auto first = pixels(row), second = pixels(row + 1),
+             third = pixels(std::min(row + 2, source.height - 2));
+  const auto part = hn::Set(d, 127);
+  const auto fu = hn::And(hn::ShiftRight<9>(u), part), fv = hn::And(hn::ShiftRight<9>(v), part);
+  const auto shares = hn::BitCast(d16, hn::Add(hn::Sub(hn::ShiftLeft<16>(fu), fu), hn::Set(d, 128)));
+  const auto mix = [&](auto pair) HWY_ATTR {
+    const auto products = hn::BitCast(d, hn::Mul(hn::BitCast(d16, pair), shares));
+    return hn::Add(hn::And(products, hn::Set(d, 65535)), hn::ShiftRight<16>(products));
+  };
+  const auto is_first = hn::Eq(hn::ShiftRight<16>(v), hn::Set(d, row));
+  const auto upper = mix(hn::IfThenElse(is_first, first, second)),
+             lower = mix(hn::IfThenElse(is_first, second, third));
+  const auto sum = hn::Add(hn::ShiftLeft<7>(upper), hn::Mul(hn::Sub(lower, upper), fv));
+  const auto value = hn::ShiftRight<14>(hn::Add(sum, hn::Set(d, 8192)));
+  hn::StoreU(hn::DemoteTo(hn::Rebind<std::uint8_t, Warped>(), value), hn::Rebind<std::uint8_t, Warped>(),
+             out);
+}
+#endif
+
 void warp_row(const Picture& source, const std::int32_t* nodes, int segments, std::uint8_t* out) {
   for (int s = 0; s < segments; ++s, nodes += 2, out += 16) {
     if (lies_outside(source, nodes)) {
@@ -109,38 +158,23 @@ void warp_row(const Picture& source, const std::int32_t* nodes, int segments, st
       continue;
     }
     const std::int32_t du = (nodes[2] - nodes[0]) / 16, dv = (nodes[3] - nodes[1]) / 16;
-#if TERRAINSEG_GATHERS
+    int x = 0;
+#if HWY_TARGET != HWY_SCALAR
     const auto inside = [&](int n) {
       const int u = nodes[2 * n] >> 16, v = nodes[2 * n + 1] >> 16;
       return u >= 0 && v >= 0 && u < source.width - 2 && v < source.height - 2;
     };
-    if (inside(0) && inside(1)) {
-      const hn::CappedTag<std::int32_t, 8> d;
-      const int n = static_cast<int>(hn::Lanes(d));
-      const auto* base = reinterpret_cast<const std::int32_t*>(source.pixels);
-      for (int x = 0; x < 16; x += n) {
-        const auto index = hn::Iota(d, x);
-        const auto u = hn::Add(hn::Set(d, nodes[0]), hn::Mul(index, hn::Set(d, du)));
-        const auto v = hn::Add(hn::Set(d, nodes[1]), hn::Mul(index, hn::Set(d, dv)));
-        const auto at =
-            hn::Add(hn::Mul(hn::ShiftRight<16>(v), hn::Set(d, source.width)), hn::ShiftRight<16>(u));
-        const auto upper4 = hn::GatherOffset(d, base, at),
-                   lower4 = hn::GatherOffset(d, base, hn::Add(at, hn::Set(d, source.width)));
-        const auto part = hn::Set(d, 127), byte = hn::Set(d, 255), whole = hn::Set(d, 128);
-        const auto fu = hn::And(hn::ShiftRight<9>(u), part), fv = hn::And(hn::ShiftRight<9>(v), part);
-        const auto mix = [&](auto four) HWY_ATTR {
-          return hn::Add(hn::Mul(hn::And(four, byte), hn::Sub(whole, fu)),
-                         hn::Mul(hn::And(hn::ShiftRight<8>(four), byte), fu));
-        };
-        const auto sum = hn::Add(hn::Mul(mix(upper4), hn::Sub(whole, fv)), hn::Mul(mix(lower4), fv));
-        const auto value = hn::ShiftRight<14>(hn::Add(sum, hn::Set(d, 8192)));
-        hn::StoreU(hn::DemoteTo(hn::Rebind<std::uint8_t, decltype(d)>(), value),
-                   hn::Rebind<std::uint8_t, decltype(d)>(), out + x);
+    if (source.width >= 16 && inside(0) && inside(1)) {
+      const int together = static_cast<int>(hn::Lanes(Warped()));
+      for (; x < 16; x += together) {
+        const std::int32_t u = nodes[0] + x * du, v = nodes[1] + x * dv;
+        if (!are_near(u, v, du, dv))
+          break;
+        warp_few(source, u, v, du, dv, out + x);
       }
-      continue;
     }
 #endif
-    for (int x = 0; x < 16; ++x)
+    for (; x < 16; ++x)
       out[x] = bilinear(source, nodes[0] + x * du, nodes[1] + x * dv);
   }
 }

@@ -834,14 +834,25 @@ TEST(Kernels, WarpRows) {
     Guarded<std::uint8_t> source(in.size(), true);
     std::copy(in.begin(), in.end(), &source[0]);
     std::mt19937 random(4);
-    for (int trial = 0; trial < 200; ++trial) {
+    const auto between = [&](int least, int most) {
+      return least + static_cast<int>(random() % static_cast<unsigned>(most - least));
+    };
+    for (int trial = 0; trial < 400; ++trial) {
       // Inside, across every rim, and far outside.
       const int room = trial % 3 == 2 ? 4000 : trial % 3 == 1 ? 30 : 0;
       std::vector<std::int32_t> nodes;
-      for (int k = 0; k < rows * (segments + 1); ++k)
-        for (const int size : {width, height}) {
-          const int span = (size + 2 * room) * 256;
-          nodes.push_back((static_cast<int>(random() % static_cast<unsigned>(span)) - room * 256) * 256);
+      if (trial % 2 == 0)
+        for (int k = 0; k < rows * (segments + 1); ++k)
+          for (const int size : {width, height})
+            nodes.push_back(between(-room * 256, (size + room) * 256) * 256);
+      else // as in a drive: scaled and turned a little, from the first to the last row
+        for (int y = 0; y < rows; ++y) {
+          const int left = between(-9, 30) * 65536 + between(0, 65536), step = between(40000, 140000),
+                    slope = between(-20000, 20000), row = between(-1, height + 1) * 65536 + between(0, 65536);
+          for (int k = 0; k <= segments; ++k) {
+            nodes.push_back(left + 16 * k * step);
+            nodes.push_back(row + 16 * k * slope);
+          }
         }
       std::vector<std::uint8_t> out(static_cast<std::size_t>(rows * 16 * segments));
       warp_rows({&source[0], width, height}, nodes.data(), segments, rows, out.data(), 16 * segments);
