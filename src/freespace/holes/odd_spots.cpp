@@ -13,9 +13,8 @@
 namespace terrainseg {
 namespace {
 
-/// Smallest distance from the horizon that sizes of boxes are computed with; the second is for the search far
-/// away. There, a box for the true distance would hold few cells, mostly those of the object itself.
-TERRAINSEG_TUNED(int, odd_spots, nearest_rows, 2);
+/// Smallest distance from the horizon that sizes of boxes are computed with in the search far away. A box for
+/// the true distance would hold few cells, mostly those of the object itself.
 TERRAINSEG_TUNED(int, odd_spots, far_nearest_rows, 24);
 /// Width of the boxes beside a block and half their height, in sixteenths of the distance. With 12 and 16
 /// rendered trails have 0.08 points more error, snow 0.2; with 8 seven more of 390 obstacles on rendered
@@ -94,7 +93,8 @@ int side_reach(int distance) {
 
 // Distance from the horizon in rows.
 int OddSpots::distance(int row) const {
-  return std::max(row - horizon_row_, is_far() ? far_nearest_rows : nearest_rows);
+  const int rows = row - horizon_row_;
+  return is_far() ? std::max(rows, far_nearest_rows) : rows;
 }
 
 // Half the size of a box around a cell of that row, at least one cell.
