@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Own chain functions and a task instead of GstAggregator. The same pads on GstAggregator (1.22, latency
-// 200 ms) were measured against this element, and four things that pipelines rely on did not hold:
+// The base class holds the video: the queue of its frames, serialized events and serialized queries, the task
+// that takes them out in order, and flushes. Its other rules are those of a mixer and are replaced:
 //
-// * One thread feeds both pads, not live, and 10 of 40 units are lost: after 10 frames the thread blocks for
-//   ever in the chain function of the video pad (here: all 40 frames pass).
-// * The source pad is unlinked and linked again: NOT_LINKED from then on (here: the next 10 of 10 frames
-// pass).
-// * A second stream begins after EOS: its frames are refused with EOS (here: they are taken).
-// * The source pad sends a stream-start of its own: the stream id of the video is lost (here: it is kept).
-//
-// Each of them would need code around the base class: other chain functions, masked flow returns, rewritten
-// events.
+// * It waits for a buffer on every pad. Here units go to the Matcher, and the base class is told that `meta`
+// has ended. aggregate() waits for the unit of the frame in front.
+// * It blocks a pad that is ahead of the others, for ever if one thread feeds both. Here the chain function
+// of the video waits itself, and knows whether its thread brings the units too.
+// * A bad flow and EOS are final. Here aggregate() returns OK, and the state keeps the flow of the last push,
+// so that frames go on when the source pad is linked again or a new stream begins.
+// * It sends a stream-start and a segment of its own, and answers seeks itself. Here the video's events and
+// frames are pushed as they are, and seeks go upstream as they are.
 
+#include <gst/base/gstaggregator.h>
 #include <gst/video/video.h>
 
 #include <algorithm>
@@ -54,71 +54,49 @@ constexpr Time default_tolerance = 10 * GST_MSECOND;
 /// Longer durations are invalid.
 constexpr Time most_tolerance = 1800 * Time{GST_SECOND};
 
-/// A frame or a serialized event on its way through.
-struct Item {
-  std::unique_ptr<GstMiniObject, ObjectUnref> object;
+/// What is known of a frame that the base class holds.
+struct Waiting {
   Clock::time_point arrival;
-  Matcher::Frame frame; ///< with its tolerance when it leaves: the caps decide
-  OwnedBuffer unit;     ///< of a frame that leaves, where it has one
-  bool is_frame() const { return GST_IS_BUFFER(object.get()); }
-  GstEventType event_type() const { return GST_EVENT_TYPE(object.get()); }
-  bool is_sticky() const { return gst_event_type_get_flags(event_type()) & GST_EVENT_TYPE_STICKY; }
+  Matcher::Frame frame;
 };
 
-/// Frames and serialized events of the video, in their order. A list of one is spliced into it, which
-/// allocates nothing.
-using Queue = std::list<Item>;
 /// Largest number of waiting frames and events; events alone (GAP) count too, to limit the memory.
 constexpr std::size_t most_items = 4096;
+/// Name of the event that carries a SEGMENT through the queue of the base class, which would ask the segment
+/// for running times. Not every segment has them; GStreamer logs a critical then.
+constexpr const char* carrier = "terraincombine-segment";
 
 /// Half a frame: nearer to it than to its neighbours. `duration` 0 = unknown.
 Time half_of(Time duration) {
   return duration > 0 ? std::min(duration / 2, most_tolerance) : default_tolerance;
 }
 
-/// Whether the queue has as much video as a frame may wait. `frame_duration` 0 = unknown.
-bool is_full(const Queue& queue, Time latency, Time frame_duration) {
-  if (queue.size() >= most_items)
-    return true;
-  std::int64_t frames = 0;
-  Time first = never, last = never;
-  for (const Item& item : queue)
-    if (item.is_frame()) {
-      ++frames;
-      last = item.frame.time;
-      if (first == never)
-        first = item.frame.time;
-    }
-  if (frames < 3)
-    return false;
-  // Time stamps that stand still must not fill the memory: at most twice the frames that the rate allows.
-  const Time half_frame = half_of(frame_duration);
-  return first == never || last == never || last - first > latency ||
-         frames * half_frame > latency + 4 * half_frame;
-}
-
 /// Everything behind the instance.
 struct CombineState {
   GstElement* element = nullptr;
   GstPad *sink = nullptr, *meta = nullptr, *src = nullptr;
-  CombineSettings settings; ///< read by any thread
+  GstPadChainFunction base_chain = nullptr;           ///< of `sink`, the base class's
+  GstPadActivateModeFunction base_activate = nullptr; ///< the same
+  CombineSettings settings;                           ///< read by any thread
+  std::atomic<bool> base_flushes = false;             ///< the base class waits for FLUSH_STOP
 
   Mutex mutex;                     ///< held for moments only, never while a frame is processed
   std::condition_variable changed; ///< any of what follows
-  Queue queue TERRAINSEG_GUARDED_BY(mutex);
+  std::list<Waiting>
+      queue TERRAINSEG_GUARDED_BY(mutex);              ///< one entry for each frame that the base class holds
+  std::size_t events TERRAINSEG_GUARDED_BY(mutex) = 0; ///< number that it holds
   Matcher matcher TERRAINSEG_GUARDED_BY(mutex);
   bool live_is_old TERRAINSEG_GUARDED_BY(mutex) = true;      ///< to be asked before the next frame waits
   unsigned reconfigured TERRAINSEG_GUARDED_BY(mutex) = 0;    ///< counts RECONFIGURE events from downstream
-  bool flushing TERRAINSEG_GUARDED_BY(mutex) = true;         ///< the video is
   bool meta_flushing TERRAINSEG_GUARDED_BY(mutex) = true;    ///< the units are
-  bool pushing TERRAINSEG_GUARDED_BY(mutex) = false;         ///< the task works on an item that it took
   bool feeder_waits TERRAINSEG_GUARDED_BY(mutex) = false;    ///< the thread that brings the units waits
   std::thread::id video_thread TERRAINSEG_GUARDED_BY(mutex); ///< that brought the last frame
   std::thread::id meta_thread TERRAINSEG_GUARDED_BY(mutex);  ///< that brought the last unit or event of units
   std::uint64_t frames_left TERRAINSEG_GUARDED_BY(mutex) = 0; ///< counts frames that the task took
   Time frame_duration TERRAINSEG_GUARDED_BY(mutex) = 0;       ///< of the caps or the last frame; 0 = unknown
   std::optional<Clock::time_point> warned TERRAINSEG_GUARDED_BY(mutex); ///< of a unit that was rejected
-  GstFlowReturn flow TERRAINSEG_GUARDED_BY(mutex) = GST_FLOW_FLUSHING;  ///< of the last push
+  /// FLUSHING, or of the last push. When it is not OK no frame is taken, and those that wait are dropped.
+  GstFlowReturn flow TERRAINSEG_GUARDED_BY(mutex) = GST_FLOW_FLUSHING;
 
   GstSegment video_segment = in_time(); ///< the video's chain
   GstSegment meta_segment = in_time();  ///< the units' chain
@@ -127,40 +105,55 @@ struct CombineState {
 
   CombineState() noexcept = default;
   Clock::duration latency() const { return std::chrono::milliseconds(settings.latency_ms); }
-  /// Why nothing more is taken; OK when it is.
-  GstFlowReturn state_of_flow() const TERRAINSEG_REQUIRES(mutex) {
-    return flushing ? GST_FLOW_FLUSHING : flow;
-  }
+  GstAggregator* base() const { return GST_AGGREGATOR(element); }
+  bool takes_events() const TERRAINSEG_REQUIRES(mutex) { return queue.size() + events < most_items; }
+  /// Whether less video waits than a frame may wait.
   bool takes_frames() const TERRAINSEG_REQUIRES(mutex) {
-    return !is_full(queue, static_cast<Time>(settings.latency_ms) * GST_MSECOND, frame_duration);
+    if (queue.size() < 3 || !takes_events())
+      return takes_events();
+    // Time stamps that stand still must not fill the memory: at most twice the frames that the rate allows.
+    const Time longest = static_cast<Time>(settings.latency_ms) * GST_MSECOND,
+               half_frame = half_of(frame_duration);
+    const Time first = queue.front().frame.time, last = queue.back().frame.time;
+    return first != never && last != never && last - first <= longest &&
+           static_cast<Time>(queue.size()) * half_frame <= longest + 4 * half_frame;
   }
-  bool takes_events() const TERRAINSEG_REQUIRES(mutex) { return queue.size() < most_items; }
-  bool is_drained() const TERRAINSEG_REQUIRES(mutex) { return queue.empty() && !pushing; }
   bool lacks_room() const TERRAINSEG_REQUIRES(mutex) {
     return !matcher.has_room() && !meta_flushing && flow == GST_FLOW_OK;
+  }
+  /// Takes nothing more (FLUSHING), or begins anew (OK).
+  void restart(GstFlowReturn anew) TERRAINSEG_REQUIRES(mutex) {
+    flow = anew;
+    live_is_old = true;
+    matcher.flush_frames();
+    changed.notify_all();
   }
   /// Something of the units has come.
   void note_meta() TERRAINSEG_REQUIRES(mutex) {
     meta_thread = std::this_thread::get_id();
     matcher.note_unit_side(Clock::now());
   }
-  /// Waits until `done`, or until there is no reason to wait: returns state_of_flow(). Where this thread
-  /// brings the units too, the task does not wait for them meanwhile.
-  GstFlowReturn wait_for_task(Lock& lock, bool (CombineState::*done)() const) TERRAINSEG_REQUIRES(mutex) {
-    if (state_of_flow() != GST_FLOW_OK || (this->*done)())
-      return state_of_flow();
-    feeder_waits = meta_thread == std::this_thread::get_id();
+  /// The thread that brings video waits for the task. Where it brings the units too, the task does not wait
+  /// for them meanwhile.
+  void note_wait(bool begins) TERRAINSEG_REQUIRES(mutex) {
+    feeder_waits = begins && meta_thread == std::this_thread::get_id();
     changed.notify_all();
-    while (state_of_flow() == GST_FLOW_OK && !(this->*done)())
+  }
+  /// Waits until the flow is not OK, or `takes`. Returns the flow.
+  GstFlowReturn wait_for_task(Lock& lock, bool (CombineState::*takes)() const) TERRAINSEG_REQUIRES(mutex) {
+    if (flow != GST_FLOW_OK || (this->*takes)())
+      return flow;
+    note_wait(true);
+    while (flow == GST_FLOW_OK && !(this->*takes)())
       lock.wait(changed);
-    feeder_waits = false;
-    return state_of_flow();
+    note_wait(false);
+    return flow;
   }
 };
 static_assert(std::is_nothrow_default_constructible_v<UnitStore> &&
               std::is_nothrow_default_constructible_v<UnitClock> &&
               std::is_nothrow_default_constructible_v<KlvUnit> &&
-              std::is_nothrow_default_constructible_v<Queue>);
+              std::is_nothrow_default_constructible_v<std::list<Waiting>>);
 
 /**
  * SECTION:element-terraincombine
@@ -182,10 +175,14 @@ static_assert(std::is_nothrow_default_constructible_v<UnitStore> &&
  *
  * Since: 0.1
  */
-using GstTerrainCombine = Instance<GstElement, CombineState>;
-using GstTerrainCombineClass = GstElementClass;
+using GstTerrainCombine = Instance<GstAggregator, CombineState>;
+using GstTerrainCombineClass = GstAggregatorClass;
 
-G_DEFINE_TYPE(GstTerrainCombine, gst_terrain_combine, GST_TYPE_ELEMENT)
+G_DEFINE_TYPE(GstTerrainCombine, gst_terrain_combine, GST_TYPE_AGGREGATOR)
+
+GstAggregatorClass* base_class() {
+  return GST_AGGREGATOR_CLASS(gst_terrain_combine_parent_class);
+}
 
 /// Signed running time of a position in a segment; never when it has none, or one of centuries that no sum
 /// of times must overflow with.
@@ -237,90 +234,61 @@ void reject(CombineState& s, const char* kind, const std::string& error) {
 
 // ---- the task --------------------------------------------------------------------------------------------
 
-/// What the two upstreams say together.
-struct Upstream {
-  bool answered = false; ///< the video's
-  bool live = false;
+/// What the two upstreams say together, and our own latency. False when the video's does not answer.
+bool query_latency(CombineState& s, GstQuery* query) {
+  bool answered = false, live = false;
   GstClockTime least = 0, most = GST_CLOCK_TIME_NONE;
-};
-
-Upstream ask_upstream(CombineState& s) {
-  Upstream all;
   for (GstPad* pad : {s.sink, s.meta}) {
-    g_autoptr(GstQuery) query = gst_query_new_latency();
-    if (gst_pad_peer_query(pad, query)) {
-      gboolean live = FALSE;
-      GstClockTime least = 0, most = GST_CLOCK_TIME_NONE;
-      gst_query_parse_latency(query, &live, &least, &most);
-      all.answered = all.answered || pad == s.sink;
-      if (live) {
-        all.live = true;
-        all.least = std::max(all.least, least);
-        all.most = std::min(all.most, most); // NONE is the largest number
-      }
+    g_autoptr(GstPad) peer = gst_pad_get_peer(pad);
+    g_autoptr(GstQuery) upstream = gst_query_new_latency();
+    gboolean its_live = FALSE;
+    GstClockTime its_least = 0, its_most = GST_CLOCK_TIME_NONE;
+    if (peer && gst_pad_query(peer, upstream)) {
+      gst_query_parse_latency(upstream, &its_live, &its_least, &its_most);
+      answered = answered || pad == s.sink;
+    }
+    if (its_live) {
+      live = true;
+      least = std::max(least, its_least);
+      most = std::min(most, its_most); // NONE is the largest number
     }
   }
-  return all;
+  const GstClockTime own = live ? s.settings.latency_ms * GST_MSECOND : 0;
+  gst_query_set_latency(query, live, least + own, GST_CLOCK_TIME_IS_VALID(most) ? most + own : most);
+  return answered;
 }
 
-/// Waits for the unit of the frame in front, under the lock. False when the frame is not there any more.
-bool wait_for_unit(CombineState& s, Lock& lock, const Matcher::Frame& frame, Clock::time_point arrival,
-                   OwnedBuffer& unit) TERRAINSEG_REQUIRES(s.mutex) {
+/// One that does not answer is taken for live, so that no frame waits longer than `latency`.
+Live ask_upstream(CombineState& s) {
+  g_autoptr(GstQuery) query = gst_query_new_latency();
+  gboolean live = TRUE;
+  if (query_latency(s, query))
+    gst_query_parse_latency(query, &live, nullptr, nullptr);
+  return live ? Live::yes : Live::no;
+}
+
+/// Waits for the unit of the frame in front, as long as the flow is OK.
+OwnedBuffer wait_for_unit(CombineState& s, Lock& lock, const Waiting& next) TERRAINSEG_REQUIRES(s.mutex) {
   const Clock::time_point since = Clock::now();
-  s.matcher.begin_frame(frame);
-  for (;;) {
+  s.matcher.begin_frame(next.frame);
+  while (s.flow == GST_FLOW_OK) {
     // One thread for both pads, not live: while it waits for room in the queue it brings no units.
     const bool in_vain = s.meta_flushing || s.feeder_waits || !gst_pad_is_linked(s.meta);
-    Matcher::Answer answer = s.matcher.look_for(frame, {arrival, since, s.latency(), in_vain}, Clock::now());
+    Matcher::Answer answer =
+        s.matcher.look_for(next.frame, {next.arrival, since, s.latency(), in_vain}, Clock::now());
     if (answer.dropped > 0)
       s.changed.notify_all(); // there is room
-    if (answer.is_final) {
-      unit = std::move(answer.unit);
-      return true;
-    }
+    if (answer.is_final)
+      return std::move(answer.unit);
     lock.wait_until(s.changed, answer.until);
-    if (s.flushing)
-      return false;
   }
+  return nullptr;
 }
 
-/// Waits for the next item and, of a frame, for its unit. Nothing when there is none yet: to be called again,
-/// unless it is flushing.
-std::optional<Item> take_next(CombineState& s) {
-  Lock lock(s.mutex);
-  while (!s.flushing && s.queue.empty())
-    lock.wait(s.changed);
-  if (s.flushing)
-    return std::nullopt;
-  Matcher::Frame frame = s.queue.front().frame;
-  OwnedBuffer unit;
-  if (s.queue.front().is_frame()) {
-    if (std::exchange(s.live_is_old, false)) {
-      lock.unlock();
-      const Upstream upstream = ask_upstream(s);
-      lock.lock();
-      // One that does not answer is taken for live, so that no frame waits longer than `latency`.
-      s.matcher.set_live(upstream.live || !upstream.answered ? Live::yes : Live::no);
-      return std::nullopt;
-    }
-    const Time duration = duration_of(GST_BUFFER(s.queue.front().object.get()));
-    frame.tolerance = half_of(duration > 0 ? duration : duration_of(s.attacher.video()));
-    if (!wait_for_unit(s, lock, frame, s.queue.front().arrival, unit))
-      return std::nullopt;
-    ++s.frames_left;
-  }
-  Item item{std::move(s.queue.front().object), {}, frame, std::move(unit)};
-  s.queue.pop_front();
-  s.pushing = true;
-  s.changed.notify_all();
-  return item;
-}
-
-void push_frame(CombineState& s, Item item) {
-  OwnedBuffer frame(GST_BUFFER(item.object.release()));
-  bool matched = item.unit != nullptr;
+void push_frame(CombineState& s, OwnedBuffer frame, const Matcher::Frame& times, const OwnedBuffer& unit) {
+  bool matched = unit != nullptr;
   if (matched)
-    if (const std::string flaw = s.attacher.decode(item.unit.get()); !flaw.empty()) {
+    if (const std::string flaw = s.attacher.decode(unit.get()); !flaw.empty()) {
       matched = false;
       reject(s, "useless", flaw);
     }
@@ -328,7 +296,7 @@ void push_frame(CombineState& s, Item item) {
   unsigned reconfigured = 0;
   {
     const Lock lock(s.mutex);
-    reason = s.matcher.end_frame(item.frame, matched, s.latency());
+    reason = s.matcher.end_frame(times, matched, s.latency());
     reconfigured = s.reconfigured;
   }
   GST_LOG_OBJECT(s.element, "%s: %" GST_PTR_FORMAT, matched ? "with its unit" : "without a unit",
@@ -342,141 +310,120 @@ void push_frame(CombineState& s, Item item) {
     frame.reset(s.attacher.attach(frame.release()));
   const GstFlowReturn flow = gst_pad_push(s.src, frame.release());
   const Lock lock(s.mutex);
-  s.pushing = false;
   // Where the pad was linked during this push NOT_LINKED is not kept: the next frame arrives.
-  if (!s.flushing && !(flow == GST_FLOW_NOT_LINKED && s.reconfigured != reconfigured))
+  if (s.flow == GST_FLOW_OK && !(flow == GST_FLOW_NOT_LINKED && s.reconfigured != reconfigured))
     s.flow = flow;
-  if (s.flow == GST_FLOW_NOT_LINKED) // frames of now are too old for a peer that is linked later
-    s.queue.remove_if([](const Item& queued) { return queued.is_frame(); });
   s.changed.notify_all();
 }
 
-void push_event(CombineState& s, Item item) {
-  GstEvent* event = GST_EVENT(item.object.release());
+/// The base class has a frame. It leaves with or without its unit; when the flow is not OK it is dropped.
+GstFlowReturn aggregate(CombineState& s, gboolean) {
+  const bool fine = guarded(s.element, false, [&s] {
+    OwnedBuffer frame(gst_aggregator_pad_pop_buffer(GST_AGGREGATOR_PAD(s.sink)));
+    Lock lock(s.mutex);
+    if (std::exchange(s.live_is_old, false)) {
+      lock.unlock();
+      const Live live = ask_upstream(s);
+      lock.lock();
+      s.matcher.set_live(live);
+    }
+    if (s.queue.empty()) // a flush has begun
+      return true;
+    const Waiting next = s.queue.front();
+    const OwnedBuffer unit = wait_for_unit(s, lock, next);
+    const bool leaves = frame && s.flow == GST_FLOW_OK;
+    if (!s.queue.empty())
+      s.queue.pop_front();
+    ++s.frames_left;
+    s.changed.notify_all();
+    lock.unlock();
+    if (leaves)
+      push_frame(s, std::move(frame), next.frame, unit);
+    return true;
+  });
+  if (!fine) {
+    const Lock lock(s.mutex);
+    s.flow = GST_FLOW_ERROR;
+    s.changed.notify_all();
+  }
+  return GST_FLOW_OK;
+}
+
+/// A serialized event of the video, in its turn.
+gboolean sink_event(CombineState& s, GstAggregatorPad*, GstEvent* event) {
+  GstEvent* segment = nullptr;
+  if (gst_event_has_name(event, carrier) &&
+      gst_structure_get(gst_event_get_structure(event), "event", GST_TYPE_EVENT, &segment, nullptr))
+    gst_event_unref(std::exchange(event, segment));
   GST_DEBUG_OBJECT(s.element, "in turn: %" GST_PTR_FORMAT, printable(event));
-  const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
   if (GST_EVENT_TYPE(event) == GST_EVENT_CAPS) {
     GstCaps* caps = nullptr;
     gst_event_parse_caps(event, &caps);
     s.attacher.set_video(caps);
   }
-  gst_pad_push_event(s.src, event);
-  const Lock lock(s.mutex);
-  s.pushing = false;
-  if (eos && s.flow == GST_FLOW_OK)
-    s.flow = GST_FLOW_EOS;
-  s.changed.notify_all();
-}
-
-void loop(gpointer data) {
-  CombineState& s = GstTerrainCombine::state_of(data);
-  const bool fine = guarded(data, false, [&] {
-    std::optional<Item> item = take_next(s);
-    if (item && item->is_frame())
-      push_frame(s, std::move(*item));
-    else if (item)
-      push_event(s, std::move(*item));
-    return true;
-  });
-  const Lock lock(s.mutex);
-  if (!fine) {
-    s.flow = GST_FLOW_ERROR;
-    s.pushing = false;
+  const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+  GstFlowReturn flow = GST_FLOW_OK;
+  {
+    Lock lock(s.mutex);
+    while (eos && s.flow == GST_FLOW_NOT_LINKED) // it is for a peer that is linked later
+      lock.wait(s.changed);
+    flow = s.flow;
+    s.events -= s.events > 0; // after a flush the base class still holds sticky ones
     s.changed.notify_all();
   }
-  if (s.flushing || s.flow != GST_FLOW_OK) {
-    GST_DEBUG_OBJECT(s.element, "task pauses: %s", gst_flow_get_name(s.flow));
-    gst_pad_pause_task(s.src);
-  }
+  // Errors travel upstream with the next frame; at the end there is none.
+  if (eos && flow < GST_FLOW_EOS)
+    GST_ELEMENT_FLOW_ERROR(s.element, flow);
+  gst_pad_push_event(s.src, event);
+  return TRUE;
 }
 
 // ---- the video's side ------------------------------------------------------------------------------------
 
-GstFlowReturn take_frame(CombineState& s, GstBuffer* frame) {
-  Queue item;
-  item.emplace_back().object.reset(GST_MINI_OBJECT_CAST(frame));
-  Matcher::Frame& times = item.front().frame;
-  times.time = running_time(s.video_segment, GST_BUFFER_PTS(frame));
-  times.stamp = stamp_of(frame);
-  Lock lock(s.mutex);
-  times.match = s.settings.match;
-  if (times.match != Match::automatic)
-    times.stamp.reset();
-  s.video_thread = std::this_thread::get_id();
-  if (const GstFlowReturn flow = s.wait_for_task(lock, &CombineState::takes_frames); flow != GST_FLOW_OK)
-    return flow;
-  if (const Time duration = duration_of(frame); duration > 0)
-    s.frame_duration = duration;
-  s.matcher.expect_frame(times.time, times.stamp.has_value(), s.frame_duration);
-  item.front().arrival = Clock::now();
-  s.queue.splice(s.queue.end(), item);
-  s.changed.notify_all();
-  return GST_FLOW_OK;
+GstFlowReturn take_frame(CombineState& s, GstBuffer* buffer) {
+  OwnedBuffer frame(buffer);
+  Waiting waiting;
+  waiting.frame.time = running_time(s.video_segment, GST_BUFFER_PTS(buffer));
+  waiting.frame.match = s.settings.match;
+  if (waiting.frame.match == Match::automatic)
+    waiting.frame.stamp = stamp_of(buffer);
+  const Time duration = duration_of(buffer);
+  {
+    Lock lock(s.mutex);
+    s.video_thread = std::this_thread::get_id();
+    if (const GstFlowReturn flow = s.wait_for_task(lock, &CombineState::takes_frames); flow != GST_FLOW_OK)
+      return flow;
+    if (duration > 0)
+      s.frame_duration = duration;
+    waiting.frame.tolerance = half_of(s.frame_duration);
+    waiting.arrival = Clock::now();
+    s.queue.push_back(waiting);
+    s.matcher.expect_frame(waiting.frame.time, waiting.frame.stamp.has_value(), s.frame_duration);
+  }
+  return s.base_chain(s.sink, GST_OBJECT(s.element), frame.release());
 }
 
 void flush_video(CombineState& s, bool flushing) noexcept {
   const Lock lock(s.mutex);
-  s.flushing = flushing;
-  s.flow = flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK;
-  s.live_is_old = true;
-  s.matcher.flush_frames();
-  // As a pad does: sticky events except EOS and SEGMENT stay.
-  s.queue.remove_if([](const Item& item) {
-    return item.is_frame() || !item.is_sticky() || item.event_type() == GST_EVENT_EOS ||
-           item.event_type() == GST_EVENT_SEGMENT;
-  });
-  s.changed.notify_all();
+  s.restart(flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK);
+  s.queue.clear();
+  s.events = 0;
 }
 
-/// While the source pad is not linked the newest sticky event of each type is kept for a later peer.
-bool keeps_unlinked(CombineState& s, const Item& item) TERRAINSEG_REQUIRES(s.mutex) {
-  if (s.flow != GST_FLOW_NOT_LINKED || !item.is_sticky())
-    return false;
-  s.queue.remove_if([type = item.event_type()](const Item& queued) {
-    return !queued.is_frame() && queued.event_type() == type;
-  });
-  return true;
+/// Tells the base class that no units come, for it waits until every pad has a buffer or has ended.
+void end_meta(CombineState& s) {
+  base_class()->sink_event(s.base(), GST_AGGREGATOR_PAD(s.meta), gst_event_new_eos());
 }
 
-/// Why the event was not taken, as a flow: of a plain FALSE the pad that sends a sticky event again makes an
-/// error, also while this element is only being stopped or flushed.
-GstFlowReturn queue_event(CombineState& s, GstEvent* event) {
-  Queue item;
-  item.emplace_back().object.reset(GST_MINI_OBJECT_CAST(event));
-  GstFlowReturn flow = GST_FLOW_OK;
-  const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
-  {
-    Lock lock(s.mutex);
-    flow = s.wait_for_task(lock, &CombineState::takes_events);
-    // After an end the next stream begins; the task has paused.
-    if (GST_EVENT_TYPE(event) == GST_EVENT_STREAM_START) {
-      s.live_is_old = true;
-      if (flow == GST_FLOW_EOS) {
-        s.flow = flow = GST_FLOW_OK;
-        gst_pad_start_task(s.src, loop, s.element, nullptr);
-      }
-    }
-    if (flow == GST_FLOW_OK || keeps_unlinked(s, item.front())) {
-      s.queue.splice(s.queue.end(), item);
-      s.changed.notify_all();
-      return GST_FLOW_OK;
-    }
-  }
-  // Errors travel upstream with the next frame; at the end there is none.
-  if (eos && (flow == GST_FLOW_NOT_LINKED || flow < GST_FLOW_EOS))
-    GST_ELEMENT_FLOW_ERROR(s.element, flow);
-  return flow;
-}
-
-/// Downstream has changed: it may be linked again.
-void resume(CombineState& s) {
-  const Lock lock(s.mutex);
-  ++s.reconfigured;
-  if (s.flow != GST_FLOW_NOT_LINKED || s.flushing)
-    return;
-  GST_DEBUG_OBJECT(s.element, "linked again, frames go on");
-  s.flow = GST_FLOW_OK;
-  gst_pad_start_task(s.src, loop, s.element, nullptr);
+/// The base class passes a flush on when it has come on both pads, and joins the task, which must not wait.
+void flush_base(CombineState& s, GstEvent* event) {
+  const bool begins = GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_START;
+  flush_video(s, begins);
+  s.base_flushes = begins;
+  base_class()->sink_event(s.base(), GST_AGGREGATOR_PAD(s.meta), gst_event_ref(event));
+  if (!begins)
+    end_meta(s);
+  base_class()->sink_event(s.base(), GST_AGGREGATOR_PAD(s.sink), event);
 }
 
 /// The caps' frame rate, as soon as they come: the task sees them later.
@@ -490,42 +437,46 @@ void note_caps(CombineState& s, GstEvent* event) {
   s.frame_duration = duration_of(info);
 }
 
-GstFlowReturn flow_of(gboolean done) {
-  return done ? GST_FLOW_OK : GST_FLOW_ERROR;
-}
-
-GstFlowReturn video_event(CombineState& s, GstEvent* event) {
-  switch (GST_EVENT_TYPE(event)) {
-  case GST_EVENT_FLUSH_START: {
-    const gboolean pushed = gst_pad_push_event(s.src, event);
-    flush_video(s, true);
-    gst_pad_pause_task(s.src);
-    return flow_of(pushed);
+/// As it comes, before it is queued. Returns a flow: of a plain FALSE the pad that sends a sticky event again
+/// makes an error, also while this element is only being stopped or flushed.
+GstFlowReturn video_event(CombineState& s, GstAggregatorPad* pad, GstEvent* event) {
+  const GstEventType type = GST_EVENT_TYPE(event);
+  const GstEventTypeFlags flags = gst_event_type_get_flags(type);
+  if (type == GST_EVENT_FLUSH_START || type == GST_EVENT_FLUSH_STOP) {
+    if (type == GST_EVENT_FLUSH_STOP)
+      s.video_segment = in_time();
+    flush_base(s, event);
+    return GST_FLOW_OK;
   }
-  case GST_EVENT_FLUSH_STOP: {
-    s.video_segment = in_time();
-    const gboolean pushed = gst_pad_push_event(s.src, event);
-    flush_video(s, false);
-    if (GST_PAD_IS_ACTIVE(s.src))
-      gst_pad_start_task(s.src, loop, s.element, nullptr);
-    return flow_of(pushed);
-  }
-  case GST_EVENT_SEGMENT:
-    gst_event_copy_segment(event, &s.video_segment);
-    break;
-  case GST_EVENT_CAPS:
+  if (!(flags & GST_EVENT_TYPE_SERIALIZED))
+    return gst_pad_event_default(s.sink, GST_OBJECT(s.element), event) ? GST_FLOW_OK : GST_FLOW_ERROR;
+  if (type == GST_EVENT_CAPS)
     note_caps(s, event);
-    break;
-  default:
-    break;
+  {
+    Lock lock(s.mutex);
+    GstFlowReturn flow = s.wait_for_task(lock, &CombineState::takes_events);
+    if (type == GST_EVENT_STREAM_START) {
+      s.live_is_old = true;
+      if (flow == GST_FLOW_EOS) // after an end the next stream begins
+        s.flow = flow = GST_FLOW_OK;
+    }
+    // The source pad keeps sticky events, also for a peer that is linked later.
+    if (flow == GST_FLOW_FLUSHING || (flow != GST_FLOW_OK && !(flags & GST_EVENT_TYPE_STICKY))) {
+      gst_event_unref(event);
+      return flow;
+    }
+    ++s.events;
   }
-  if (!(gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_SERIALIZED))
-    return flow_of(gst_pad_event_default(s.sink, GST_OBJECT(s.element), event));
-  return queue_event(s, event);
+  if (type == GST_EVENT_SEGMENT) {
+    gst_event_copy_segment(event, &s.video_segment);
+    GstStructure* content = gst_structure_new(carrier, "event", GST_TYPE_EVENT, event, nullptr);
+    gst_event_unref(std::exchange(event, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, content)));
+  }
+  return base_class()->sink_event_pre_queue(s.base(), pad, event);
 }
 
-/// Adds the frames that wait here to what downstream wants of a pool.
-gboolean query_allocation(CombineState& s, GstQuery* query) {
+/// Adds the frames that wait here to what downstream wants of a pool. The task comes to it in its turn.
+gboolean propose_allocation(CombineState& s, GstAggregatorPad*, GstQuery*, GstQuery* query) {
   gst_pad_peer_query(s.src, query); // without an answer there are no pools
   GstCaps* caps = nullptr;
   gst_query_parse_allocation(query, &caps, nullptr);
@@ -549,29 +500,26 @@ gboolean query_allocation(CombineState& s, GstQuery* query) {
   return TRUE;
 }
 
-gboolean video_query(CombineState& s, GstQuery* query) {
+gboolean video_query(CombineState& s, GstAggregatorPad* pad, GstQuery* query) {
   if (!(gst_query_type_get_flags(GST_QUERY_TYPE(query)) & GST_QUERY_TYPE_SERIALIZED))
-    return gst_pad_query_default(s.sink, GST_OBJECT(s.element), query);
+    return base_class()->sink_query_pre_queue(s.base(), pad, query);
   {
-    // In order: what came before it has left.
-    Lock lock(s.mutex);
-    if (s.wait_for_task(lock, &CombineState::is_drained) != GST_FLOW_OK)
+    const Lock lock(s.mutex);
+    if (s.flow != GST_FLOW_OK)
       return FALSE;
+    s.note_wait(true);
   }
-  if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION)
-    return query_allocation(s, query);
-  return gst_pad_peer_query(s.src, query);
+  const gboolean answered = base_class()->sink_query_pre_queue(s.base(), pad, query);
+  const Lock lock(s.mutex);
+  s.note_wait(false);
+  return answered;
 }
 
 bool video_activate(CombineState& s, GstPadMode mode, gboolean active) {
   if (mode != GST_PAD_MODE_PUSH)
     return false;
   flush_video(s, !active);
-  if (!active) {
-    const Lock lock(s.mutex);
-    s.queue.clear();
-  }
-  return true;
+  return s.base_activate(s.sink, GST_OBJECT(s.element), mode, active);
 }
 
 // ---- the units' side -------------------------------------------------------------------------------------
@@ -657,7 +605,7 @@ void take_gap(CombineState& s, GstEvent* event) {
 }
 
 /// Nothing of the units' stream goes on: the video's events are the output's.
-bool meta_event(CombineState& s, GstEvent* event) {
+GstFlowReturn meta_event(CombineState& s, GstEvent* event) {
   {
     const Lock lock(s.mutex);
     s.note_meta();
@@ -692,7 +640,7 @@ bool meta_event(CombineState& s, GstEvent* event) {
     break;
   }
   gst_event_unref(event);
-  return true;
+  return GST_FLOW_OK;
 }
 
 gboolean meta_query(GstPad* pad, GstObject* parent, GstQuery* query) {
@@ -708,25 +656,10 @@ bool meta_activate(CombineState& s, GstPadMode mode, gboolean active) {
 
 // ---- the output's side -----------------------------------------------------------------------------------
 
-gboolean src_activate(CombineState& s, GstPadMode mode, gboolean active) {
-  if (mode != GST_PAD_MODE_PUSH)
-    return FALSE;
-  flush_video(s, !active);
-  return active ? gst_pad_start_task(s.src, loop, s.element, nullptr) : gst_pad_stop_task(s.src);
-}
-
-gboolean query_latency(CombineState& s, GstQuery* query) {
-  Upstream all = ask_upstream(s);
-  if (!all.answered)
-    return FALSE;
-  const GstClockTime own = s.settings.latency_ms * GST_MSECOND;
-  if (all.live) {
-    all.least += own;
-    if (GST_CLOCK_TIME_IS_VALID(all.most))
-      all.most += own;
-  }
-  gst_query_set_latency(query, all.live, all.least, all.most);
-  return TRUE;
+bool src_activate(CombineState& s, GstPadMode mode, gboolean active) {
+  const Lock lock(s.mutex);
+  s.restart(active ? GST_FLOW_OK : GST_FLOW_FLUSHING);
+  return mode == GST_PAD_MODE_PUSH;
 }
 
 gboolean src_query(CombineState& s, GstQuery* query) {
@@ -740,8 +673,13 @@ gboolean src_event(CombineState& s, GstEvent* event) {
   const GstEventType type = GST_EVENT_TYPE(event);
   if ((type == GST_EVENT_SEEK || type == GST_EVENT_LATENCY) && gst_pad_is_linked(s.meta))
     gst_pad_push_event(s.meta, gst_event_ref(event));
-  if (type == GST_EVENT_RECONFIGURE)
-    resume(s);
+  if (type == GST_EVENT_RECONFIGURE) { // it may be linked again
+    const Lock lock(s.mutex);
+    ++s.reconfigured;
+    if (s.flow == GST_FLOW_NOT_LINKED)
+      s.flow = GST_FLOW_OK;
+    s.changed.notify_all();
+  }
   return gst_pad_event_default(s.src, GST_OBJECT(s.element), event);
 }
 
@@ -752,8 +690,7 @@ GstIterator* internal_links(GstPad* pad, GstObject* parent) {
   if (!other)
     return nullptr;
   g_auto(GValue) value = G_VALUE_INIT;
-  g_value_init(&value, GST_TYPE_PAD);
-  g_value_set_object(&value, other);
+  g_value_set_object(g_value_init(&value, GST_TYPE_PAD), other);
   return gst_iterator_new_single(GST_TYPE_PAD, &value);
 }
 
@@ -762,11 +699,15 @@ GstIterator* internal_links(GstPad* pad, GstObject* parent) {
 GstStateChangeReturn change_state(GstElement* element, GstStateChange transition) {
   CombineState& s = GstTerrainCombine::state_of(element);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
+    end_meta(s);
     const Lock lock(s.mutex);
     s.matcher.start();
     s.video_thread = s.meta_thread = {};
     s.warned.reset();
   }
+  // A flush that upstream has not ended: the base class would still wait for its end after the next start.
+  if (transition == GST_STATE_CHANGE_PAUSED_TO_READY && s.base_flushes)
+    flush_base(s, gst_event_new_flush_stop(TRUE));
   const GstStateChangeReturn result =
       GST_ELEMENT_CLASS(gst_terrain_combine_parent_class)->change_state(element, transition);
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
@@ -819,28 +760,58 @@ void gst_terrain_combine_class_init(GstTerrainCombineClass* klass) {
               "Attaches the terrain metadata in KLV units to the video they belong to"});
   G_OBJECT_CLASS(klass)->set_property = set_property;
   GST_ELEMENT_CLASS(klass)->change_state = change_state;
-  add_pad_template(klass, "sink", GST_PAD_SINK, "video/x-raw(ANY)");
-  add_pad_template(klass, "meta", GST_PAD_SINK, "meta/x-klv, parsed = (boolean) true");
-  add_pad_template(klass, "src", GST_PAD_SRC, "video/x-raw(ANY)");
+  add_pad_template(klass, "sink", GST_PAD_SINK, "video/x-raw(ANY)", GST_TYPE_AGGREGATOR_PAD);
+  add_pad_template(klass, "meta", GST_PAD_SINK, "meta/x-klv, parsed = (boolean) true",
+                   GST_TYPE_AGGREGATOR_PAD);
+  add_pad_template(klass, "src", GST_PAD_SRC, "video/x-raw(ANY)", GST_TYPE_AGGREGATOR_PAD);
+  klass->aggregate = GstTerrainCombine::call<aggregate>;
+  klass->sink_event_pre_queue = GstTerrainCombine::call<video_event>;
+  klass->sink_event = GstTerrainCombine::call<sink_event>;
+  klass->sink_query_pre_queue = GstTerrainCombine::call<video_query>;
+  klass->propose_allocation = GstTerrainCombine::call<propose_allocation>;
+  klass->src_activate = GstTerrainCombine::call<src_activate>;
+  klass->src_event = GstTerrainCombine::call<src_event>;
+  klass->src_query = GstTerrainCombine::call<src_query>;
+  klass->negotiate = [](GstAggregator*) -> gboolean { return TRUE; }; // the caps are the video's
+}
+
+/// The base class asks upstream for its latency too, at every frame until it has an answer, and posts a
+/// warning of latencies that do not fit. It never waits for a time: it is told that nothing is live.
+GstPadProbeReturn answer_base(GstPad*, GstPadProbeInfo* info, gpointer) {
+  GstQuery* query = GST_PAD_PROBE_INFO_QUERY(info);
+  if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY)
+    return GST_PAD_PROBE_OK;
+  gst_query_set_latency(query, FALSE, 0, GST_CLOCK_TIME_NONE);
+  return GST_PAD_PROBE_HANDLED;
+}
+
+/// With a latency of 0 the base class blocks a pad that holds a frame, else one that holds more than that
+/// time. It sees no segment, so no frame has a time. The property of this element hides that of the base
+/// class.
+void never_block(CombineState& s) {
+  GObjectClass* base = G_OBJECT_CLASS(gst_terrain_combine_parent_class);
+  GParamSpec* latency = g_object_class_find_property(base, "latency");
+  g_auto(GValue) value = G_VALUE_INIT;
+  g_value_set_uint64(g_value_init(&value, G_TYPE_UINT64), 1);
+  base->set_property(G_OBJECT(s.element), latency->param_id, &value, latency);
 }
 
 void gst_terrain_combine_init(GstTerrainCombine* self) {
   CombineState& s = self->make_state();
+  never_block(s);
   s.sink = add_pad(s.element, "sink");
+  s.base_chain = GST_PAD_CHAINFUNC(s.sink);
+  s.base_activate = GST_PAD_ACTIVATEMODEFUNC(s.sink);
+  gst_pad_add_probe(s.sink, GST_PAD_PROBE_TYPE_QUERY_UPSTREAM, answer_base, nullptr, nullptr);
   gst_pad_set_chain_function(s.sink, GstTerrainCombine::pad_call<take_frame>);
-  gst_pad_set_event_full_function(s.sink, GstTerrainCombine::pad_call<video_event>);
-  gst_pad_set_query_function(s.sink, GstTerrainCombine::pad_call<video_query>);
   gst_pad_set_activatemode_function(s.sink, GstTerrainCombine::pad_call<video_activate>);
   GST_PAD_SET_PROXY_CAPS(s.sink);
   s.meta = add_pad(s.element, "meta");
   gst_pad_set_chain_function(s.meta, GstTerrainCombine::pad_call<meta_chain>);
-  gst_pad_set_event_function(s.meta, GstTerrainCombine::pad_call<meta_event>);
+  gst_pad_set_event_full_function(s.meta, GstTerrainCombine::pad_call<meta_event>);
   gst_pad_set_query_function(s.meta, meta_query);
   gst_pad_set_activatemode_function(s.meta, GstTerrainCombine::pad_call<meta_activate>);
-  s.src = add_pad(s.element, "src");
-  gst_pad_set_activatemode_function(s.src, GstTerrainCombine::pad_call<src_activate>);
-  gst_pad_set_event_function(s.src, GstTerrainCombine::pad_call<src_event>);
-  gst_pad_set_query_function(s.src, GstTerrainCombine::pad_call<src_query>);
+  s.src = GST_AGGREGATOR_SRC_PAD(self);
   GST_PAD_SET_PROXY_CAPS(s.src);
   for (GstPad* pad : {s.sink, s.meta, s.src})
     gst_pad_set_iterate_internal_links_function(pad, internal_links);

@@ -130,10 +130,12 @@ void get_in_table(GObject* object, guint id, GValue* value, GParamSpec*) {
 }
 
 /// Adds the template of a pad that is always there.
-inline void add_pad_template(gpointer klass, const char* name, GstPadDirection direction, const char* caps) {
+inline void add_pad_template(gpointer klass, const char* name, GstPadDirection direction, const char* caps,
+                             GType type = GST_TYPE_PAD) {
   g_autoptr(GstCaps) parsed = gst_caps_from_string(caps);
-  gst_element_class_add_pad_template(GST_ELEMENT_CLASS(klass),
-                                     gst_pad_template_new(name, direction, GST_PAD_ALWAYS, parsed));
+  gst_element_class_add_pad_template(
+      GST_ELEMENT_CLASS(klass),
+      gst_pad_template_new_with_gtype(name, direction, GST_PAD_ALWAYS, parsed, type));
 }
 /// Adds the pad of such a template.
 inline GstPad* add_pad(GstElement* element, const char* name) {

@@ -1086,6 +1086,62 @@ TEST(TerrainCombine, LatencyIsReported) {
   gst_query_unref(query);
 }
 
+// Upstream is asked when a stream begins, not at every frame. Whether its latencies fit is for the pipeline
+// to tell.
+TEST(TerrainCombine, UpstreamIsAskedForItsLatencyOnce) {
+  static std::atomic<int> asked;
+  asked = 0;
+  Combine c(200);
+  gst_pad_set_query_function(c.video->srcpad,
+                             [](GstPad* pad, GstObject* parent, GstQuery* query) -> gboolean {
+                               if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY)
+                                 return gst_pad_query_default(pad, parent, query);
+                               ++asked;
+                               gst_query_set_latency(query, TRUE, 100 * GST_MSECOND, 10 * GST_MSECOND);
+                               return TRUE;
+                             });
+  Bus bus(c.video.get());
+  for (int i = 0; i < 10; ++i) {
+    c.push_unit(some(1).estimate, i);
+    EXPECT_EQ(c.push_frame(i), GST_FLOW_OK);
+    c.expect(i, true);
+  }
+  EXPECT_EQ(asked, 1);
+  EXPECT_EQ(bus.text(GST_MESSAGE_WARNING), "");
+}
+
+// The video's own id and segment go on, also those of a stream after an end.
+TEST(TerrainCombine, AStreamAfterAnEnd) {
+  FileCombine c(200);
+  for (int run = 0; run < 3; ++run) {
+    const std::string id = "run " + std::to_string(run);
+    GstSegment segment;
+    gst_segment_init(&segment, GST_FORMAT_TIME);
+    segment.base = static_cast<guint64>(run) * GST_SECOND;
+    EXPECT_TRUE(gst_harness_push_event(c.video.get(), gst_event_new_stream_start(id.c_str())));
+    EXPECT_TRUE(gst_harness_push_event(c.video.get(), gst_event_new_segment(&segment)));
+    EXPECT_TRUE(gst_harness_push_event(c.meta.get(), gst_event_new_stream_start("units")));
+    EXPECT_TRUE(gst_harness_push_event(c.meta.get(), gst_event_new_segment(&segment)));
+    c.push_unit(some(1).estimate, run);
+    EXPECT_EQ(c.push_frame(run), GST_FLOW_OK);
+    c.expect(run, true);
+    const Owned<GstEvent> start(gst_pad_get_sticky_event(c.video->sinkpad, GST_EVENT_STREAM_START, 0)),
+        seen(gst_pad_get_sticky_event(c.video->sinkpad, GST_EVENT_SEGMENT, 0));
+    ASSERT_TRUE(start && seen);
+    const char* told = nullptr;
+    gst_event_parse_stream_start(start.get(), &told);
+    EXPECT_EQ(told, id);
+    const GstSegment* kept = nullptr;
+    gst_event_parse_segment(seen.get(), &kept);
+    EXPECT_EQ(kept->base, segment.base);
+    gst_harness_push_event(c.video.get(), gst_event_new_eos());
+    gst_harness_push_event(c.meta.get(), gst_event_new_eos());
+    while (!GST_PAD_IS_EOS(c.video->sinkpad))
+      std::this_thread::sleep_for(milliseconds(1));
+  }
+  EXPECT_EQ(c.stat("matched"), 3u);
+}
+
 // A picture that was scaled between the two ends: the rules are those of the metadata itself.
 TEST(TerrainCombine, ScaledVideoGetsScaledRows) {
   std::mt19937 random(3);

@@ -60,7 +60,6 @@ class UnitAttacher {
     stamp_unit_time(frame, unit_.time_us());
     return frame;
   }
-  const GstVideoInfo& video() const { return info_; }
   void drop() { ///< the pools
     masks_.drop();
     boundaries_.drop();
