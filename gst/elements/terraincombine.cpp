@@ -3,13 +3,13 @@
 // that takes them out in order, and flushes. Its other rules are those of a mixer and are replaced:
 //
 // * It waits for a buffer on every pad. Here units go to the Matcher, and the base class is told that `meta`
-// has ended. aggregate() waits for the unit of the frame in front.
+//   has ended. aggregate() waits for the unit of the frame in front.
 // * It blocks a pad that is ahead of the others, for ever if one thread feeds both. Here the chain function
-// of the video waits itself, and knows whether its thread brings the units too.
+//   of the video waits itself, and knows whether its thread brings the units too.
 // * A bad flow and EOS are final. Here aggregate() returns OK, and the state keeps the flow of the last push,
-// so that frames go on when the source pad is linked again or a new stream begins.
+//   so that frames go on when the source pad is linked again or a new stream begins.
 // * It sends a stream-start and a segment of its own, and answers seeks itself. Here the video's events and
-// frames are pushed as they are, and seeks go upstream as they are.
+//   frames are pushed as they are, and seeks go upstream as they are.
 
 #include <gst/base/gstaggregator.h>
 #include <gst/video/video.h>
@@ -121,9 +121,9 @@ struct CombineState {
   bool lacks_room() const TERRAINSEG_REQUIRES(mutex) {
     return !matcher.has_room() && !meta_flushing && flow == GST_FLOW_OK;
   }
-  /// Takes nothing more (FLUSHING), or begins anew (OK).
-  void restart(GstFlowReturn anew) TERRAINSEG_REQUIRES(mutex) {
-    flow = anew;
+  /// Discards what is known of the frames. FLUSHING refuses the next ones, OK accepts them.
+  void reset(GstFlowReturn new_flow) TERRAINSEG_REQUIRES(mutex) {
+    flow = new_flow;
     live_is_old = true;
     matcher.flush_frames();
     changed.notify_all();
@@ -405,7 +405,7 @@ GstFlowReturn take_frame(CombineState& s, GstBuffer* buffer) {
 
 void flush_video(CombineState& s, bool flushing) noexcept {
   const Lock lock(s.mutex);
-  s.restart(flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK);
+  s.reset(flushing ? GST_FLOW_FLUSHING : GST_FLOW_OK);
   s.queue.clear();
   s.events = 0;
 }
@@ -658,7 +658,7 @@ bool meta_activate(CombineState& s, GstPadMode mode, gboolean active) {
 
 bool src_activate(CombineState& s, GstPadMode mode, gboolean active) {
   const Lock lock(s.mutex);
-  s.restart(active ? GST_FLOW_OK : GST_FLOW_FLUSHING);
+  s.reset(active ? GST_FLOW_OK : GST_FLOW_FLUSHING);
   return mode == GST_PAD_MODE_PUSH;
 }
 

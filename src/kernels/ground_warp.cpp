@@ -103,17 +103,18 @@ HWY_INLINE bool lies_outside(const Picture& source, const std::int32_t* nodes) {
 }
 
 #if HWY_TARGET != HWY_SCALAR
-/// Pixels that vectors compute at once. Their columns in the source must span less than 15, and their rows
-/// be at most two.
+/// Pixels that warp_few() computes at once.
 using Warped = hn::CappedTag<std::int32_t, 8>;
 
-/// Whether warp_few() can compute pixels from (u, v) on, which are all inside the picture.
+/// Whether warp_few() can compute the pixels from (u, v) on: their columns in the source span less than 15,
+/// and their rows are at most two.
 HWY_INLINE bool are_near(std::int32_t u, std::int32_t v, std::int32_t du, std::int32_t dv) {
   const int last = static_cast<int>(hn::Lanes(Warped())) - 1;
   const int columns = ((u + last * du) >> 16) - (u >> 16), rows = ((v + last * dv) >> 16) - (v >> 16);
   return columns >= 0 && columns < 15 && std::abs(rows) <= 1;
 }
 
+/// Computes the pixels from (u0, v0) on. All lie inside the picture, which has at least 16 columns.
 void warp_few(const Picture& source, std::int32_t u0, std::int32_t v0, std::int32_t du, std::int32_t dv,
               std::uint8_t* out) {
   const Warped d;

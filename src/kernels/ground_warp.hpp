@@ -25,8 +25,7 @@ extern void (*const mean_of_quarters)(const std::uint8_t* in, std::ptrdiff_t str
                                       std::uint8_t* out);
 
 /// Rows `first`..`end` - 1 of nodes. Node k of a row is the position (u, v), Q16, of pixel 16 k; positions
-/// are linear between two nodes. `nodes` has segments + 1 pairs per row. `source` has 4 readable bytes after
-/// its last row.
+/// are linear between two nodes. `nodes` has segments + 1 pairs per row.
 extern void (*const warp_rows)(const Picture& source, const std::int32_t* nodes, int segments, int rows,
                                std::uint8_t* out, std::ptrdiff_t out_stride);
 
