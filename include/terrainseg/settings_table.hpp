@@ -20,8 +20,9 @@ enum class SettingKind : std::uint8_t {
   choice,   ///< an enumeration; in text one of `choices`
 };
 
-/// The pipelines that use a setting.
-enum class UsedBy : std::uint8_t { paper = 1, free_space = 2, both = 3 };
+/// The pipelines that use a setting. none: its stage was removed; the setting is accepted and ignored for one
+/// release.
+enum class UsedBy : std::uint8_t { none = 0, paper = 1, free_space = 2, both = 3 };
 
 /// One value of an enumeration. Its number is its index in the list.
 struct Choice {
@@ -57,7 +58,7 @@ TERRAINSEG_API const Setting* find_setting(std::string_view name);
 /// Whether the pipeline selected by `settings` uses the setting.
 TERRAINSEG_API bool is_used(const Setting& setting, const Settings& settings);
 /// Whether the setting has a value without effect: the selected pipeline does not use it, and the value does
-/// not mean "off".
+/// not mean "off"; or no pipeline uses it.
 TERRAINSEG_API bool is_idle(const Setting& setting, const Settings& settings);
 
 /// Unit of decimal numbers in this interface, so that rounding needs only integers.

@@ -234,9 +234,10 @@ Settings filter_settings(const std::string& text, int window_bottom) {
     throw std::runtime_error(text + ": " + error->message());
   for (const Setting* setting : changed)
     if (setting && is_idle(*setting, settings))
-      throw std::runtime_error(
-          text + ": " + setting->name + " has " +
-          (settings.free_space ? "an effect with free-space=false only" : "no effect with free-space=false"));
+      throw std::runtime_error(text + ": " + setting->name + " has " +
+                               (setting->used_by == UsedBy::none ? "no effect: the stage was removed"
+                                : settings.free_space            ? "an effect with free-space=false only"
+                                                                 : "no effect with free-space=false"));
   return settings;
 }
 

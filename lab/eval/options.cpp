@@ -13,13 +13,13 @@ namespace {
 using tools::OptionContext, tools::Word, tools::Words, tools::parse;
 
 const std::vector<std::string> stages_changed{
-    "texture=false",      "exposure=false",    "row-prior=false",        "local-reference=false",
-    "geodesic=false",     "second-look=false", "connected-ground=false", "light-ahead=false",
-    "own-shadow=false",   "upright=false",     "long-lines=false",       "odd-spots=false",
-    "near-spots=false",   "far-spots=false",   "stone-field=false",      "window-guard=false",
-    "vivid-colors=false", "motion=off",        "ground-behind=false",    "refine=false",
-    "doubtful=-96",       "negatives=off",     "temporal=off",           "free-space=false",
-    "learned-models=4",   "training-models=1", "forget-shift=0"};
+    "texture=false",     "exposure=false",      "row-prior=false",        "local-reference=false",
+    "geodesic=false",    "second-look=false",   "connected-ground=false", "light-ahead=false",
+    "upright=false",     "long-lines=false",    "odd-spots=false",        "near-spots=false",
+    "far-spots=false",   "stone-field=false",   "window-guard=false",     "vivid-colors=false",
+    "motion=off",        "ground-behind=false", "refine=false",           "doubtful=-96",
+    "negatives=off",     "temporal=off",        "free-space=false",       "learned-models=4",
+    "training-models=1", "forget-shift=0"};
 
 const std::vector<std::string> baselines{"default", "paper", "reference", "rows", "ramp", "mean-mask"};
 

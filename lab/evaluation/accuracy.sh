@@ -57,7 +57,7 @@ for sequence in "${sequences[@]}"; do write_masks "$sequence"; done
 
 eval_tool=$build/lab/terrainseg-eval
 more=() stages=()
-[ "$all" = 0 ] || { more=(--ablation --perturb all); for stage in connected-ground light-ahead own-shadow odd-spots upright; do stages+=(--engine "default,$stage=false"); done; }
+[ "$all" = 0 ] || { more=(--ablation --perturb all); for stage in connected-ground light-ahead odd-spots upright; do stages+=(--engine "default,$stage=false"); done; }
 "$eval_tool" --engine default --engine "masks:$out/masks" --baselines --caution-sweep "${more[@]}" \
   --csv "$out/accuracy.csv" --json "$out/accuracy.json" --markdown "$out/accuracy.md" --pictures "$out/pictures" "${sequences[@]}"
 # What colour is worth: the same drives in grey.

@@ -29,7 +29,6 @@ likelihood: score_limit speaks_for_ground other_light_share least_of_vouched res
 local_reference: follow_below free_below greatest
 odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
-own_shadow: least_lit least_dark least_ratio least_step most_chroma most_between
 reestimation: color_weight texture_weight limit limit_per_penalty upper_end
 row_prior: strongest middle middle_per_row
 stone_field: nearest_rows box_reach least_ground trim deviation_floor odd_enough seed_enough seed_reach
@@ -44,7 +43,6 @@ likelihood: score_limit speaks_for_ground other_light_share least_of_vouched res
 local_reference: follow_below free_below greatest
 odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
-own_shadow: least_lit least_dark least_ratio least_step most_chroma most_between
 row_prior: middle
 stone_field: box_reach trim odd_enough seed_enough seed_reach stone_peak sure_width sure_height sure_peak
   least_sure least_share

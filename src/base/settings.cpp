@@ -16,7 +16,8 @@ namespace {
 // The identifiers that settings.def uses.
 constexpr int longest_side = 32767;
 constexpr int most_frames = 1 << 20;
-constexpr UsedBy paper = UsedBy::paper, free_space = UsedBy::free_space, both = UsedBy::both;
+constexpr UsedBy none = UsedBy::none, paper = UsedBy::paper, free_space = UsedBy::free_space,
+                 both = UsedBy::both;
 constexpr bool smoothly = true, rarely = false;
 
 struct Range {
@@ -173,7 +174,7 @@ bool is_idle(const Setting& setting, const Settings& settings) {
   // In the preset `paper`, settings of the default pipeline have the value that switches them off.
   const bool off = setting.used_by == UsedBy::free_space &&
                    setting.get(settings) == setting.get(Settings::of(Preset::paper));
-  return !off && !is_used(setting, settings);
+  return setting.used_by == UsedBy::none || (!off && !is_used(setting, settings));
 }
 
 std::int64_t kept_value(std::int64_t billionths, std::int64_t scale) {

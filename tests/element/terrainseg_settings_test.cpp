@@ -65,7 +65,7 @@ const Column columns[] = {
     {"second-look", "true", "false"},
     {"connected-ground", "true", "false"},
     {"light-ahead", "true", "false"},
-    {"own-shadow", "true", "false"},
+    {"own-shadow", "false", "false"},
     {"upright", "true", "false"},
     {"long-lines", "true", "false"},
     {"free-space", "true", "false"},
@@ -367,8 +367,8 @@ TEST(Stages, MirrorTheBooleansBothWays) {
   auto element = make_element("terrainseg");
   const std::vector<std::string> names = {"texture",   "exposure",    "row-prior",        "local-reference",
                                           "geodesic",  "second-look", "connected-ground", "ground-behind",
-                                          "odd-spots", "refine",      "light-ahead",      "own-shadow",
-                                          "upright",   "long-lines"};
+                                          "odd-spots", "refine",      "light-ahead",      "upright",
+                                          "long-lines"};
   for (const std::string& name : names) {
     EXPECT_NE(text(element.get(), "stages").find(name), std::string::npos) << name;
     g_object_set(element.get(), name.c_str(), FALSE, nullptr);
@@ -410,7 +410,7 @@ TEST(Stages, ThatAreOffChangeTheMask) {
       by_booleans(
           "terrainseg texture=false exposure=false row-prior=false local-reference=false "
           "geodesic=false second-look=false connected-ground=false ground-behind=false odd-spots=false "
-          "refine=false light-ahead=false own-shadow=false upright=false",
+          "refine=false light-ahead=false upright=false",
           caps_text("I420", 320, 240));
   const auto mask_of = [](Rig& rig) {
     rig.step();
@@ -435,9 +435,8 @@ TEST(Stages, TheirBooleansAreDeprecated) {
     const bool is_stage = all.find("+" + name + "+") != std::string::npos;
     stages += is_stage;
     const bool deprecated = spec->flags & G_PARAM_DEPRECATED;
-    EXPECT_EQ(deprecated, is_stage || name == "free-space") << name;
-    EXPECT_EQ(deprecated,
-              std::string(g_param_spec_get_blurb(specs.get()[i])).rfind("Deprecated, use ", 0) == 0)
+    EXPECT_EQ(deprecated, is_stage || name == "free-space" || name == "own-shadow") << name;
+    EXPECT_EQ(deprecated, std::string(g_param_spec_get_blurb(specs.get()[i])).rfind("Deprecated, ", 0) == 0)
         << name;
   }
   EXPECT_GE(stages, 8u);
@@ -558,6 +557,32 @@ TEST(Unused, IsInTheBlurb) {
     GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element.get()), name);
     EXPECT_NE(std::string(g_param_spec_get_blurb(spec)).find(words), std::string::npos) << name;
   }
+}
+
+// The stage own-shadow was removed: pipelines that name it still play, as without it, and are told.
+TEST(Removed, IsAcceptedIgnoredAndToldOnce) {
+  const auto mask_of = [](const std::string& settings) {
+    Rig rig("terrainseg " + settings, caps_text("I420", 160, 120));
+    rig.step();
+    const auto out = rig.step();
+    return bytes_of(EstimateReader(out.get()).estimate().mask);
+  };
+  for (const char* settings : {"own-shadow=true", "own-shadow=false", "stages=refine+own-shadow",
+                               "preset=paper own-shadow=false", "own-shadow=true preset=paper"}) {
+    const auto warnings = warnings_of(settings);
+    ASSERT_EQ(warnings.size(), 1u) << settings;
+    EXPECT_TRUE(warnings[0].contains("without effect: own-shadow.")) << warnings[0].user;
+  }
+  EXPECT_EQ(mask_of("own-shadow=true"), mask_of("own-shadow=false"));
+  EXPECT_EQ(mask_of("stages=refine+own-shadow"), mask_of("stages=refine"));
+}
+
+TEST(Removed, IsNotToldWhereItIsNotNamed) {
+  for (const char* settings : {"stages=refine", "own-shadow=true stages=refine", "stages=0"})
+    EXPECT_TRUE(warnings_of(settings).empty()) << settings;
+  auto element = make_element("terrainseg own-shadow=true stages=refine");
+  EXPECT_EQ(text(element.get(), "own-shadow"), "false");
+  EXPECT_EQ(text(element.get(), "stages"), "refine");
 }
 
 // ---- a settings file -------------------------------------------------------------------------------------

@@ -130,15 +130,23 @@ TEST(SettingTable, SaysWhichPipelineUsesWhat) {
     EXPECT_TRUE(is_used(*find_setting(name), paper)) << name;
   }
   for (const char* name :
-       {"texture",          "exposure",   "row-prior",     "local-reference", "geodesic",      "second-look",
-        "connected-ground", "odd-spots",  "ground-behind", "refine",          "light-ahead",   "own-shadow",
-        "upright",          "long-lines", "near-spots",    "far-spots",       "stone-field",   "window-guard",
-        "vivid-colors",     "negatives",  "temporal",      "motion",          "vanishing-row", "horizon-hint",
-        "caution",          "doubtful"}) {
+       {"texture",     "exposure",         "row-prior",    "local-reference", "geodesic",
+        "second-look", "connected-ground", "odd-spots",    "ground-behind",   "refine",
+        "light-ahead", "upright",          "long-lines",   "near-spots",      "far-spots",
+        "stone-field", "window-guard",     "vivid-colors", "negatives",       "temporal",
+        "motion",      "vanishing-row",    "horizon-hint", "caution",         "doubtful"}) {
     EXPECT_TRUE(is_used(*find_setting(name), standard)) << name;
     EXPECT_FALSE(is_used(*find_setting(name), paper)) << name;
   }
   EXPECT_TRUE(is_used(*find_setting("window-width"), paper));
+  // The stage was removed: neither value has an effect.
+  Settings removed;
+  for (const bool value : {false, true}) {
+    removed.own_shadow = value;
+    EXPECT_FALSE(is_used(*find_setting("own-shadow"), removed)) << value;
+    EXPECT_TRUE(is_idle(*find_setting("own-shadow"), removed)) << value;
+    EXPECT_FALSE(validate(removed)) << value;
+  }
 }
 
 TEST(SettingText, RoundsToTheNearestHalvesAwayFromZero) {

@@ -186,13 +186,14 @@ GParamSpec* spec_of(const Setting& s) {
   const char* only = s.used_by == UsedBy::paper        ? " (used with preset=paper only)"
                      : s.used_by == UsedBy::free_space ? " (not used with preset=paper)"
                                                        : "";
-  // The property that says the same, of one that is deprecated.
-  const char* successor = s.stage ? "stages" : g_str_equal(s.name, "free-space") ? "preset" : nullptr;
-  const std::string blurb =
-      (successor ? std::string("Deprecated, use ") + successor + ". " : "") + s.blurb + only;
+  const char* deprecated = s.used_by == UsedBy::none           ? "Deprecated, ignored. "
+                           : s.stage                           ? "Deprecated, use stages. "
+                           : g_str_equal(s.name, "free-space") ? "Deprecated, use preset. "
+                                                               : nullptr;
+  const std::string blurb = std::string(deprecated ? deprecated : "") + s.blurb + only;
   int bits = s.controllable ? property_controllable : property_playing;
   bits &= ~G_PARAM_STATIC_BLURB; // GLib keeps a copy
-  const auto flags = static_cast<GParamFlags>(bits | (successor ? G_PARAM_DEPRECATED : 0));
+  const auto flags = static_cast<GParamFlags>(bits | (deprecated ? G_PARAM_DEPRECATED : 0));
   switch (s.kind) {
   case SettingKind::natural:
     return g_param_spec_uint(s.name, s.nick, blurb.c_str(), static_cast<guint>(s.low),
@@ -332,7 +333,10 @@ void SettingsBook::apply_stages(guint flags, Layer layer) {
   for (guint id = 1; id <= row_count(); ++id)
     if (row_of(id).stage) {
       g_value_set_boolean(&value, (flags & bit) != 0);
-      apply(id, &value, layer);
+      if (row_of(id).used_by == UsedBy::none && !(flags & bit))
+        give_back(id); // not named: nothing to warn of
+      else
+        apply(id, &value, layer);
       bit <<= 1;
     }
 }

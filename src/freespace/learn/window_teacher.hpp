@@ -54,14 +54,6 @@ struct WindowMemory {
   std::uint32_t clarity = 0; ///< of the window, followed, Q16; 0 = not yet known
 };
 
-/// Writes to `lit` the cells of the training window that the rover's own shadow does not darken. A shadow is
-/// detected when the cells form two kinds of luma with little between them and similar chroma, the lit kind
-/// is at least half as bright again as the dark one and has 40 to 88 % of the cells, and it is less frequent
-/// in the window's lower half, because the shadow begins at the rover. Returns false and leaves `lit`
-/// unchanged when there is no such shadow. `window` is in cells of the grid.
-bool leave_own_shadow(const Grid& grid, const Rectangle& window, std::span<const Cell> cells,
-                      std::vector<Cell>& lit);
-
 struct View;
 
 /// The result of one frame's window: views into memory of the teacher, valid until its next frame.
@@ -83,11 +75,9 @@ class WindowTeacher {
                      Terrain& terrain, StageClock& clock);
 
  private:
-  std::span<const Cell> lit_window(const View& view);
   std::span<const std::uint8_t> teach(const View& view, const GridCurve& last, TerrainTables& tables,
                                       Terrain& terrain, StageClock& clock);
 
-  std::vector<Cell> lit_cells_;
   Prefiltered kept_;
   ClusterScratch clusters_;
   std::vector<Lesson> lessons_;
