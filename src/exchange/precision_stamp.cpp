@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "exchange/bytes.hpp"
+#include "exchange/nal_units.hpp"
 
 namespace terrainseg {
 namespace {
@@ -120,30 +121,14 @@ bool see(Bytes nal, VideoCodec codec, StampSearch& found) {
   return false;
 }
 
-/// Position after the next start code (three bytes) from `at`; the size if there is none.
-std::size_t behind_code(Bytes unit, std::size_t at) {
-  for (; at + 3 <= unit.size(); ++at)
-    if (unit[at] == 0 && unit[at + 1] == 0 && unit[at + 2] == 1)
-      return at + 3;
-  return unit.size();
-}
-
 void search_start_codes(Bytes unit, VideoCodec codec, StampSearch& found) {
-  std::size_t begin = behind_code(unit, 0);
-  while (begin < unit.size()) {
+  for (NalWalker nals(unit); nals.next();) {
     // The end of the picture is not searched: it may have many bytes.
-    const bool picture = is_picture(codec, type_of(codec, unit[begin]));
-    const std::size_t next = picture ? unit.size() : behind_code(unit, begin);
-    std::size_t end = next == unit.size() ? next : next - 3;
-    // A unit never ends in a zero: trailing zeros are padding, or the first byte of the next start code.
-    while (end > begin && unit[end - 1] == 0)
-      --end;
-    if (see(unit.subspan(begin, end - begin), codec, found)) {
-      const std::size_t code = begin - 3;
-      found.place = code > 0 && unit[code - 1] == 0 ? code - 1 : code;
+    const bool picture = is_picture(codec, type_of(codec, nals.rest().front()));
+    if (see(picture ? nals.rest() : nals.unit(), codec, found))
+      found.place = nals.place();
+    if (picture)
       return;
-    }
-    begin = next;
   }
 }
 

@@ -5,6 +5,8 @@
 #include <array>
 #include <cstddef>
 
+#include "exchange/nal_units.hpp"
+
 namespace terrainseg::recording {
 namespace {
 
@@ -12,17 +14,9 @@ enum Type : std::uint8_t { slice = 1, idr_slice = 5, sequence_set = 7, picture_s
 
 /// Calls take(type, bytes without start code, including the header byte) for every NAL unit.
 template <class Take> void for_each_nal(ByteView stream, Take take) {
-  constexpr std::array<std::uint8_t, 3> code = {0, 0, 1};
-  const auto find = [&](auto from) { return std::search(from, stream.end(), code.begin(), code.end()); };
-  for (auto at = find(stream.begin()); at != stream.end();) {
-    const auto begin = at + 3, next = find(begin);
-    auto end = next;
-    while (end != begin && next != stream.end() && end[-1] == 0) // the next start code may have four bytes
-      --end;
-    if (begin != end)
-      take(static_cast<Type>(*begin & 31), ByteView(begin, end));
-    at = next;
-  }
+  for (NalWalker nals(stream); nals.next();)
+    if (const ByteView nal = nals.unit(); !nal.empty())
+      take(static_cast<Type>(nal[0] & 31), nal);
 }
 
 /// The slice type: the second Exp-Golomb number of a slice header; -1 if the unit is too short.

@@ -407,6 +407,10 @@ TEST(H264Unit, EveryIdrGetsItsParameterSets) {
   EXPECT_EQ(kept(unit_of({p_nal})), unit_of({p_nal}));
   EXPECT_EQ(kept(unit_of({delimiter_nal, idr_nal})), key) << "behind the delimiter";
   EXPECT_EQ(kept(unit_of({idr_nal})), unit_of({sequence_nal, picture_nal, idr_nal}));
+  Bytes padded = unit_of({sequence_nal, picture_nal});
+  padded.insert(padded.end(), 3, 0);
+  sets.complete(padded);
+  EXPECT_EQ(kept(unit_of({idr_nal})), unit_of({sequence_nal, picture_nal, idr_nal})) << "padding is not kept";
 }
 
 /// Columns from left to right over a view, with ranges that a test says.
