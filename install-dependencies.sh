@@ -23,7 +23,7 @@ rover=(gstreamer1.0-nice gir1.2-gst-plugins-bad-1.0)
 tune=(gstreamer1.0-x)
 # What tests/run.sh takes on top, all its parts: GoogleTest, the second compiler with its sanitizers, style, oracles, a broker, a screen.
 test=(libgtest-dev libgmock-dev libbenchmark-dev clang libclang-rt-14-dev llvm clang-format clang-tidy ffmpeg git
-      python3-opencv python3-jsonschema python3-yaml binutils abigail-tools procps libgstreamer-plugins-bad1.0-dev libgstrtspserver-1.0-dev
+      python3-opencv python3-matplotlib python3-jsonschema python3-yaml binutils abigail-tools procps libgstreamer-plugins-bad1.0-dev libgstrtspserver-1.0-dev
       mosquitto mosquitto-clients python3-paho-mqtt xvfb xdotool doxygen "${tune[@]}")
 # What the check in a real browser takes on top.
 browser=(chromium "${rover[@]}")

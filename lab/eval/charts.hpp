@@ -3,22 +3,29 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <opencv2/core.hpp>
 
 namespace terrainseg::eval {
 
-/// One curve: `right` ones belong to the axis on the right.
+/// One curve of points (x, y): `right` ones belong to the axis on the right.
 struct Curve {
   std::string name;
-  std::vector<cv::Point2d> points;
+  std::vector<std::pair<double, double>> points;
   bool right = false;
 };
 
-/// Curves over a common x axis, with an axis on either side; both start at 0.
-cv::Mat chart(const std::string& title, const std::string& x_name, const std::string& left_name,
-              const std::string& right_name, const std::vector<Curve>& curves);
+/// Curves over a common x axis, with an axis on either side.
+struct Chart {
+  std::string title, x_name, left_name, right_name;
+  std::vector<Curve> curves;
+};
+
+/// Writes a chart as JSON, which lab/evaluation/draw_charts.py draws; throws std::runtime_error that names
+/// the path.
+void save_chart(const std::string& path, const Chart& chart);
 
 /// A frame with what is right (green), wrongly called ground (red), missed (blue) and doubtful (yellow).
 cv::Mat3b judged(const cv::Mat3b& picture, const cv::Mat1b& labels, const cv::Mat1b& mask);

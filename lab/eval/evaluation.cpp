@@ -47,8 +47,8 @@ void draw_error_plot(const fs::path& folder, const std::vector<Figures>& all, co
       line.points.emplace_back(static_cast<double>(frame.index), frame.error);
     curves.push_back(std::move(line));
   }
-  save(folder / (sequence + "-errors.png"),
-       chart(sequence + ": error by frame", "frame", "error %", "", curves));
+  save_chart(folder / (sequence + "-errors.chart.json"),
+             {sequence + ": error by frame", "frame", "error %", "", curves});
 }
 
 void draw_caution_plot(const fs::path& folder, const std::vector<Figures>& all) {
@@ -62,8 +62,9 @@ void draw_caution_plot(const fs::path& folder, const std::vector<Figures>& all) 
     l.points.emplace_back(f.ground.unsafe_share(), f.ground.error());
   }
   if (!curves.empty())
-    save(folder / "caution.png", chart("caution from -16 (right) to 16 (left): error against unsafe pixels",
-                                       "unsafe %", "error %", "", curves));
+    save_chart(folder / "caution.chart.json",
+               {"caution from -16 (right) to 16 (left): error against unsafe pixels", "unsafe %", "error %",
+                "", curves});
 }
 
 void write_max_f(std::ostream& out, const std::vector<Figures>& all) {

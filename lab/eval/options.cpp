@@ -90,7 +90,8 @@ struct EvalEntries {
         {"markdown", 0, 0, G_OPTION_ARG_FILENAME, &markdown.text,
          "Write the figures as tables (default: to standard output)", "FILE"},
         {"pictures", 0, 0, G_OPTION_ARG_FILENAME, &pictures.text,
-         "Write contact sheets of the best, median and worst frames, and plots", "FOLDER"},
+         "Write contact sheets of the best, median and worst frames, and charts for draw_charts.py",
+         "FOLDER"},
         {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &sequences.list, nullptr, nullptr},
         {nullptr, 0, 0, G_OPTION_ARG_NONE, nullptr, nullptr, nullptr}};
     OptionContext made(g_option_context_new("SEQUENCE..."));

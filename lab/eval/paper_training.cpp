@@ -143,8 +143,9 @@ std::string compare_training(const Context& context, const Sequence& sequence) {
     if (k % 2 == 0)
       curve.add(row);
   }
-  save(context.out + "/figure11.png", chart("Window pixels against range pixels, d_th from 1.1 to 3.1 m",
-                                            "recall %", "precision %", "", curves));
+  save_chart(
+      context.out + "/figure11.chart.json",
+      {"Window pixels against range pixels, d_th from 1.1 to 3.1 m", "recall %", "precision %", "", curves});
 
   Table purity({"training pixels", "of them ground, %", "pixels a frame"});
   const char* purity_names[] = {"window, within 1 sigma", choice_names[0], choice_names[1], choice_names[2]};
@@ -166,7 +167,7 @@ std::string compare_training(const Context& context, const Sequence& sequence) {
                centres = spread_of(centre_distances).value_or(Spread());
   return "### " + sequence.name + "\n\nFitted at start: a = " + number(start->a, 2) +
          " m, b = " + number(start->b, 2) + " per frame height.\n\n" + curve.text() +
-         "\nChart: figure11.png.\n\n" + purity.text() +
+         "\nChart: figure11.png (draw_charts.py).\n\n" + purity.text() +
          "\nPosition difference, pixels: a window pixel and the nearest range pixel, median " +
          number(apart.median, 1) + ", 99th percentile " + number(apart.p99, 1) + ", largest " +
          number(apart.largest, 1) + "; the centres of both sets, median " + number(centres.median, 1) +

@@ -91,5 +91,6 @@ sed -i "s,masks:$out/masks,default through a pipeline," "$out/accuracy.md" "$out
 python3 "$top/lab/evaluation/fill_report.py" "$top/lab/evaluation/accuracy.in.md" "$top/docs/accuracy.md" "${pages[@]}"
 mkdir -p "$top/lab/data"
 cp "$out"/accuracy*.csv "$top/lab/data/"
+/usr/bin/python3 "$top/lab/evaluation/draw_charts.py" "$out/pictures"
 
 echo "docs/accuracy.md is written; all pictures and figures are in $out"

@@ -32,6 +32,7 @@ options=(--out "$out")
 start=$SECONDS
 "$eval_tool" figures "${options[@]}"
 "$eval_tool" paper "${options[@]}" >/dev/null
+/usr/bin/python3 "$top/lab/evaluation/draw_charts.py" "$out"
 {
   echo
   echo "## Where"

@@ -138,11 +138,18 @@ TEST(Report, SpreadAndTable) {
   EXPECT_EQ(table.text(), "| a | b |\n| --- | --- |\n| 1 | 2 |\n");
 }
 
-TEST(Report, ChartShowsItsCurves) {
-  const cv::Mat plain = chart("t", "x", "l", "r", {{"c", {{0, 0}, {1, 0}}, false}});
-  const cv::Mat curve = chart("t", "x", "l", "r", {{"c", {{0, 1}, {1, 0.5}}, false}, {"d", {{0, 2}}, true}});
-  ASSERT_EQ(plain.size(), curve.size());
-  EXPECT_GT(cv::norm(plain, curve, cv::NORM_INF), 100);
+TEST(Report, ChartHasItsCurves) {
+  const auto path =
+      std::filesystem::temp_directory_path() / ("terrainseg-" + std::to_string(getpid()) + ".chart.json");
+  save_chart(path, {"t", "x", "l", "r", {{"c", {{0, 1}, {1, 0.5}}, false}, {"d", {{0, 2}}, true}}});
+  std::ostringstream text;
+  text << std::ifstream(path).rdbuf();
+  EXPECT_EQ(text.str(), R"({"title":"t","x":"x","left":"l","right":"r","curves":[)"
+                        R"({"name":"c","right":false,"points":[[0.0,1.0],[1.0,0.5]]},)"
+                        R"({"name":"d","right":true,"points":[[0.0,2.0]]}]})"
+                        "\n");
+  std::filesystem::remove(path);
+  EXPECT_THROW(save_chart("/nowhere/a.chart.json", {}), std::runtime_error);
 }
 
 TEST(Experiments, TablesOfRenderedScenesAreWritten) {
