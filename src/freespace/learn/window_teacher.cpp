@@ -82,12 +82,27 @@ TERRAINSEG_TUNED(int, still_window, most, 16);
 /// Cells with contrast, and those of them that have changed.
 struct Changes {
   int all = 0, changed = 0;
-  void add(const Grid& grid, const std::uint8_t* before, int row, int column) {
-    const std::uint8_t *here = grid.planes[0].row(row) + column, *below = here + grid.planes[0].stride;
-    const int contrast = std::abs(here[0] - here[1]) + std::abs(here[0] - below[0]);
-    const bool counts = contrast >= least_contrast && grid.ignored[grid.at(row, column)] == 0;
-    all += counts;
-    changed += counts && 4 * std::abs(here[0] - before[grid.at(row, column)]) >= contrast;
+  /// Adds `count` cells of a row. Auto-vectorised, in 16 bits.
+  void add(const Grid& grid, const std::uint8_t* all_before, int row, int column, int count) {
+    using Short = std::int16_t;
+    const auto difference = [](std::uint8_t a, std::uint8_t b) {
+      return static_cast<Short>(std::max(a, b) - std::min(a, b));
+    };
+    const std::uint8_t* const here = grid.planes[0].row(row) + column;
+    const std::uint8_t* const below = here + grid.planes[0].stride;
+    const std::uint8_t* const ignored = &grid.ignored[grid.at(row, column)];
+    const std::uint8_t* const before = all_before + grid.at(row, column);
+    Short counted = 0, others = 0;
+    for (int j = 0; j < count; ++j) {
+      const auto contrast =
+          static_cast<Short>(difference(here[j], here[j + 1]) + difference(here[j], below[j]));
+      const Short counts = (contrast >= static_cast<Short>(least_contrast)) & (ignored[j] == 0);
+      counted = static_cast<Short>(counted + counts);
+      const Short change = 4 * difference(here[j], before[j]) >= contrast;
+      others = static_cast<Short>(others + (counts & change));
+    }
+    all += counted;
+    changed += others;
   }
 };
 
@@ -106,8 +121,7 @@ bool StillWindow::look(const Grid& grid, const Rectangle& window) {
   }
   Changes above;
   for (int i = 0; i < std::min(window.y, grid.height - 1); ++i)
-    for (int j = 0; j + 1 < grid.width; ++j)
-      above.add(grid, before_.data(), i, j);
+    above.add(grid, before_.data(), i, 0, grid.width - 1);
   if (above.all == 0 || 5 * above.changed < 3 * above.all)
     return changes_ >= enough; // the picture has not changed enough to compare the window
   Changes inside;
@@ -117,7 +131,7 @@ bool StillWindow::look(const Grid& grid, const Rectangle& window) {
   for (int j = window.x; j < right; ++j) {
     const int counted = inside.all;
     for (int i = window.y; i < bottom; ++i)
-      inside.add(grid, before_.data(), i, j);
+      inside.add(grid, before_.data(), i, j, 1);
     columns += inside.all > counted;
   }
   const bool still = 2 * columns >= window.width && most_changed * inside.changed <= inside.all;

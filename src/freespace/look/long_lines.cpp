@@ -59,15 +59,15 @@ constexpr auto directions = [] {
   return table;
 }();
 
-// The normal whose limits enclose the direction (across, down); down > 0.
+// The normal whose limits enclose the direction (across, down); down > 0. Without branches, which a processor
+// would guess wrongly.
 int normal_of(int across, int down) {
-  int low = 0, high = normals;
-  while (high - low > 1) {
-    const int middle = (low + high) / 2;
-    const Direction& limit = directions[2 * middle];
-    (limit.c * down - limit.s * across >= 0 ? low : high) = middle;
+  int normal = 0;
+  for (int step = normals / 2; step > 0; step /= 2) {
+    const Direction& limit = directions[2 * (normal + step)];
+    normal += step & -static_cast<int>(limit.c * down >= limit.s * across);
   }
-  return low;
+  return normal;
 }
 
 const Direction& middle_of(int normal) {
