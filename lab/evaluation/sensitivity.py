@@ -27,7 +27,7 @@ ground_behind: free_below follow_below most margin least_sum
 light_ahead: widest_part sunlit blue
 likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_is_ground rest_of_taught color_weight color_limit other_chroma texture_weight
 local_reference: follow_below free_below greatest
-odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
+odd_spots: box_size shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
 reestimation: color_weight texture_weight limit limit_per_penalty upper_end
 row_prior: strongest middle middle_per_row
@@ -41,7 +41,7 @@ connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma vouched
 light_ahead: widest_part sunlit blue
 likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_of_taught color_weight other_chroma texture_weight
 local_reference: follow_below free_below greatest
-odd_spots: box_width box_height shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
+odd_spots: box_size shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
   far_nearest_rows far_seed_enough
 row_prior: middle
 stone_field: box_reach trim odd_enough seed_enough seed_reach stone_peak sure_width sure_height sure_peak

@@ -13,6 +13,8 @@
 
 namespace terrainseg {
 
+inline constexpr int most_oddness = 96; ///< Q4 of a deviation: the largest oddness of a cell
+
 /// Marks cells around seeds. Allocates in reserve() only.
 class CandidateCells {
  public:

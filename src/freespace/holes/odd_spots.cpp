@@ -30,7 +30,6 @@ constexpr std::array<int, 3> deviation_floor{5, 2, 2};
 /// Height below a light cell in which a dark cell makes it a stone instead of paint, in 1/64 of the distance.
 TERRAINSEG_TUNED(int, odd_spots, shadow_reach, 10);
 TERRAINSEG_TUNED(int, odd_spots, dark_enough, 16); ///< Q4: one deviation
-TERRAINSEG_TUNED(int, odd_spots, most_oddness, 96);
 /// Q4 of a deviation: threshold of a cell, and of the mean in a seed's box. 40 instead of 48 finds a tenth
 /// more of the obstacles on rendered trails and plains, but costs half a point of error on trails and 0.05
 /// points in town.

@@ -13,10 +13,9 @@ namespace {
 constexpr int block_shift = 4, block = 1 << block_shift, row_step = 4;
 /// Smallest distance from the horizon for the size of a box, in rows.
 TERRAINSEG_TUNED(int, stone_field, nearest_rows, 30);
-/// Reach of the box around a block in 1/16 of the distance, and its limit in blocks, within which the sums of
-/// squares do not overflow.
+/// Reach of the box around a block in 1/16 of the distance.
 TERRAINSEG_TUNED(int, stone_field, box_reach, 8);
-TERRAINSEG_TUNED(int, stone_field, most_reach, 15);
+constexpr int most_reach = 15; ///< blocks, within which the sums of squares do not overflow
 /// Inverse of the smallest share of a box that must be ground.
 TERRAINSEG_TUNED(int, stone_field, least_ground, 4);
 /// Cells beyond this many deviations do not count as ground; and the smallest deviation, in grey levels.
@@ -29,11 +28,10 @@ TERRAINSEG_TUNED(int, stone_field, seed_enough, 31);
 /// distance.
 TERRAINSEG_TUNED(int, stone_field, seed_reach, 20);
 /// Largest width and height of a stone in 1/64 of the distance, and the smallest deviation of its clearest
-/// cell. A piece of at most three cells is never too large, because nothing far away is smaller.
+/// cell.
 TERRAINSEG_TUNED(int, stone_field, stone_width, 51);
 TERRAINSEG_TUNED(int, stone_field, stone_height, 38);
 TERRAINSEG_TUNED(int, stone_field, stone_peak, 48);
-TERRAINSEG_TUNED(int, stone_field, always_small, 3);
 /// The same limits for the stones that prove a field.
 TERRAINSEG_TUNED(int, stone_field, sure_width, 19);
 TERRAINSEG_TUNED(int, stone_field, sure_height, 16);
@@ -41,13 +39,8 @@ TERRAINSEG_TUNED(int, stone_field, sure_peak, 80);
 /// A field has at least this many of them, and they have at least a sixth of all differing cells.
 TERRAINSEG_TUNED(int, stone_field, least_sure, 16);
 TERRAINSEG_TUNED(int, stone_field, least_share, 6);
-/// Half of both is sufficient when the last frame showed a field.
-TERRAINSEG_TUNED(int, stone_field, less_in_a_field, 2);
 /// Number of frames to skip after each successive search without a result.
 constexpr std::array<int, 4> pauses{0, 2, 4, 8};
-/// Smallest distance that sizes are compared with.
-TERRAINSEG_TUNED(int, stone_field, least_distance, 12);
-TERRAINSEG_TUNED(int, stone_field, most_oddness, 96);
 
 std::uint32_t root(std::uint32_t square) {
   std::uint32_t result = 0;
@@ -86,14 +79,13 @@ bool StoneField::find(const GrayView& luma, const FreeSpaceCurves& curves, const
     --watch.frames_to_wait;
     return false;
   }
-  in_field_ = watch.in_field;
-  watch.in_field = look(luma, curves, view);
-  watch.looks_in_vain = watch.in_field ? 0 : std::min(watch.looks_in_vain + 1, pauses.size() - 1);
+  const bool in_field = look(luma, curves, view);
+  watch.looks_in_vain = in_field ? 0 : std::min(watch.looks_in_vain + 1, pauses.size() - 1);
   watch.frames_to_wait = pauses[watch.looks_in_vain];
   holes.reserve(runs_.capacity());
   for (const Run& run : runs_)
     holes.push_back(hole_of_cells(view_.level, run.row, run.from, run.to));
-  return watch.in_field;
+  return in_field;
 }
 
 bool StoneField::look(const GrayView& luma, const FreeSpaceCurves& curves, const StoneView& view) {
@@ -125,7 +117,7 @@ bool StoneField::look(const GrayView& luma, const FreeSpaceCurves& curves, const
       some = static_cast<std::uint8_t>(some + (deviations[j] >= sure_peak));
     clear += some;
   }
-  if (clear < pieces_of_a_field()) // each piece has at least one such cell
+  if (clear < least_sure) // each piece has at least one such cell
     return false;
   if (!candidates_.mark(cells, odd_enough, seed_enough, reach_of, reach_of, marked_.data()))
     return false;
@@ -262,11 +254,6 @@ int StoneField::reach(int row) const {
   return std::max((seed_reach * distance(row) + 512) >> 10, 1);
 }
 
-// Number of clear pieces that a field must have.
-int StoneField::pieces_of_a_field() const {
-  return in_field_ ? least_sure / less_in_a_field : least_sure;
-}
-
 StoneField::Piece StoneField::look_at(std::uint32_t number) const {
   Piece piece{width_, 0, height_, 0};
   pieces_.each_run(number, [&](const Pieces::Run& run) {
@@ -283,12 +270,11 @@ StoneField::Piece StoneField::look_at(std::uint32_t number) const {
   return piece;
 }
 
-// Sizes are compared with the distance of the piece's lower end.
+// Sizes are compared with the distance of the piece's lower end from the horizon.
 bool StoneField::is_stone(const Piece& piece, int most_width, int most_height) const {
-  const int distance = std::max(piece.bottom - horizon_row_, least_distance);
+  const int distance = piece.bottom - horizon_row_;
   const int width = piece.right - piece.left + 1, height = piece.bottom - piece.top + 1;
-  return piece.inside && (width <= always_small || 64 * width <= most_width * distance) &&
-         (height <= always_small || 64 * height <= most_height * distance);
+  return piece.inside && 64 * width <= most_width * distance && 64 * height <= most_height * distance;
 }
 
 // Lists the rows of all stones. Returns false when they are not a field.
@@ -305,8 +291,7 @@ bool StoneField::list_stones() {
     if (piece.peak >= stone_peak && is_stone(piece, stone_width, stone_height))
       list_rows(number, static_cast<std::uint8_t>(std::min(piece.peak, most_oddness)));
   }
-  const int share = in_field_ ? least_share * less_in_a_field : least_share;
-  return sure >= pieces_of_a_field() && share * sure_cells >= all_cells;
+  return sure >= least_sure && least_share * sure_cells >= all_cells;
 }
 
 // Lists each row of a piece between its outermost cells: between the lit and the shaded side of a stone the

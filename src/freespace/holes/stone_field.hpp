@@ -31,13 +31,11 @@ struct StoneView {
 /// seeds. A piece is a stone when ground surrounds it, it is not larger than a stone, and it is in a field:
 /// there are many such pieces, and they make up a large share of all differing cells. On roads, markings,
 /// seams, shadows and patches differ too, but few of them are small and surrounded. Without a field only
-/// every third frame is searched, then every fifth, then every ninth. Once found, a field needs only half of
-/// these numbers.
+/// every third frame is searched, then every fifth, then every ninth.
 class StoneField {
  public:
   /// The state of the search between frames.
   struct Watch {
-    bool in_field = false; ///< whether the last searched frame showed a field
     int frames_to_wait = 0;
     std::size_t looks_in_vain = 0;
     /// The next frame shows another place: search it regardless of earlier results.
@@ -69,14 +67,12 @@ class StoneField {
   std::array<std::uint32_t, 3> box_around(int block_row, int column, int reach) const;
   void measure_ground(const Plane& luma);
   void measure_deviations(const Plane& luma);
-  int pieces_of_a_field() const;
   bool is_stone(const Piece& piece, int most_width, int most_height) const;
   Piece look_at(std::uint32_t number) const;
   bool list_stones();
   void list_rows(std::uint32_t number, std::uint8_t odd);
   int cell_of(int row, int column) const { return row * width_ + column; }
 
-  bool in_field_ = false; ///< whether the last searched frame showed a field
   StoneView view_;
   int width_ = 0, height_ = 0, first_ = 0, horizon_row_ = 0;
   int blocks_x_ = 0, blocks_y_ = 0, first_block_ = 0;
