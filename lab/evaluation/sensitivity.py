@@ -23,7 +23,7 @@ color_bins: bins_per_octave
 connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma vouched_darker least_texture
 exposure: target_mean
 geodesic: free_distance most greatest_own_step
-ground_behind: free_below follow_below most margin least_sum
+ground_behind: free_below follow_below margin least_sum
 light_ahead: widest_part sunlit blue
 likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_is_ground rest_of_taught color_weight color_limit other_chroma texture_weight
 local_reference: follow_below free_below greatest

@@ -140,10 +140,6 @@ TEST(Reestimation, GroundThatTheWindowNeverSawIsToldByTheRestOfTheGround) {
 
 TEST(Reestimation, OneSideAloneTellsNothing) {
   Place p;
-  p.boundary.assign(24, 18);
-  p.grid.ignored.assign(480, 0);
-  std::fill(p.grid.ignored.begin() + 18 * 24, p.grid.ignored.end() - 40, 1);
-  EXPECT_FALSE(p.revise()); // 40 cells of ground
   p.boundary.assign(24, 0);
   EXPECT_FALSE(p.revise());
   p.boundary.assign(24, 20);

@@ -14,8 +14,7 @@ namespace terrainseg {
 namespace {
 
 /// Scale of the counts, so that smoothing loses no precision.
-TERRAINSEG_TUNED(std::uint32_t, reestimation, one, 64);
-TERRAINSEG_TUNED(std::uint32_t, reestimation, least_cells, 50);
+constexpr std::uint32_t one = 64;
 /// Pseudo-count added to every bin, and the largest number of bins that get it.
 TERRAINSEG_TUNED(std::uint32_t, reestimation, color_floor, one);
 TERRAINSEG_TUNED(std::uint32_t, reestimation, color_floors, 50);
@@ -50,7 +49,7 @@ template <std::size_t size> std::uint32_t total_of(const std::array<std::uint32_
 bool Reestimation::revise(const Grid& grid, const CellBins& cells, const GridCurve& boundary,
                           const CellPenalties& penalty, const CellScores& score, CellScores& revised) {
   count(grid, cells, boundary);
-  if (ground_.cells < least_cells || rest_.cells < least_cells)
+  if (ground_.cells == 0 || rest_.cells == 0)
     return false;
   compare();
   scratch_.assign(boundary.begin(), boundary.end());
@@ -102,17 +101,14 @@ void Reestimation::compare() {
 
 namespace {
 
-TERRAINSEG_TUNED(int, ground_behind, unseen, 255);
+constexpr int unseen = 255; ///< no ground is beside the cell
 TERRAINSEG_TUNED(int, ground_behind, free_below,
                  14); ///< distance from the neighbouring ground without a penalty
 TERRAINSEG_TUNED(int, ground_behind, follow_below, 24); ///< distance within which it is the same surface
-TERRAINSEG_TUNED(int, ground_behind, most, 60);
-
 TERRAINSEG_TUNED(int, ground_behind, margin,
                  8); ///< a quarter of a nat, because dark roofs and bonnets score slightly above 0
 TERRAINSEG_TUNED(int, ground_behind, least_sum,
                  64); ///< 2 nats; half of it gives 0.05 points more flicker at 15 Hz
-TERRAINSEG_TUNED(int, ground_behind, least_rows, 2);
 
 } // namespace
 
@@ -124,8 +120,6 @@ void GroundBehindSearch::find(const Grid& grid, const CellScores& score, const G
   behind.any = false;
   const auto [top, bottom] = std::minmax_element(boundary.begin(), boundary.end());
   const int first_row = *top;
-  if (*bottom - first_row < least_rows)
-    return;
   compare_sideways(grid, boundary, first_row, *bottom, gain_q8);
   for (int j = 0; j < width; ++j) {
     // Find the stretch with the largest sum.
@@ -149,8 +143,6 @@ void GroundBehindSearch::find(const Grid& grid, const CellScores& score, const G
         end = static_cast<std::uint16_t>(i + 1);
       }
     }
-    if (end - first < least_rows)
-      first = end = 0;
     behind.any |= end > 0;
   }
 }
@@ -181,7 +173,7 @@ void GroundBehindSearch::compare_sideways(const Grid& grid, const GridCurve& bou
           for (int c = 0; c < 3; ++c)
             d[c] = color[c] - reference[c];
           const int e = ((std::abs(d[0]) + 2 * (std::abs(d[1]) + std::abs(d[2]))) * gain_q8) >> 12;
-          penalty = std::clamp((e - free_below) >> 1, 0, most);
+          penalty = std::clamp((e - free_below) >> 1, 0, unseen - 1);
           if (e < follow_below)
             for (int c = 0; c < 3; ++c)
               reference[c] += d[c] >> 2;
