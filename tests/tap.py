@@ -7,6 +7,7 @@ import itertools
 import multiprocessing
 import os
 import pathlib
+import subprocess
 import sys
 import tempfile
 import traceback
@@ -65,3 +66,10 @@ def equal(actual, expected, what=''):
 
 def contains(text, part):
     assert part in text, f'{part!r} is not in {text!r}'
+
+
+def said_by(script, *arguments, code=0):
+    """All that a Python script prints, which must end with that code."""
+    result = subprocess.run([sys.executable, script, *map(str, arguments)], capture_output=True, text=True)
+    equal(result.returncode, code, result.stderr)
+    return result.stdout + result.stderr

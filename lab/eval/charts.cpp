@@ -14,14 +14,6 @@
 
 namespace terrainseg::eval {
 
-namespace {
-
-void write(cv::Mat& on, const std::string& text, cv::Point at) {
-  cv::putText(on, text, at, cv::FONT_HERSHEY_SIMPLEX, 0.42, {0, 0, 0}, 1, cv::LINE_AA);
-}
-
-} // namespace
-
 void save_chart(const std::string& path, const Chart& chart) {
   nlohmann::ordered_json curves = nlohmann::ordered_json::array();
   for (const Curve& curve : chart.curves)
@@ -85,7 +77,8 @@ cv::Mat contact_sheet(const std::vector<Tile>& tiles, int across, int width) {
   for (int i = 0; i < count; ++i) {
     const cv::Point at(i % across * (width + gap), i / across * (height + caption + gap));
     const cv::Mat& small = scaled[static_cast<std::size_t>(i)];
-    write(all, tiles[static_cast<std::size_t>(i)].caption, {at.x + 2, at.y + 14});
+    cv::putText(all, tiles[static_cast<std::size_t>(i)].caption, {at.x + 2, at.y + 14},
+                cv::FONT_HERSHEY_SIMPLEX, 0.42, {0, 0, 0}, 1, cv::LINE_AA);
     small.copyTo(all(cv::Rect(at.x, at.y + caption, small.cols, small.rows)));
   }
   return all;

@@ -125,26 +125,19 @@ std::string scale_and_shift(const Context& context) {
       curve.points.emplace_back(shift, right ? error[level][shift] : time[level][shift]);
     return curve;
   };
-  save_chart(context.out + "/figure12.chart.json",
-             {"Paper preset, b = 0, 1920x1080",
-              "pyramid level",
-              "ms a frame",
-              "error %",
-              {over_levels(0, "time", false), over_levels(0, "error", true)}});
-  save_chart(context.out + "/figure13.chart.json",
-             {"Paper preset, no pyramid, 1920x1080",
-              "bit shift b",
-              "ms a frame",
-              "error %",
-              {over_shifts(0, "time", false), over_shifts(0, "error", true)}});
-  save_chart(context.out + "/figure14.chart.json",
-             {"Paper preset, both, 1920x1080",
-              "pyramid level",
-              "ms a frame",
-              "error %",
-              {over_levels(1, "time, b = 1", false), over_levels(3, "time, b = 3", false),
-               over_levels(4, "time, b = 4", false), over_levels(1, "error, b = 1", true),
-               over_levels(3, "error, b = 3", true), over_levels(4, "error, b = 4", true)}});
+  const auto save = [&](const char* figure, const char* title, const char* x_name,
+                        std::vector<Curve> curves) {
+    save_chart(context.out + "/" + figure + ".chart.json",
+               {title, x_name, "ms a frame", "error %", std::move(curves)});
+  };
+  save("figure12", "Paper preset, b = 0, 1920x1080", "pyramid level",
+       {over_levels(0, "time", false), over_levels(0, "error", true)});
+  save("figure13", "Paper preset, no pyramid, 1920x1080", "bit shift b",
+       {over_shifts(0, "time", false), over_shifts(0, "error", true)});
+  save("figure14", "Paper preset, both, 1920x1080", "pyramid level",
+       {over_levels(1, "time, b = 1", false), over_levels(3, "time, b = 3", false),
+        over_levels(4, "time, b = 4", false), over_levels(1, "error, b = 1", true),
+        over_levels(3, "error, b = 3", true), over_levels(4, "error, b = 4", true)});
   return "## Pyramid level and bit shift (figures 12 to 14)\n\nMilliseconds a frame, 1920x1080 B G R, one "
          "thread, least processor time "
          "of 41 runs, and in brackets how many times faster than the unmodified algorithm in the same run (" +

@@ -3,14 +3,13 @@
 """lab/evaluation/draw_charts.py: each described chart becomes a picture that shows its curves."""
 import json
 import pathlib
-import subprocess
 import sys
 
 import cv2
 import numpy
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / 'tests'))
-from tap import contains, equal, main  # noqa: E402
+from tap import contains, equal, main, said_by  # noqa: E402
 
 TOOL = pathlib.Path(__file__).resolve().parent.parent / 'evaluation' / 'draw_charts.py'
 CASES = []
@@ -22,9 +21,7 @@ def case(function):
 
 
 def run(*arguments, code=0):
-    result = subprocess.run([sys.executable, TOOL, *map(str, arguments)], capture_output=True, text=True)
-    equal(result.returncode, code, result.stderr)
-    return result.stdout + result.stderr
+    return said_by(TOOL, *arguments, code=code)
 
 
 def write(folder, name, *curves):

@@ -4,7 +4,6 @@
 import collections
 import json
 import pathlib
-import subprocess
 import sys
 
 import cv2
@@ -12,7 +11,7 @@ import numpy
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / 'tests'))
 from ffmpeg import ffmpeg  # noqa: E402
-from tap import contains, equal, main  # noqa: E402
+from tap import contains, equal, main, said_by  # noqa: E402
 
 TOOL = pathlib.Path(__file__).resolve().parent.parent / 'evaluation' / 'hand_labels.py'
 SETS = json.loads(TOOL.with_suffix('.json').read_text())
@@ -25,9 +24,7 @@ def case(function):
 
 
 def run(*arguments, code=0):
-    result = subprocess.run([sys.executable, TOOL, *map(str, arguments)], capture_output=True, text=True)
-    equal(result.returncode, code, result.stderr)
-    return result.stdout + result.stderr
+    return said_by(TOOL, *arguments, code=code)
 
 
 def read(path):
