@@ -124,12 +124,33 @@ TEST(LongLines, AreNotSearchedInFramesThatAreTooSmallOrInGridsThatAreTooFine) {
   EXPECT_FALSE(row_of(parts({0.5, 0.45, corridor}, 640, 480), 640, 480, 1));
 }
 
-TEST(LineWatch, LooksAtTheFirstFramesAndThenAtOneOfSixteen) {
+TEST(LineWatch, LooksAtTheFirstFramesAndThenAtOneOfTwelve) {
   LineWatch watch;
   for (int frame = 0; frame < 100; ++frame)
-    EXPECT_EQ(watch.due(480), frame < 4 || frame % 16 == 0) << frame;
-  for (int frame = 0; frame < 20; ++frame)
-    EXPECT_EQ(watch.due(240), frame < 4 || frame % 16 == 0) << "another size, frame " << frame;
+    EXPECT_EQ(watch.due(480), frame < 4 || frame % 12 == 0) << frame;
+  for (int frame = 0; frame < 30; ++frame)
+    EXPECT_EQ(watch.due(240), frame < 4 || frame % 12 == 0) << "another size, frame " << frame;
+}
+
+TEST(LineWatch, LooksAgainUntilTwoLooksAgree) {
+  LineWatch watch;
+  for (int frame = 0; frame < 24; ++frame)
+    watch.due(480);
+  ASSERT_TRUE(watch.due(480));
+  watch.take(200 << 8);
+  ASSERT_TRUE(watch.due(480)) << "one look found a row";
+  watch.take(300 << 8);
+  ASSERT_TRUE(watch.due(480)) << "two looks disagree";
+  watch.take(305 << 8);
+  EXPECT_TRUE(watch.line().known());
+  EXPECT_FALSE(watch.due(480)) << "they agree";
+  for (int frame = 28; frame < 36; ++frame)
+    EXPECT_FALSE(watch.due(480)) << frame;
+  for (int frame = 36; frame < 40; ++frame) {
+    EXPECT_TRUE(watch.due(480)) << frame;
+    watch.take((frame % 2 ? 100 : 200) << 8);
+  }
+  EXPECT_FALSE(watch.due(480)) << "four looks disagree";
 }
 
 TEST(LineWatch, BelievesWhatTwoLooksFind) {

@@ -32,12 +32,15 @@ TERRAINSEG_TUNED(int, long_lines, beyond, 16 * 45);
 /// is seen from above are 5 points of error; with 40 and 60 fewer lines are found.
 TERRAINSEG_TUNED(int, long_lines, least_share, 35);
 TERRAINSEG_TUNED(int, long_lines, least_length, 60);
-/// Frames from one look to the next, but for the first four.
-TERRAINSEG_TUNED(std::uint32_t, long_lines, interval, 16);
+/// Frames from one look to the next, but for the first frames, and those after a look that disagrees with the
+/// one before. 8 to 14 give the same error, 16 has more in corridors.
+TERRAINSEG_TUNED(std::uint32_t, long_lines, interval, 12);
 /// Looks that may find nothing until the row is forgotten.
 TERRAINSEG_TUNED(std::uint32_t, long_lines, most_misses, 4);
 /// Inverse of the largest difference between rows that agree, in heights of the frame.
 TERRAINSEG_TUNED(int, long_lines, same_row, 48);
+
+using Short = std::int16_t;
 
 struct Direction {
   std::int32_t c, s; ///< cosine and sine, Q14
@@ -59,15 +62,32 @@ constexpr auto directions = [] {
   return table;
 }();
 
-// The normal whose limits enclose the direction (across, down); down > 0. Without branches, which a processor
-// would guess wrongly.
-int normal_of(int across, int down) {
+// Whether the direction (across, down) lies behind the lower limit of a normal.
+constexpr bool is_behind(int normal, int across, int down) {
+  const Direction& limit = directions[2 * normal];
+  return limit.c * down >= limit.s * across;
+}
+
+// The way from (1, 0) by (0, 1) to (-1, 0) is divided into shares. Each is shorter than a normal and lies in
+// the normal of the table, or in that and the next one.
+constexpr int shares = 256;
+constexpr auto normal_of_share = [] {
+  std::array<std::uint8_t, shares + 1> table{};
   int normal = 0;
-  for (int step = normals / 2; step > 0; step /= 2) {
-    const Direction& limit = directions[2 * (normal + step)];
-    normal += step & -static_cast<int>(limit.c * down >= limit.s * across);
+  for (int share = 0; share <= shares; ++share) {
+    const int across = shares / 2 - share, down = shares / 2 - (across < 0 ? -across : across);
+    while (normal < normals - 2 && is_behind(normal + 1, across, down))
+      ++normal;
+    table[share] = static_cast<std::uint8_t>(normal);
   }
-  return normal;
+  return table;
+}();
+
+// The normal whose limits enclose the direction (across, down); down > 0.
+int normal_of(int across, int down) {
+  const int whole = std::abs(across) + down;
+  const int normal = normal_of_share[shares / 2 * (whole - across) / whole];
+  return normal + static_cast<int>(is_behind(normal + 1, across, down));
 }
 
 const Direction& middle_of(int normal) {
@@ -84,29 +104,57 @@ std::int64_t length_of(std::int64_t x, std::int64_t y) {
 constexpr std::size_t block = 64; ///< votes that are searched together
 
 // Auto-vectorised.
-std::uint16_t largest(const std::uint16_t* __restrict votes) {
-  std::uint16_t most = 0;
+Short largest(const Short* __restrict votes) {
+  Short most = 0;
   for (std::size_t i = 0; i < block; ++i)
     most = std::max(most, votes[i]);
   return most;
 }
 
+// Length of a gradient, 7 % too long at most.
+Short length_of(Short x, Short y) {
+  const Short more = x > y ? x : y, less = x > y ? y : x;
+  return static_cast<Short>(more + static_cast<Short>(static_cast<Short>(3 * less) >> 3));
+}
+
 // Sobel's gradients of a row, and where they may be those of an edge. Auto-vectorised, in 16 bits.
 void compare(const std::uint8_t* __restrict a, const std::uint8_t* __restrict b,
-             const std::uint8_t* __restrict c, int width, std::int16_t* __restrict across,
-             std::int16_t* __restrict down, std::uint8_t* __restrict steep) {
-  using Short = std::int16_t;
+             const std::uint8_t* __restrict c, int width, Short* __restrict across, Short* __restrict down,
+             Short* __restrict lengths, std::uint8_t* __restrict steep) {
   for (int j = 1; j < width - 1; ++j) {
     const auto x = static_cast<Short>(a[j + 1] - a[j - 1] + 2 * (b[j + 1] - b[j - 1]) + c[j + 1] - c[j - 1]);
     const auto y = static_cast<Short>(c[j - 1] + 2 * c[j] + c[j + 1] - a[j - 1] - 2 * a[j] - a[j + 1]);
     const auto length_x = static_cast<Short>(x < 0 ? -x : x), length_y = static_cast<Short>(y < 0 ? -y : y);
     across[j] = x;
     down[j] = y;
+    lengths[j] = length_of(length_x, length_y);
     const bool strong = static_cast<Short>(length_x + length_y) >= static_cast<Short>(least_step),
                steeper = static_cast<Short>(flattest * length_x) > length_y,
                flatter =
                    static_cast<Short>(steepest_along * length_x) < static_cast<Short>(steepest_up * length_y);
     steep[j] = strong & steeper & flatter;
+  }
+}
+
+// Leaves the pixels of a row whose gradient is the longest across the edge. Auto-vectorised, in 16 bits.
+void thin(const Short* __restrict across, const Short* __restrict down, const Short* __restrict above,
+          const Short* __restrict here, const Short* __restrict below, int width,
+          std::uint8_t* __restrict steep) {
+  for (int j = 2; j < width - 2; ++j) {
+    const Short x = across[j], y = down[j];
+    const auto length_x = static_cast<Short>(x < 0 ? -x : x), length_y = static_cast<Short>(y < 0 ? -y : y);
+    // The tangent of 21.8 degrees is 2 / 5.
+    const bool sideways = static_cast<Short>(5 * length_y) < static_cast<Short>(2 * length_x),
+               upwards = static_cast<Short>(5 * length_x) < static_cast<Short>(2 * length_y),
+               falling = static_cast<Short>(x ^ y) >= 0;
+    const Short a0 = above[j - 1], a1 = above[j], a2 = above[j + 1], b0 = here[j - 1], b1 = here[j],
+                b2 = here[j + 1], c0 = below[j - 1], c1 = below[j], c2 = below[j + 1];
+    Short next = falling ? c2 : c0, last = falling ? a0 : a2;
+    next = upwards ? c1 : next;
+    last = upwards ? a1 : last;
+    next = sideways ? b2 : next;
+    last = sideways ? b0 : last;
+    steep[j] &= static_cast<std::uint8_t>((b1 >= next) & (b1 > last));
   }
 }
 
@@ -129,6 +177,8 @@ void LongLines::prepare(const LumaLevels& luma, int grid_level) {
   across_.resize(size);
   down_.resize(size);
   steep_.resize(size);
+  lengths_.resize(size);
+  columns_.resize(static_cast<std::size_t>(width_));
   edges_.reserve(size);
   votes_.resize(static_cast<std::size_t>(2 * normals * (2 * reach_ + 1)));
   owner_.resize(votes_.size());
@@ -151,31 +201,29 @@ std::optional<std::int32_t> LongLines::meeting_row(const LumaLevels& luma) {
 void LongLines::find_edges(const Plane& luma) {
   for (int i = 1; i < height_ - 1; ++i) {
     const int at = i * width_;
-    compare(luma.row(i - 1), luma.row(i), luma.row(i + 1), width_, &across_[at], &down_[at], &steep_[at]);
+    compare(luma.row(i - 1), luma.row(i), luma.row(i + 1), width_, &across_[at], &down_[at], &lengths_[at],
+            &steep_[at]);
   }
   edges_.clear();
-  for (int i = 2; i < height_ - 2; ++i)
+  for (int i = 2; i < height_ - 2; ++i) {
+    const int at = i * width_;
+    thin(&across_[at], &down_[at], &lengths_[at - width_], &lengths_[at], &lengths_[at + width_], width_,
+         &steep_[at]);
     take_edges(i);
+  }
 }
 
-// Takes the pixels of a row whose gradient is the steepest across the edge.
 void LongLines::take_edges(int i) {
-  const auto w = static_cast<std::ptrdiff_t>(width_);
-  const auto square = [&](std::ptrdiff_t at) { return across_[at] * across_[at] + down_[at] * down_[at]; };
-  for (std::ptrdiff_t j = 2; j < w - 2; ++j) {
-    const std::ptrdiff_t at = i * w + j;
-    if (!steep_[at])
-      continue;
-    const int x = across_[at], y = down_[at], length_x = std::abs(x), length_y = std::abs(y);
-    // The tangent of 22.5 degrees is 106 / 256.
-    const std::ptrdiff_t next = 256 * length_y < 106 * length_x   ? 1
-                                : 256 * length_x < 106 * length_y ? w
-                                : (x > 0) == (y > 0)              ? w + 1
-                                                                  : w - 1;
-    if (square(at) < square(at + next) || square(at) <= square(at - next))
-      continue;
+  const std::size_t row = static_cast<std::size_t>(i) * width_;
+  std::size_t count = 0; // without branches, which a processor would guess wrongly
+  for (int j = 2; j < width_ - 2; ++j) {
+    columns_[count] = static_cast<std::int16_t>(j);
+    count += steep_[row + j];
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    const int j = columns_[k], x = across_[row + j], y = down_[row + j];
     const bool falls = y < 0;
-    edges_.push_back({static_cast<std::int16_t>(j - w / 2), static_cast<std::int16_t>(i - height_ / 2),
+    edges_.push_back({static_cast<std::int16_t>(j - width_ / 2), static_cast<std::int16_t>(i - height_ / 2),
                       static_cast<std::uint8_t>(normal_of(falls ? -x : x, std::abs(y))), falls});
   }
 }
@@ -189,7 +237,7 @@ std::size_t LongLines::cell(const EdgePixel& pixel, int normal) const {
 }
 
 void LongLines::vote() {
-  std::fill(votes_.begin(), votes_.end(), std::uint16_t{0});
+  std::fill(votes_.begin(), votes_.end(), Short{0});
   for (const EdgePixel& pixel : edges_)
     for (int normal = pixel.normal - neighbours; normal <= pixel.normal + neighbours; ++normal)
       ++votes_[cell(pixel, normal)];
@@ -201,7 +249,7 @@ void LongLines::pick_lines() {
   constexpr std::uint8_t taken = 1, first_line = 2;
   const int least = width_ / shortest, row = 2 * reach_ + 1;
   peaks_.clear();
-  const std::uint16_t* const votes = votes_.data();
+  const Short* const votes = votes_.data();
   for (std::size_t i = 0; i < votes_.size(); i += block) // a multiple of the block
     if (largest(votes + i) >= least)
       for (std::size_t j = i; j < i + block; ++j)
@@ -281,8 +329,9 @@ bool LineWatch::due(int frame_height) {
   if (height_ != frame_height)
     *this = {};
   height_ = frame_height;
-  const std::uint32_t frame = frames_++;
-  return frame < at_first || frame % interval == 0;
+  const std::uint32_t frame = frames_++, since = frame % interval;
+  const bool disagrees = row_q8_ && !agreed_;
+  return since == 0 || (since < at_first && (frame == since || disagrees));
 }
 
 void LineWatch::take(std::optional<std::int32_t> row_q8) {

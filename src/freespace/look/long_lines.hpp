@@ -49,9 +49,11 @@ class LongLines {
   int level_ = 0, width_ = 0, height_ = 0;  ///< of the searched pyramid level; no width when none is
   int reach_ = 0;                           ///< largest distance of a line from the centre
   std::vector<std::int16_t> across_, down_; ///< gradient per pixel, 4 * grey levels of a step
+  std::vector<std::int16_t> lengths_;       ///< of the gradients
   std::vector<std::uint8_t> steep_;         ///< per pixel: 1 where the gradient may be that of an edge
+  std::vector<std::int16_t> columns_;       ///< of the edge pixels of a row
   std::vector<EdgePixel> edges_;
-  std::vector<std::uint16_t> votes_; ///< per polarity, normal and distance from the centre
+  std::vector<std::int16_t> votes_; ///< per polarity, normal and distance from the centre
   std::vector<std::uint32_t> peaks_;
   std::vector<std::uint8_t> owner_; ///< of votes_: 0, near a line, or the number of the line + 2
   std::vector<Line> lines_;
@@ -60,7 +62,8 @@ class LongLines {
 /// What is known about the meeting row while frames pass.
 class LineWatch {
  public:
-  /// Counts a frame. Returns true when it is to be looked at: each one at first, later one of sixteen.
+  /// Counts a frame. Returns true when it is to be looked at: each one at first, later one of twelve, and up
+  /// to three more until two rows agree.
   bool due(int frame_height);
   /// Takes the result of a look: a row in Q8, or nothing.
   void take(std::optional<std::int32_t> row_q8);
