@@ -90,6 +90,43 @@ TEST(GroundBehind, OneSideIsEnough) {
   place.expect_behind(8, 3, 9);
 }
 
+// A cabinet of the ground's colour in columns 6..14, with dark sides and a dark foot, as high as the ground.
+Place cabinet() {
+  Place place(9);
+  for (int i = 3; i < 14; ++i)
+    for (const int j : {6, 7, 13, 14})
+      place.score[place.grid.at(i, j)] = -500;
+  place.bound(6, 15, 14);
+  return place;
+}
+
+TEST(GroundBehind, AnIslandInAnObstacleIsNoGround) {
+  EXPECT_FALSE(cabinet().find().any);
+}
+
+TEST(GroundBehind, IsReachedAcrossOtherGroundBehindObstacles) {
+  Place place = cabinet();
+  for (int i = 3; i < 8; ++i)
+    for (const int j : {13, 14}) // the ground is seen above its right side
+      place.score[place.grid.at(i, j)] = 400;
+  const GroundBehind behind = place.find();
+  for (const std::size_t j : {6u, 7u, 9u, 12u, 13u, 14u})
+    EXPECT_EQ(behind.end[j] > 0, j >= 9) << j;
+}
+
+TEST(GroundBehind, TheBoundaryBesideItMayEndOneRowLower) {
+  for (const int beside : {8, 9, 10, 11}) {
+    Place place(
+        9); // a wall on its left; on its right the boundary ends in that row before it rises to the ground
+    for (int i = 3; i < 14; ++i)
+      for (const int j : {0, 1, 2, 3, 4, 5, 6, 7, 14})
+        place.score[place.grid.at(i, j)] = -500;
+    place.bound(0, 8, 14);
+    place.bound(13, 15, beside);
+    EXPECT_EQ(place.find().end[10], beside < 11 ? 9 : 0) << beside;
+  }
+}
+
 TEST(GroundBehind, IgnoredCellsLendNoColour) {
   Place place(9);
   for (int i = 0; i < height; ++i)

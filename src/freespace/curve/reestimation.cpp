@@ -109,6 +109,9 @@ TERRAINSEG_TUNED(int, ground_behind, margin,
                  8); ///< a quarter of a nat, because dark roofs and bonnets score slightly above 0
 TERRAINSEG_TUNED(int, ground_behind, least_sum,
                  64); ///< 2 nats; half of it gives 0.05 points more flicker at 15 Hz
+/// Rows by which what joins a stretch from the side may miss it: the boundary is smooth, so it ends lower
+/// beside an obstacle than the ground does. With 0 instead of 1 rendered roads lose 0.1 points.
+TERRAINSEG_TUNED(int, ground_behind, most_apart, 1);
 
 } // namespace
 
@@ -117,6 +120,7 @@ void GroundBehindSearch::find(const Grid& grid, const CellScores& score, const G
   const int width = grid.width;
   behind.first.assign(width, 0);
   behind.end.assign(width, 0);
+  open_.resize(boundary.size());
   behind.any = false;
   const auto [top, bottom] = std::minmax_element(boundary.begin(), boundary.end());
   const int first_row = *top;
@@ -145,6 +149,32 @@ void GroundBehindSearch::find(const Grid& grid, const CellScores& score, const G
     }
     behind.any |= end > 0;
   }
+  if (behind.any)
+    drop_closed(boundary, behind);
+}
+
+// The front of a cabinet of the ground's colour, above its dark foot, is not ground.
+void GroundBehindSearch::drop_closed(const GridCurve& boundary, GroundBehind& behind) {
+  const int width = static_cast<int>(boundary.size());
+  const auto open_beside = [&](int j, int beside) {
+    return beside >= 0 && beside < width && boundary[beside] <= behind.end[j] + most_apart;
+  };
+  const auto joins = [&](int j, int beside) {
+    return open_[beside] && behind.first[beside] <= behind.end[j] + most_apart &&
+           behind.first[j] <= behind.end[beside] + most_apart;
+  };
+  for (int j = 0; j < width; ++j)
+    open_[j] = behind.end[j] > 0 && (open_beside(j, j - 1) || open_beside(j, j + 1));
+  for (int j = 1; j < width; ++j)
+    open_[j] |= behind.end[j] > 0 && joins(j, j - 1);
+  for (int j = width - 2; j >= 0; --j)
+    open_[j] |= behind.end[j] > 0 && joins(j, j + 1);
+  behind.any = false;
+  for (int j = 0; j < width; ++j)
+    if (open_[j])
+      behind.any = true;
+    else
+      behind.first[j] = behind.end[j] = 0;
 }
 
 // Carries the ground's colour along each row from both sides, across the cells above the boundary.

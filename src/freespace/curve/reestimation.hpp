@@ -55,14 +55,17 @@ class GroundBehindSearch {
   /// Searches each column above `boundary` (first ground row per column) for the rows with the largest sum of
   /// `score` (Q4, 16 * 32 = 1 nat) minus a penalty. The penalty is the colour difference from the ground to
   /// the left or right of the obstacle in the same row, because ground in one row has the same distance and
-  /// similar light. Rows without ground on either side are excluded.
+  /// similar light. Rows without ground on either side are excluded, and so is what neither ground nor other
+  /// ground behind obstacles joins from the side: it cannot be reached.
   void find(const Grid& grid, const CellScores& score, const GridCurve& boundary, int gain_q8,
             GroundBehind& behind);
 
  private:
   void compare_sideways(const Grid& grid, const GridCurve& boundary, int first_row, int end_row, int gain_q8);
+  void drop_closed(const GridCurve& boundary, GroundBehind& behind);
 
   std::vector<std::uint8_t> penalty_; ///< per cell, 32 = 1 nat; `unseen` where no ground is beside it
+  std::vector<std::uint8_t> open_;    ///< per column 1 where its stretch can be reached
 };
 
 /// The ground of one frame, in rows of the grid: the boundary, the first row of ground that is not doubtful,
