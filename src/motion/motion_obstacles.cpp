@@ -37,6 +37,11 @@ TERRAINSEG_TUNED(std::int64_t, motion_obstacles, least_information, 2500);
 /// too high, they contain only a third of the deviation: the correction removes too little, but no ground.
 TERRAINSEG_TUNED(int, motion_obstacles, contradicting, 24);
 TERRAINSEG_TUNED(int, motion_obstacles, slight_slope, 72);
+/// Limits of what a motion leaves of the contrast, in twentieths: of the ground's motion, and of one that
+/// differs from the last by less than 1/16. A frame between both gives no evidence, but earlier evidence
+/// remains.
+TERRAINSEG_TUNED(std::int64_t, motion_obstacles, most_left, 18);
+TERRAINSEG_TUNED(std::int64_t, motion_obstacles, most_left_of_expected, 25);
 TERRAINSEG_TUNED(int, motion_obstacles, retry_after, 8); ///< frames between searches after a failure
 /// Failures in a row after which motion rests, and the frames for which it does before two frames are
 /// compared again, with a search.
@@ -198,10 +203,13 @@ bool MotionObstacles::follow(std::int64_t pts) {
   const Residual still = alignment_.residual(points_, earlier, {});
   if (points_.size() < fewest_points)
     return false;
-  const auto good = [&](const PlaneMotion& motion) {
+  // What a motion leaves of the contrast, in twentieths; all when it cannot be that of the ground.
+  const auto left_by = [&](const PlaneMotion& motion) {
+    constexpr std::int64_t all = 1 << 20;
     const Residual after = alignment_.residual(points_, earlier, motion);
-    return after.points >= fewest_points && after.mean <= still.mean * 261 / 256 + 51 &&
-           after.mean * 10 < after.contrast * 9 && std::abs(translation_of(motion).z) < one_q24 * 6 / 5;
+    const bool possible = after.points >= fewest_points && after.mean <= still.mean * 261 / 256 + 51 &&
+                          after.contrast > 0 && std::abs(translation_of(motion).z) < one_q24 * 6 / 5;
+    return possible ? std::int64_t{20} * after.mean / after.contrast : all;
   };
   // On bumps the previous rotation does not predict this one: also try a motion without rotation.
   PlaneMotion straight;
@@ -212,19 +220,28 @@ bool MotionObstacles::follow(std::int64_t pts) {
   };
   PlaneMotion step = error_of(straight) < error_of(guess) ? straight : guess;
   alignment_.refine(small_points_, small_earlier, 4, step);
-  bool found = alignment_.refine(points_, earlier, 2, step) && good(step);
+  const std::int64_t left =
+                         alignment_.refine(points_, earlier, 2, step) ? left_by(step) : most_left_of_expected,
+                     expected = translation_of(guess).z;
+  const PlaneMotion tracked = step;
+  bool found = left < most_left;
   if (!found && (failures_ < 3 || failures_ % retry_after == 0 || failures_ >= patience))
-    found = acquire(step) && good(step);
+    found = acquire(step) && left_by(step) < most_left;
   if (!found) {
     if (++failures_ >= patience)
       frames_to_rest_ = rest;
-    step_ = straight;
-    return false;
+    // On faint ground noise hides a motion that goes on as before; over a longer time none does.
+    const bool goes_on = moving_ && interval < 2 * shortest_interval && coasted_ < most_coasted &&
+                         left < most_left_of_expected &&
+                         16 * std::abs(translation_of(tracked).z - expected) < expected;
+    coasted_ += goes_on;
+    step_ = goes_on ? tracked : straight;
+    return goes_on;
   }
   failures_ = 0;
   // A rover does not stop within one frame. A sudden stop is measured when a car ahead fills the view and is
   // taken for ground.
-  const std::int64_t expected = translation_of(guess).z, seen = translation_of(step).z;
+  const std::int64_t seen = translation_of(step).z;
   if (moving_ && expected > one_q24 / 80 && seen < expected * 6 / 10 && coasted_ < most_coasted) {
     ++coasted_;
     step_ = guess;

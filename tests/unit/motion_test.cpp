@@ -450,6 +450,21 @@ TEST(MotionObstaclesTest, DroppedFramesAreCaughtUpWith) {
   }
 }
 
+TEST(MotionObstaclesTest, ANoisyFrameForgetsNothing) {
+  Drive d;
+  d.drive(0, 3, 60);
+  const int before = count(d.world, d.last, 2.95).hit;
+  ASSERT_GT(before, 20);
+  auto picture = d.world.picture(3);
+  for (std::size_t i = 0; i < picture.size(); ++i)
+    picture[i] =
+        static_cast<std::uint8_t>(std::clamp(picture[i] + 50 * hash(static_cast<int>(i), 5), 0.0, 255.0));
+  d.show(picture);
+  EXPECT_TRUE(d.last.steady);
+  EXPECT_FALSE(d.last.trusted) << "it adds no evidence";
+  EXPECT_GT(2 * count(d.world, d.last, 3).hit, before);
+}
+
 TEST(MotionObstaclesTest, ACutForgets) {
   Drive d;
   d.drive(0, 3, 60);
