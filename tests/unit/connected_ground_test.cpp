@@ -61,11 +61,9 @@ class ByDefinition {
   std::vector<std::uint8_t> grown(const std::vector<Cell>& seeds) const {
     const test::OwnedGrid& g = p_.grid;
     std::vector<std::uint8_t> joined(g.size(), 0);
-    double mean = 0;
     int lowest = -1;
     for (const Cell& s : seeds) {
       joined[g.at(s.y, s.x)] = 1;
-      mean += at(p_.cells.roughness, s.y, s.x) / static_cast<double>(seeds.size());
       lowest = std::max(lowest, int{s.y});
     }
     for (int i = lowest; i >= 0; --i)
@@ -74,9 +72,8 @@ class ByDefinition {
         for (int j = 0; j < g.width; ++j)
           for (const auto& [di, dj] : {std::pair{0, -1}, {0, 1}, {1, -1}, {1, 0}, {1, 1}}) {
             const int k = i + di, l = j + dj;
-            // Doubles know the mean exactly, the code to a 1024th of an octave.
             if (joined[g.at(i, j)] || k > lowest || l < 0 || l >= g.width || !joined[g.at(k, l)] ||
-                at(p_.cells.roughness, i, j) < std::trunc(4 * mean) / 4 - 400 || !joins(i, j, k, l))
+                !joins(i, j, k, l))
               continue;
             joined[g.at(i, j)] = 1;
             changed = true;
@@ -227,18 +224,6 @@ TEST(ConnectedGround, EndsAtAStepOfLumaOfColourAndOfRoughness) {
     for (int r = 0; r < 30; ++r)
       EXPECT_EQ(edgeless[p.grid.at(r, 20)], r > 0 && std::abs(r - 12) > 3) << kind << ' ' << r;
   }
-}
-
-TEST(ConnectedGround, SmoothSkyThatFadesIntoTheGroundIsNot) {
-  Picture p = picture(40, 30);
-  for (int i = 0; i < 30; ++i) // a hazy ridge: an octave and a half smoother, little by little
-    for (int j = 0; j < 40; ++j)
-      p.rough(i, j) = static_cast<std::int16_t>(2000 - 40 * std::clamp(20 - i, 0, 15));
-  ConnectedGround ground;
-  ground.look(p.grid, p.cells);
-  const auto& joined = ground.grow(p.grid, bottom_middle(p.grid));
-  EXPECT_EQ(joined[p.grid.at(12, 20)], 1);
-  EXPECT_EQ(joined[p.grid.at(8, 20)], 0);
 }
 
 TEST(ConnectedGround, IsNothingWithoutSeeds) {

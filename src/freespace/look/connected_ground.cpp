@@ -39,8 +39,6 @@ void measure_color_steps(const Grid& grid, int gain_q8, bool diagonal, ColorStep
 
 namespace {
 
-/// Cells that are smoother than the seeds by more than this are sky. In 1/1024 octave.
-TERRAINSEG_TUNED(int, connected_ground, sky_is_smoother, 1600);
 /// Largest chroma difference of taught and of vouched cells from the seeds, sum of both components, in
 /// quarters of a grey level. Without a limit for taught cells an indoor floor includes walls: 3.47 % error,
 /// 3.33 % with 48, 3.18 % with 36.
@@ -129,10 +127,6 @@ const std::vector<std::uint8_t>& ConnectedGround::grow(const Grid& grid, const s
     lowest = std::max(lowest, int{seed.y});
   }
   means_ = means_of(grid, seeds);
-  const int smoothest = means_[3] - sky_is_smoother;
-  rough_enough_.resize(grid.size());
-  for (std::size_t i = 0; i < grid.size(); ++i)
-    rough_enough_[i] = smooth_[3][i] >= smoothest;
   compare(grid, 0, 1, joined_limits, right_);
   compare(grid, 0, width, joined_limits, down_);
   compare(grid, 1, width, joined_limits, down_left_);
@@ -145,13 +139,13 @@ const std::vector<std::uint8_t>& ConnectedGround::grow(const Grid& grid, const s
   return joined_;
 }
 
-std::array<int, 4> ConnectedGround::means_of(const Grid& grid, const std::vector<Cell>& seeds) const {
-  std::array<std::int64_t, 4> sums{};
+std::array<int, 3> ConnectedGround::means_of(const Grid& grid, const std::vector<Cell>& seeds) const {
+  std::array<std::int64_t, 3> sums{};
   for (const Cell& seed : seeds)
-    for (std::size_t c = 0; c < 4; ++c)
+    for (std::size_t c = 0; c < sums.size(); ++c)
       sums[c] += smooth_[c][grid.at(seed.y, seed.x)];
-  std::array<int, 4> means{};
-  for (std::size_t c = 0; c < 4; ++c)
+  std::array<int, 3> means{};
+  for (std::size_t c = 0; c < means.size(); ++c)
     means[c] = static_cast<int>(sums[c] / static_cast<std::int64_t>(seeds.size()));
   return means;
 }
@@ -194,23 +188,23 @@ const std::vector<std::uint8_t>& ConnectedGround::vouched(const Grid& grid, cons
 void ConnectedGround::climb(std::size_t row, std::size_t width) {
   std::uint8_t* const here = &joined_[row];
   const std::uint8_t *const below = here + width, *const down = &down_[row], *const left = &down_left_[row],
-                            *const right = &down_right_[row], *const may = &rough_enough_[row];
+                            *const right = &down_right_[row];
   for (std::size_t j = 0; j < width; ++j)
-    here[j] |= below[j] & down[j] & may[j];
+    here[j] |= below[j] & down[j];
   for (std::size_t j = 1; j < width; ++j)
-    here[j] |= below[j - 1] & left[j] & may[j];
+    here[j] |= below[j - 1] & left[j];
   for (std::size_t j = 0; j + 1 < width; ++j)
-    here[j] |= below[j + 1] & right[j] & may[j];
+    here[j] |= below[j + 1] & right[j];
 }
 
 // Extends along a row in both directions.
 void ConnectedGround::spread(std::size_t row, std::size_t width) {
   std::uint8_t* const here = &joined_[row];
-  const std::uint8_t *const right = &right_[row], *const may = &rough_enough_[row];
+  const std::uint8_t* const right = &right_[row];
   for (std::size_t j = 1; j < width; ++j)
-    here[j] |= here[j - 1] & right[j - 1] & may[j];
+    here[j] |= here[j - 1] & right[j - 1];
   for (std::size_t j = width - 1; j > 0; --j)
-    here[j - 1] |= here[j] & right[j - 1] & may[j - 1];
+    here[j - 1] |= here[j] & right[j - 1];
 }
 
 const std::vector<std::uint8_t>& ConnectedGround::edgeless(const Grid& grid) {

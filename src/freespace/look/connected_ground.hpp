@@ -38,8 +38,7 @@ class ConnectedGround {
   void look(const Grid& grid, const CellBins& cells);
 
   /// Grows from the `seeds` upwards and sideways over similar neighbours (of eight). Returns one byte per
-  /// cell, 1 = connected; none without seeds. Cells much smoother than the seeds (sky) are not connected.
-  /// Ignored cells connect their neighbours and may be marked.
+  /// cell, 1 = connected; none without seeds. Ignored cells connect their neighbours and may be marked.
   const std::vector<std::uint8_t>& grow(const Grid& grid, const std::vector<Cell>& seeds);
 
   /// The subset of grow() that is learned as terrain, one byte per cell. Its chroma must be near the seeds',
@@ -67,7 +66,7 @@ class ConnectedGround {
   };
   static const Limits joined_limits, edge_limits;
 
-  std::array<int, 4> means_of(const Grid& grid, const std::vector<Cell>& seeds) const;
+  std::array<int, 3> means_of(const Grid& grid, const std::vector<Cell>& seeds) const;
   void compare(const Grid& grid, std::size_t from, std::size_t to, const Limits& limits,
                std::vector<std::uint8_t>& alike) const;
   const std::vector<std::uint8_t>& keep_like_seeds(int darkest_luma, int most_chroma,
@@ -77,10 +76,10 @@ class ConnectedGround {
 
   /// Luma, chromas and log2 of roughness (Q8), smoothed by 1-2-1 over the columns: four times the value.
   std::array<std::vector<std::int16_t>, 4> smooth_;
-  std::array<int, 4> means_{}; ///< means of the seeds of grow(), in the same units
+  std::array<int, 3> means_{}; ///< luma and chromas of the seeds of grow(), means in the same units
   /// Whether a cell and its neighbour on that side are similar; undefined at the ends of rows.
   std::vector<std::uint8_t> right_, down_, down_left_, down_right_;
-  std::vector<std::uint8_t> rough_enough_, joined_, taught_, vouched_, edgeless_;
+  std::vector<std::uint8_t> joined_, taught_, vouched_, edgeless_;
 };
 
 } // namespace terrainseg
