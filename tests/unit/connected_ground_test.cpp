@@ -119,7 +119,7 @@ class ByDefinition {
     for (int i = 0; i < g.height; ++i)
       for (int j = 0; j < g.width; ++j)
         if (dull || y - 4 * at(g.y, i, j) > std::trunc((y + 32) / 6) ||
-            std::abs(4 * at(g.u, i, j) - u) + std::abs(4 * at(g.v, i, j) - v) > 32)
+            std::abs(4 * at(g.u, i, j) - u) + std::abs(4 * at(g.v, i, j) - v) > 48)
           joined[g.at(i, j)] = 0;
     return joined;
   }

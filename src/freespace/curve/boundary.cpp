@@ -25,9 +25,6 @@ TERRAINSEG_TUNED(int, row_prior, first_middle, 128);
 /// 5.10 and 13.0 %, but 11.1 % of 15 Hz are unsafe instead of 10.7 %. With 32 they are 5.26 and 14.0 %.
 TERRAINSEG_TUNED(int, row_prior, most_below, 24);
 TERRAINSEG_TUNED(int, row_prior, upper_end, 14); ///< percent of the columns
-/// 8 nats per cell. With 2 nats a ridge of the ground's colour stays ground where there is no edge between
-/// them.
-TERRAINSEG_TUNED(int, row_prior, denied, 256);
 
 } // namespace
 
@@ -47,6 +44,9 @@ std::uint32_t horizon_of_prior(std::uint32_t slow_horizon, int vanishing_row) {
 }
 
 void deny_rows_before(int first, RowPriors& prior) {
+  // 8 nats per cell. With 2 nats a ridge of the ground's colour stays ground where there is no edge between
+  // them.
+  constexpr int denied = 256;
   for (int i = 0; i < std::min(first, static_cast<int>(prior.size())); ++i)
     prior[i] = static_cast<std::int16_t>(prior[i] - denied);
 }

@@ -40,10 +40,8 @@ void measure_color_steps(const Grid& grid, int gain_q8, bool diagonal, ColorStep
 namespace {
 
 /// Largest chroma difference of taught and of vouched cells from the seeds, sum of both components, in
-/// quarters of a grey level. Without a limit for taught cells an indoor floor includes walls: 3.47 % error,
-/// 3.33 % with 48, 3.18 % with 36.
-TERRAINSEG_TUNED(int, connected_ground, taught_chroma, 48);
-TERRAINSEG_TUNED(int, connected_ground, vouched_chroma, 32);
+/// quarters of a grey level. Without a limit an indoor floor includes walls: 3.47 % error, 3.33 % with 48.
+TERRAINSEG_TUNED(int, connected_ground, most_chroma, 48);
 /// Vouched cells are darker than the seeds by at most 1/6: 16.4 % unsafe off the road, 17.3 % without this
 /// limit.
 TERRAINSEG_TUNED(int, connected_ground, vouched_darker, 6);
@@ -151,7 +149,7 @@ std::array<int, 3> ConnectedGround::means_of(const Grid& grid, const std::vector
 }
 
 // Keeps the joined cells that are at least as light as the darkest luma and near the seeds' chroma.
-const std::vector<std::uint8_t>& ConnectedGround::keep_like_seeds(int darkest_luma, int most_chroma,
+const std::vector<std::uint8_t>& ConnectedGround::keep_like_seeds(int darkest_luma,
                                                                   std::vector<std::uint8_t>& kept) const {
   kept.resize(joined_.size());
   const std::int16_t *const y = smooth_[0].data(), *const u = smooth_[1].data(), *const v = smooth_[2].data();
@@ -167,7 +165,7 @@ const std::vector<std::uint8_t>& ConnectedGround::keep_like_seeds(int darkest_lu
 }
 
 const std::vector<std::uint8_t>& ConnectedGround::taught() {
-  return keep_like_seeds(std::numeric_limits<std::int16_t>::min(), taught_chroma, taught_);
+  return keep_like_seeds(std::numeric_limits<std::int16_t>::min(), taught_);
 }
 
 const std::vector<std::uint8_t>& ConnectedGround::vouched(const Grid& grid, const std::vector<Cell>& seeds,
@@ -181,7 +179,7 @@ const std::vector<std::uint8_t>& ConnectedGround::vouched(const Grid& grid, cons
   if (sum < least_texture * static_cast<std::int64_t>(seeds.size()))
     return vouched_;
   const int luma = means_[0];
-  return keep_like_seeds(luma - (luma + dark_luma) / vouched_darker, vouched_chroma, vouched_);
+  return keep_like_seeds(luma - (luma + dark_luma) / vouched_darker, vouched_);
 }
 
 // Extends a row from the three cells below each cell.

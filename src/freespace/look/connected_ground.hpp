@@ -45,10 +45,10 @@ class ConnectedGround {
   /// because growing in small steps can reach walls.
   const std::vector<std::uint8_t>& taught();
 
-  /// The subset of grow() that its `seeds` vouch for, one byte per cell. The limit of the chroma is stricter,
-  /// and a cell must not be darker than the seeds by more than a sixth, as the shaded base of an obstacle is.
-  /// Lighter cells are the same ground in more light. Empty when the seeds have so little texture (as
-  /// measured by TextureReader) that an edge would not be visible either.
+  /// The subset of taught() that its `seeds` vouch for, one byte per cell. A cell must not be darker than
+  /// the seeds by more than a sixth, as the shaded base of an obstacle is. Lighter cells are the same ground
+  /// in more light. Empty when the seeds have so little texture (as measured by TextureReader) that an edge
+  /// would not be visible either.
   const std::vector<std::uint8_t>& vouched(const Grid& grid, const std::vector<Cell>& seeds,
                                            const std::vector<std::uint16_t>& texture);
 
@@ -69,8 +69,7 @@ class ConnectedGround {
   std::array<int, 3> means_of(const Grid& grid, const std::vector<Cell>& seeds) const;
   void compare(const Grid& grid, std::size_t from, std::size_t to, const Limits& limits,
                std::vector<std::uint8_t>& alike) const;
-  const std::vector<std::uint8_t>& keep_like_seeds(int darkest_luma, int most_chroma,
-                                                   std::vector<std::uint8_t>& kept) const;
+  const std::vector<std::uint8_t>& keep_like_seeds(int darkest_luma, std::vector<std::uint8_t>& kept) const;
   void climb(std::size_t row, std::size_t width);
   void spread(std::size_t row, std::size_t width);
 
