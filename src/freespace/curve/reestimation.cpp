@@ -110,7 +110,7 @@ TERRAINSEG_TUNED(int, ground_behind, margin,
 TERRAINSEG_TUNED(int, ground_behind, least_sum,
                  64); ///< 2 nats; half of it gives 0.05 points more flicker at 15 Hz
 /// Rows by which what joins a stretch from the side may miss it: the boundary is smooth, so it ends lower
-/// beside an obstacle than the ground does. With 0 instead of 1 rendered roads lose 0.1 points.
+/// beside an obstacle than the ground does. Rendered corridors have 2.8 % error with 0 and 1, 3.1 with 2.
 TERRAINSEG_TUNED(int, ground_behind, most_apart, 1);
 
 } // namespace
