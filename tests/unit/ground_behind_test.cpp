@@ -114,10 +114,10 @@ TEST(GroundBehind, IsReachedAcrossOtherGroundBehindObstacles) {
     EXPECT_EQ(behind.end[j] > 0, j >= 9) << j;
 }
 
+// A wall on the left; on the right the boundary ends in a row `beside` before it rises to the ground.
 TEST(GroundBehind, TheBoundaryBesideItMayEndOneRowLower) {
   for (const int beside : {8, 9, 10, 11}) {
-    Place place(
-        9); // a wall on its left; on its right the boundary ends in that row before it rises to the ground
+    Place place(9);
     for (int i = 3; i < 14; ++i)
       for (const int j : {0, 1, 2, 3, 4, 5, 6, 7, 14})
         place.score[place.grid.at(i, j)] = -500;

@@ -159,16 +159,17 @@ void GroundBehindSearch::drop_closed(const GridCurve& boundary, GroundBehind& be
   const auto open_beside = [&](int j, int beside) {
     return beside >= 0 && beside < width && boundary[beside] <= behind.end[j] + most_apart;
   };
-  const auto joins = [&](int j, int beside) {
-    return open_[beside] && behind.first[beside] <= behind.end[j] + most_apart &&
-           behind.first[j] <= behind.end[beside] + most_apart;
+  const auto join = [&](int j, int beside) {
+    if (behind.end[j] > 0 && open_[beside] && behind.first[beside] <= behind.end[j] + most_apart &&
+        behind.first[j] <= behind.end[beside] + most_apart)
+      open_[j] = 1;
   };
   for (int j = 0; j < width; ++j)
     open_[j] = behind.end[j] > 0 && (open_beside(j, j - 1) || open_beside(j, j + 1));
   for (int j = 1; j < width; ++j)
-    open_[j] |= behind.end[j] > 0 && joins(j, j - 1);
+    join(j, j - 1);
   for (int j = width - 2; j >= 0; --j)
-    open_[j] |= behind.end[j] > 0 && joins(j, j + 1);
+    join(j, j + 1);
   behind.any = false;
   for (int j = 0; j < width; ++j)
     if (open_[j])

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <limits>
 
 #include "base/tuning.hpp"
 #include "kernels/cells.hpp"
@@ -115,6 +114,7 @@ void ConnectedGround::compare(const Grid& grid, std::size_t from, std::size_t to
 
 const std::vector<std::uint8_t>& ConnectedGround::grow(const Grid& grid, const std::vector<Cell>& seeds) {
   joined_.assign(grid.size(), 0);
+  taught_.assign(grid.size(), 0);
   means_ = {};
   if (seeds.empty())
     return joined_;
@@ -134,6 +134,7 @@ const std::vector<std::uint8_t>& ConnectedGround::grow(const Grid& grid, const s
       climb(grid.at(i, 0), width);
     spread(grid.at(i, 0), width);
   }
+  keep_like_seeds();
   return joined_;
 }
 
@@ -148,24 +149,16 @@ std::array<int, 3> ConnectedGround::means_of(const Grid& grid, const std::vector
   return means;
 }
 
-// Keeps the joined cells that are at least as light as the darkest luma and near the seeds' chroma.
-const std::vector<std::uint8_t>& ConnectedGround::keep_like_seeds(int darkest_luma,
-                                                                  std::vector<std::uint8_t>& kept) const {
-  kept.resize(joined_.size());
-  const std::int16_t *const y = smooth_[0].data(), *const u = smooth_[1].data(), *const v = smooth_[2].data();
-  const auto darkest = static_cast<std::int16_t>(darkest_luma), most = static_cast<std::int16_t>(most_chroma),
-             seeds_u = static_cast<std::int16_t>(means_[1]), seeds_v = static_cast<std::int16_t>(means_[2]);
+void ConnectedGround::keep_like_seeds() {
+  const std::int16_t *const u = smooth_[1].data(), *const v = smooth_[2].data();
+  const auto most = static_cast<std::int16_t>(most_chroma), seeds_u = static_cast<std::int16_t>(means_[1]),
+             seeds_v = static_cast<std::int16_t>(means_[2]);
   const std::uint8_t* const in = joined_.data();
-  std::uint8_t* __restrict out = kept.data();
-  for (std::size_t i = 0, count = kept.size(); i < count; ++i) {
+  std::uint8_t* __restrict out = taught_.data();
+  for (std::size_t i = 0, count = taught_.size(); i < count; ++i) {
     const auto chroma = static_cast<std::int16_t>(distance(u[i], seeds_u) + distance(v[i], seeds_v));
-    out[i] = static_cast<std::uint8_t>(in[i] & (y[i] >= darkest) & (chroma <= most));
+    out[i] = static_cast<std::uint8_t>(in[i] & (chroma <= most));
   }
-  return kept;
-}
-
-const std::vector<std::uint8_t>& ConnectedGround::taught() {
-  return keep_like_seeds(std::numeric_limits<std::int16_t>::min(), taught_);
 }
 
 const std::vector<std::uint8_t>& ConnectedGround::vouched(const Grid& grid, const std::vector<Cell>& seeds,
@@ -178,8 +171,13 @@ const std::vector<std::uint8_t>& ConnectedGround::vouched(const Grid& grid, cons
     sum += texture[grid.at(seed.y, seed.x)];
   if (sum < least_texture * static_cast<std::int64_t>(seeds.size()))
     return vouched_;
-  const int luma = means_[0];
-  return keep_like_seeds(luma - (luma + dark_luma) / vouched_darker, vouched_);
+  const auto darkest = static_cast<std::int16_t>(means_[0] - (means_[0] + dark_luma) / vouched_darker);
+  const std::int16_t* const y = smooth_[0].data();
+  const std::uint8_t* const in = taught_.data();
+  std::uint8_t* __restrict out = vouched_.data();
+  for (std::size_t i = 0, count = vouched_.size(); i < count; ++i)
+    out[i] = static_cast<std::uint8_t>(in[i] & (y[i] >= darkest));
+  return vouched_;
 }
 
 // Extends a row from the three cells below each cell.

@@ -41,9 +41,9 @@ class ConnectedGround {
   /// cell, 1 = connected; none without seeds. Ignored cells connect their neighbours and may be marked.
   const std::vector<std::uint8_t>& grow(const Grid& grid, const std::vector<Cell>& seeds);
 
-  /// The subset of grow() that is learned as terrain, one byte per cell. Its chroma must be near the seeds',
-  /// because growing in small steps can reach walls.
-  const std::vector<std::uint8_t>& taught();
+  /// The subset of the last grow() that is learned as terrain, one byte per cell. Its chroma must be near the
+  /// seeds', because growing in small steps can reach walls.
+  const std::vector<std::uint8_t>& taught() const { return taught_; }
 
   /// The subset of taught() that its `seeds` vouch for, one byte per cell. A cell must not be darker than
   /// the seeds by more than a sixth, as the shaded base of an obstacle is. Lighter cells are the same ground
@@ -69,7 +69,7 @@ class ConnectedGround {
   std::array<int, 3> means_of(const Grid& grid, const std::vector<Cell>& seeds) const;
   void compare(const Grid& grid, std::size_t from, std::size_t to, const Limits& limits,
                std::vector<std::uint8_t>& alike) const;
-  const std::vector<std::uint8_t>& keep_like_seeds(int darkest_luma, std::vector<std::uint8_t>& kept) const;
+  void keep_like_seeds(); ///< fills taught_
   void climb(std::size_t row, std::size_t width);
   void spread(std::size_t row, std::size_t width);
 

@@ -94,11 +94,14 @@ const Direction& middle_of(int normal) {
   return directions[2 * normal + 1];
 }
 
-// Length of a vector, 7 % too long at most.
-std::int64_t length_of(std::int64_t x, std::int64_t y) {
-  x = std::abs(x);
-  y = std::abs(y);
-  return std::max(x, y) + 3 * std::min(x, y) / 8;
+template <typename Number> Number magnitude(Number value) {
+  return static_cast<Number>(value < 0 ? -value : value);
+}
+
+// Length of a vector with these magnitudes, 7 % too long at most.
+template <typename Number> Number length_of(Number x, Number y) {
+  const Number more = x > y ? x : y, less = x > y ? y : x;
+  return static_cast<Number>(more + static_cast<Number>(static_cast<Number>(3 * less) >> 3));
 }
 
 constexpr std::size_t block = 64; ///< votes that are searched together
@@ -111,12 +114,6 @@ Short largest(const Short* __restrict votes) {
   return most;
 }
 
-// Length of a gradient, 7 % too long at most.
-Short length_of(Short x, Short y) {
-  const Short more = x > y ? x : y, less = x > y ? y : x;
-  return static_cast<Short>(more + static_cast<Short>(static_cast<Short>(3 * less) >> 3));
-}
-
 // Sobel's gradients of a row, and where they may be those of an edge. Auto-vectorised, in 16 bits.
 void compare(const std::uint8_t* __restrict a, const std::uint8_t* __restrict b,
              const std::uint8_t* __restrict c, int width, Short* __restrict across, Short* __restrict down,
@@ -124,7 +121,7 @@ void compare(const std::uint8_t* __restrict a, const std::uint8_t* __restrict b,
   for (int j = 1; j < width - 1; ++j) {
     const auto x = static_cast<Short>(a[j + 1] - a[j - 1] + 2 * (b[j + 1] - b[j - 1]) + c[j + 1] - c[j - 1]);
     const auto y = static_cast<Short>(c[j - 1] + 2 * c[j] + c[j + 1] - a[j - 1] - 2 * a[j] - a[j + 1]);
-    const auto length_x = static_cast<Short>(x < 0 ? -x : x), length_y = static_cast<Short>(y < 0 ? -y : y);
+    const Short length_x = magnitude(x), length_y = magnitude(y);
     across[j] = x;
     down[j] = y;
     lengths[j] = length_of(length_x, length_y);
@@ -142,7 +139,7 @@ void thin(const Short* __restrict across, const Short* __restrict down, const Sh
           std::uint8_t* __restrict steep) {
   for (int j = 2; j < width - 2; ++j) {
     const Short x = across[j], y = down[j];
-    const auto length_x = static_cast<Short>(x < 0 ? -x : x), length_y = static_cast<Short>(y < 0 ? -y : y);
+    const Short length_x = magnitude(x), length_y = magnitude(y);
     // The tangent of 21.8 degrees is 2 / 5.
     const bool sideways = static_cast<Short>(5 * length_y) < static_cast<Short>(2 * length_x),
                upwards = static_cast<Short>(5 * length_x) < static_cast<Short>(2 * length_y),
@@ -309,7 +306,8 @@ std::optional<std::int32_t> LongLines::best_meeting_point() const {
         continue;
       std::array<std::int64_t, 2> lengths{};
       for (const Line& line : lines_) {
-        const std::int64_t dx = x - line.x, dy = y - line.y, away = length_of(dx, dy);               // Q4
+        const std::int64_t dx = x - line.x, dy = y - line.y,
+                           away = length_of(magnitude(dx), magnitude(dy));                           // Q4
         const std::int64_t beside = std::abs(dx * line.c + dy * line.s), room = widest_angle * away; // Q18
         if (beside < room && 100 * away > beyond * line.length)
           lengths[line.c > 0 ? 0 : 1] += line.length * (room - beside) / room;
