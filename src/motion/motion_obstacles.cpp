@@ -26,7 +26,8 @@ constexpr int near_rows = 128;
 TERRAINSEG_TUNED(int, motion_obstacles, far_rows, 56);
 TERRAINSEG_TUNED(int, motion_obstacles, memory, 224);       ///< Q8: earlier evidence keeps 7/8
 TERRAINSEG_TUNED(int, motion_obstacles, still_memory, 252); ///< while the camera stands still
-TERRAINSEG_TUNED(int, motion_obstacles, most_coasted, 8);   ///< frames for which a sudden stop is ignored
+TERRAINSEG_TUNED(int, motion_obstacles, most_coasted, 8);   ///< frames for which a sudden stop is
+                                                            ///< ignored, or noise
 TERRAINSEG_TUNED(int, motion_obstacles, settling, 30);      ///< estimates of the vanishing line before it is
                                                             ///< reported
 /// Information that these estimates must have in total. 30 frames have 530 in a town at 1 Hz, 140,000 in a
@@ -203,9 +204,9 @@ bool MotionObstacles::follow(std::int64_t pts) {
   const Residual still = alignment_.residual(points_, earlier, {});
   if (points_.size() < fewest_points)
     return false;
-  // What a motion leaves of the contrast, in twentieths; all when it cannot be that of the ground.
+  // What a motion leaves of the contrast, in twentieths; `all` when it cannot be that of the ground.
+  constexpr std::int64_t all = 1 << 20;
   const auto left_by = [&](const PlaneMotion& motion) {
-    constexpr std::int64_t all = 1 << 20;
     const Residual after = alignment_.residual(points_, earlier, motion);
     const bool possible = after.points >= fewest_points && after.mean <= still.mean * 261 / 256 + 51 &&
                           after.contrast > 0 && std::abs(translation_of(motion).z) < one_q24 * 6 / 5;
@@ -220,29 +221,35 @@ bool MotionObstacles::follow(std::int64_t pts) {
   };
   PlaneMotion step = error_of(straight) < error_of(guess) ? straight : guess;
   alignment_.refine(small_points_, small_earlier, 4, step);
-  const std::int64_t left =
-                         alignment_.refine(points_, earlier, 2, step) ? left_by(step) : most_left_of_expected,
-                     expected = translation_of(guess).z;
+  const std::int64_t left = alignment_.refine(points_, earlier, 2, step) ? left_by(step) : all;
+  const std::int64_t expected = translation_of(guess).z;
   const PlaneMotion tracked = step;
   bool found = left < most_left;
   if (!found && (failures_ < 3 || failures_ % retry_after == 0 || failures_ >= patience))
     found = acquire(step) && left_by(step) < most_left;
-  if (!found) {
+  if (found) {
+    failures_ = 0;
+  } else {
     if (++failures_ >= patience)
       frames_to_rest_ = rest;
     // On faint ground noise hides a motion that goes on as before; over a longer time none does.
     const bool goes_on = moving_ && interval < 2 * shortest_interval && coasted_ < most_coasted &&
                          left < most_left_of_expected &&
                          16 * std::abs(translation_of(tracked).z - expected) < expected;
-    coasted_ += goes_on;
-    step_ = goes_on ? tracked : straight;
-    return goes_on;
+    if (!goes_on) {
+      step_ = straight;
+      return false;
+    }
   }
-  failures_ = 0;
+  if (interval > 0)
+    interval_ = interval;
   // A rover does not stop within one frame. A sudden stop is measured when a car ahead fills the view and is
   // taken for ground.
   const std::int64_t seen = translation_of(step).z;
-  if (moving_ && expected > one_q24 / 80 && seen < expected * 6 / 10 && coasted_ < most_coasted) {
+  if (!found) {
+    ++coasted_;
+    step_ = tracked;
+  } else if (moving_ && expected > one_q24 / 80 && seen < expected * 6 / 10 && coasted_ < most_coasted) {
     ++coasted_;
     step_ = guess;
   } else {
@@ -251,8 +258,6 @@ bool MotionObstacles::follow(std::int64_t pts) {
     coasted_ = 0;
     step_ = step;
   }
-  if (interval > 0)
-    interval_ = interval;
   return true;
 }
 

@@ -450,19 +450,33 @@ TEST(MotionObstaclesTest, DroppedFramesAreCaughtUpWith) {
   }
 }
 
+std::vector<std::uint8_t> noisy(std::vector<std::uint8_t> picture) {
+  for (std::size_t i = 0; i < picture.size(); ++i)
+    picture[i] =
+        static_cast<std::uint8_t>(std::clamp(picture[i] + 50 * hash(static_cast<int>(i), 5), 0.0, 255.0));
+  return picture;
+}
+
 TEST(MotionObstaclesTest, ANoisyFrameForgetsNothing) {
   Drive d;
   d.drive(0, 3, 60);
   const int before = count(d.world, d.last, 2.95).hit;
   ASSERT_GT(before, 20);
-  auto picture = d.world.picture(3);
-  for (std::size_t i = 0; i < picture.size(); ++i)
-    picture[i] =
-        static_cast<std::uint8_t>(std::clamp(picture[i] + 50 * hash(static_cast<int>(i), 5), 0.0, 255.0));
-  d.show(picture);
+  d.show(noisy(d.world.picture(3)));
   EXPECT_TRUE(d.last.steady);
   EXPECT_FALSE(d.last.trusted) << "it adds no evidence";
   EXPECT_GT(2 * count(d.world, d.last, 3).hit, before);
+}
+
+TEST(MotionObstaclesTest, ALateNoisyFrameHasTheSameSpeed) {
+  Drive d;
+  d.drive(0, 3, 60);
+  const double before = static_cast<double>(d.last.speed_over_height);
+  d.pts += frame_time / 2;
+  d.show(noisy(d.world.picture(3.025)));
+  ASSERT_TRUE(d.last.steady);
+  ASSERT_FALSE(d.last.trusted);
+  EXPECT_NEAR(static_cast<double>(d.last.speed_over_height), before, before / 16);
 }
 
 TEST(MotionObstaclesTest, ACutForgets) {
