@@ -20,8 +20,8 @@ TERRAINSEG_TUNED(std::int64_t, motion_obstacles, shortest_interval,
                  45'000'000); ///< ns: frames at a shorter interval are skipped
 TERRAINSEG_TUNED(std::int64_t, motion_obstacles, longest_gap, 2'000'000'000);
 constexpr PointRule large_rule{10, 6}, small_rule{4, 2};
-/// Upper ends of the near and the far zone, Q8 of the rows between the vanishing line and the bottom: 0.50,
-/// 0.22.
+/// Upper ends of the near zone (in the middle column) and of the far zone, Q8 of the rows between the
+/// vanishing line and the bottom: 0.50, 0.22.
 constexpr int near_rows = 128;
 TERRAINSEG_TUNED(int, motion_obstacles, far_rows, 56);
 TERRAINSEG_TUNED(int, motion_obstacles, memory, 224);       ///< Q8: earlier evidence keeps 7/8
@@ -267,10 +267,13 @@ void MotionObstacles::choose_keys(std::array<Zone, 2>& zones) {
   const auto cell_row = [&](int q8_of_rows) {
     return std::clamp((line + down * q8_of_rows / 256 + 3) / 4, 0, view_.height / 4);
   };
-  zones[0].first = cell_row(near_rows);
-  zones[0].end = view_.height / 4;
-  zones[1].first = cell_row(far_rows);
-  zones[1].end = zones[0].first;
+  for (Zone& zone : zones) {
+    zone.first = cell_row(far_rows);
+    zone.end = view_.height / 4;
+    zone.near_row = down * near_rows / 256;
+  }
+  zones[0].near = true;
+  zones[1].end = cell_row(near_rows);
   const std::array<int, 2> middle{(near_rows + 256) / 2, (far_rows + near_rows) / 2};
   for (int z = 0; z < 2; ++z) {
     Zone& zone = zones[z];
@@ -298,8 +301,8 @@ void MotionObstacles::judge(std::array<Zone, 2>& zones) {
   for (const Zone& zone : zones)
     if (zone.key >= 0) {
       const KeyFrame& key = keys_[zone.key];
-      parallax_.compare(passed(now_), passed(key.pixels), key.motion, view_, ground_.data(), zone.first,
-                        zone.end, cells_, judged_);
+      parallax_.compare(passed(now_), passed(key.pixels), key.motion, view_, ground_.data(), zone, cells_,
+                        judged_);
     }
   int count = 0, stand = 0, lie = 0;
   for (std::size_t i = 0; i < cells_.size(); ++i)
@@ -331,12 +334,13 @@ void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
                rolling = settled && std::abs(key.motion.g[3]) > one_q24 / 100;
     if (key.age < 2 || std::abs(forward) < one_q24 / 20 || pitching || rolling)
       continue;
+    const int first = zone.near ? zones[1].end : zone.first;
     zone_points_.clear();
     zone_points_.view = points_.view;
     zone_points_.reserve(points_.size());
     for (std::size_t i = 0; i < points_.size(); ++i) {
       const int row = (points_.below()[i] + view_.vanishing_row) >> 10;
-      if (row >= zone.first && row < zone.end)
+      if (row >= first && row < zone.end)
         zone_points_.add(points_[i]);
     }
     const Alignment::LineFit fit = alignment_.fit_line(zone_points_, passed(key.pixels), 3, key.motion);

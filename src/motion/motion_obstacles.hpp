@@ -65,9 +65,8 @@ class MotionObstacles {
     PlaneMotion motion; ///< from the current frame to the key frame
     int age = 0;
   };
-  struct Zone {
-    int first = 0, end = 0; ///< rows of cells
-    int key = -1;           ///< index of the key frame for comparison; -1 = none
+  struct Zone : MotionZone {
+    int key = -1; ///< index of the key frame for comparison; -1 = none
   };
 
   void resize(int width, int height);

@@ -13,7 +13,7 @@ namespace terrainseg {
 namespace {
 
 TERRAINSEG_TUNED(int, parallax, ahead_margin,
-                 16); ///< pixels that the hypothesis of a standing obstacle may lie above its cell when
+                 20); ///< pixels that the hypothesis of a standing obstacle may lie above its cell when
                       ///< driving forward
 TERRAINSEG_TUNED(int, parallax, behind_margin, 8); ///< pixels that a control may lie below its cell
 TERRAINSEG_TUNED(int, parallax, side_margin, 32);  ///< multiple of the segments of 16 pixels
@@ -22,12 +22,12 @@ TERRAINSEG_TUNED(int, parallax, block,
 TERRAINSEG_TUNED(int, parallax, anchor_rows, 4); ///< rows between exactly mapped rows
 /// Hypotheses: the position as ground, positions of standing obstacles (pixels along the translation), and
 /// controls: below the ground (reflections, repeated patterns) and across the translation (misalignment).
-constexpr std::array<int, 8> standing{1, 2, 3, 4, 6, 8, 11, 15};
+constexpr std::array<int, 9> standing{1, 2, 3, 4, 6, 8, 11, 15, 20};
 constexpr std::array<int, 3> sunken{-2, -4, -7};
 TERRAINSEG_TUNED(int, parallax, aside_q1, 3); ///< halves of a pixel
 /// Indices of the compared positions: ground, five controls, uniform grey (the contrast of the cell),
 /// standing.
-constexpr int first_control = 1, end_control = 6, even_grey = 6, first_standing = 7, end_standing = 15,
+constexpr int first_control = 1, end_control = 6, even_grey = 6, first_standing = 7, end_standing = 16,
               hypotheses = 16;
 static_assert(hypotheses == kernels::most_offsets && first_standing + standing.size() == end_standing);
 TERRAINSEG_TUNED(int, parallax, most_left,
@@ -93,6 +93,11 @@ int ground_shift(const PlaneMotion& motion, const GroundCamera& view, int across
   return static_cast<int>(std::clamp<std::int64_t>(std::int64_t{below} * d.length >> 24, 0, 1 << 20));
 }
 
+std::int64_t MotionZone::near_from(int y) const {
+  const std::int64_t square = std::int64_t{y} * y, limit = std::int64_t{near_row} * near_row;
+  return y > 0 ? limit * limit / square - square : INT64_MAX;
+}
+
 void Parallax::resize(int width, int height) {
   columns_ = width / 4;
   rows_ = height / 4;
@@ -156,13 +161,13 @@ int Parallax::place(const Translation& t, const GroundCamera& view, int left, in
     *next++ = 80 * s <= 6 * length + 40 // s <= 1.2 |T| + 0.5
                   ? offset(in_pixels(d.x, 2 * s), in_pixels(d.y, 2 * s))
                   : kernels::no_offset;
-  *next = kernels::no_offset;
   return length;
 }
 
 /// Computes the sums of a row of cells; 0 for cells that are not judged.
 void Parallax::compare_row(const PassedView& picture, const Translation& t, const GroundCamera& view,
-                           const std::uint8_t* ground, int row, int first) {
+                           const std::uint8_t* ground, int row, const MotionZone& zone) {
+  const int first = zone.first;
   const std::ptrdiff_t plane = columns_ + 2;
   std::uint16_t* sums = sums_.data() + (row - first) * hypotheses * plane + 1;
   std::uint16_t* seen = seen_.data() + (row - first) * plane + 1;
@@ -180,10 +185,13 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
                      *under = row + 1 < rows_ ? here + columns_ : here;
   for (int j = 0; j < columns_; ++j)
     near_[j + 1] = above[j] | here[j] | under[j];
+  const std::int64_t near_from = zone.near_from(down >> 8);
   for (int next = 0; next < columns_; next += block / 4) {
     const int j = std::min(next, columns_ - block / 4);
     const std::uint8_t* ground_around = near_.data() + j; // starts with the cell to the left
-    if (std::none_of(ground_around, ground_around + 6, [](std::uint8_t cell) { return cell != 0; })) {
+    const std::int64_t x = across(view, 4 * j + block / 2) / 2;
+    if ((x * x >= near_from) != zone.near ||
+        std::none_of(ground_around, ground_around + 6, [](std::uint8_t cell) { return cell != 0; })) {
       leave_out(next, j + block / 4); // the last block overlaps the one before it
       continue;
     }
@@ -209,15 +217,16 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
 }
 
 void Parallax::compare(const PassedView& picture, const PassedView& key, const PlaneMotion& motion,
-                       const GroundCamera& view, const std::uint8_t* ground, int first, int end,
+                       const GroundCamera& view, const std::uint8_t* ground, const MotionZone& zone,
                        std::vector<CellParallax>& cells, std::vector<std::uint8_t>& judged) {
+  const int first = zone.first, end = zone.end;
   if (first >= end)
     return;
   const Translation t = translation_of(motion);
   above_ = t.z >= 0 ? ahead_margin : behind_margin;
   warp(key, motion, view, first, end);
   for (int i = first; i < end; ++i)
-    compare_row(picture, t, view, ground, i, first);
+    compare_row(picture, t, view, ground, i, zone);
   for (int i = first; i < end; ++i)
     weigh_row(ground + i * columns_, i - first, end - first, cells.data() + i * columns_,
               judged.data() + i * columns_);

@@ -21,15 +21,26 @@ struct CellParallax {
 /// Length of the ground's translation between two frames at a pixel, in Q8 of a pixel.
 int ground_shift(const PlaneMotion& motion, const GroundCamera& view, int across, int below);
 
+/// Part of the picture that is compared with one key frame. When the camera drives forward, ground y pixels
+/// below the vanishing line and x beside the middle moves in proportion to y sqrt(x^2 + y^2). The near zone
+/// holds what moves at least as far as the middle of `near_row`, the far zone the rest.
+struct MotionZone {
+  int first = 0, end = 0; ///< rows of cells
+  int near_row = 0;       ///< pixels below the vanishing line
+  bool near = false;
+  /// The square of the least x of the near zone, y pixels below the vanishing line.
+  std::int64_t near_from(int y) const;
+};
+
 class Parallax {
  public:
   /// Takes the size of all pictures. Only this function allocates.
   void resize(int width, int height);
 
-  /// Compares rows first .. end - 1 of cells. A cell is judged where `ground` (one byte per cell) is not 0
-  /// and both frames show it; `judged` is set to 1 there. Other cells remain unchanged.
+  /// Compares the cells of a zone. A cell is judged where `ground` (one byte per cell) is not 0 and both
+  /// frames show it; `judged` is set to 1 there. Other cells remain unchanged.
   void compare(const PassedView& picture, const PassedView& key, const PlaneMotion& motion,
-               const GroundCamera& view, const std::uint8_t* ground, int first, int end,
+               const GroundCamera& view, const std::uint8_t* ground, const MotionZone& zone,
                std::vector<CellParallax>& cells, std::vector<std::uint8_t>& judged);
 
  private:
@@ -37,7 +48,7 @@ class Parallax {
   int place(const Translation& t, const GroundCamera& view, int left, int down, std::ptrdiff_t at,
             std::int32_t* offsets) const;
   void compare_row(const PassedView& picture, const Translation& t, const GroundCamera& view,
-                   const std::uint8_t* ground, int row, int first);
+                   const std::uint8_t* ground, int row, const MotionZone& zone);
   void weigh_row(const std::uint8_t* ground, int row, int rows, CellParallax* cells, std::uint8_t* judged);
 
   int columns_ = 0, rows_ = 0;

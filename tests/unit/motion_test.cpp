@@ -154,12 +154,12 @@ double noise(double x, double y) {
          (hash(ix, iy + 1) * (1 - a) + hash(ix + 1, iy + 1) * a) * b;
 }
 
-/// Units are the camera's height. A board of 0.4 x 0.35 stands 6.5 ahead of where the camera starts.
+/// Units are the camera's height. A board of 0.6 x 0.35 stands 6.5 ahead of where the camera starts.
 struct World {
   int width = 480, height = 270;
   double focal = 394, line = 100;
   bool board = true;
-  double board_at = 6.5;
+  double board_at = 6.5, board_beside = 0, board_height = 0.35;
   double zoom = 1;     ///< of the lens
   double contrast = 1; ///< of the ground
   double yaw = 0;      ///< radians to the right
@@ -176,7 +176,8 @@ struct World {
     if (standing)
       *standing = false;
     const double ahead = board_at - z;
-    if (board && ahead > 0.3 && std::abs(x * ahead) < 0.3 && y * ahead < 1 && y * ahead > 0.65) {
+    if (board && ahead > 0.3 && std::abs(x * ahead - board_beside) < 0.3 && y * ahead < 1 &&
+        y * ahead > 1 - board_height) {
       if (standing)
         *standing = true;
       return 118 + 70 * noise(x * ahead * 9 + 300, y * ahead * 9);
@@ -477,6 +478,18 @@ TEST(MotionObstaclesTest, ALateNoisyFrameHasTheSameSpeed) {
   ASSERT_TRUE(d.last.steady);
   ASSERT_FALSE(d.last.trusted);
   EXPECT_NEAR(static_cast<double>(d.last.speed_over_height), before, before / 16);
+}
+
+/// At the side of the picture the ground moves much farther than in the middle of the same row.
+TEST(MotionObstaclesTest, FindsATallThingAtTheSide) {
+  for (const double side : {-1.2, 1.2}) {
+    Drive d(World{.board_beside = side, .board_height = 0.6});
+    d.drive(0, 3, 60);
+    const Standing found = count(d.world, d.last, 2.95);
+    ASSERT_GT(found.board, 100);
+    EXPECT_GT(found.hit, found.board * 0.6) << side;
+    EXPECT_LT(found.false_alarms, found.cells / 100) << side;
+  }
 }
 
 TEST(MotionObstaclesTest, ACutForgets) {
