@@ -334,6 +334,7 @@ void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
                rolling = settled && std::abs(key.motion.g[3]) > one_q24 / 100;
     if (key.age < 2 || std::abs(forward) < one_q24 / 20 || pitching || rolling)
       continue;
+    // Points of the near zone above this row are near only at the sides, and would bias the line.
     const int first = zone.near ? zones[1].end : zone.first;
     zone_points_.clear();
     zone_points_.view = points_.view;
