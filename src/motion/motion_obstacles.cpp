@@ -52,6 +52,10 @@ TERRAINSEG_TUNED(int, motion_obstacles, rest, 6);
 /// Forward motion per frame with which a search starts, Q24 of the camera's height.
 constexpr std::array<std::int64_t, 9> first_guesses{0,       251658,  671089,  1342177, 2348810,
                                                     3355443, 4697620, 6710886, 9227469};
+/// Pitches per frame that it tries with the last forward motion: multiples of 0.015 rad, Q24.
+constexpr std::int64_t pitch_step = 251658;
+constexpr int most_pitch_steps = 3;
+constexpr int all_guesses = first_guesses.size() + 2 * most_pitch_steps + 1;
 
 std::size_t most_keys_of(std::size_t pixels) {
   return std::clamp<std::size_t>(most_bytes / pixels, 3, most_keys);
@@ -170,18 +174,22 @@ int MotionObstacles::middle_shift(const PlaneMotion& motion, int q8_of_rows) con
 
 bool MotionObstacles::acquire(PlaneMotion& step) {
   const PassedView earlier = small_passed(small_before_);
-  int least = 1 << 30;
-  std::array<std::pair<int, int>, first_guesses.size()> order{};
-  for (std::size_t i = 0; i < first_guesses.size(); ++i) {
-    PlaneMotion guess;
-    guess.g[7] = first_guesses[i];
-    order[i] = {alignment_.residual(small_points_, earlier, guess).mean, static_cast<int>(i)};
+  std::array<PlaneMotion, all_guesses> guesses{};
+  auto next = guesses.begin();
+  for (const std::int64_t forward : first_guesses)
+    (next++)->g[7] = forward;
+  for (int k = -most_pitch_steps; k <= most_pitch_steps; ++k, ++next) {
+    next->g[5] = -k * pitch_step;
+    next->g[7] = translation_of(step_).z + k * pitch_step;
   }
+  std::array<std::pair<int, int>, all_guesses> order{};
+  for (int i = 0; i < all_guesses; ++i)
+    order[i] = {alignment_.residual(small_points_, earlier, guesses[i]).mean, i};
   std::sort(order.begin(), order.end());
   bool found = false;
+  int least = 1 << 30;
   for (int k = 0; k < 4; ++k) {
-    PlaneMotion guess;
-    guess.g[7] = first_guesses[order[k].second];
+    PlaneMotion guess = guesses[order[k].second];
     if (!alignment_.refine(small_points_, earlier, 10, guess))
       continue;
     const int mean = alignment_.residual(small_points_, earlier, guess).mean;
@@ -329,9 +337,9 @@ void MotionObstacles::find_line(const std::array<Zone, 2>& zones) {
       continue;
     const KeyFrame& key = keys_[zone.key];
     const std::int64_t forward = translation_of(key.motion).z;
-    const bool pitching = settled &&
-                          (std::abs(key.motion.g[5]) > one_q24 / 100 || std::abs(step_.g[5]) > one_q24 / 400),
-               rolling = settled && std::abs(key.motion.g[3]) > one_q24 / 100;
+    const std::int64_t most_turn = one_q24 / (settled ? 100 : 25);
+    const bool pitching = std::abs(key.motion.g[5]) > most_turn || std::abs(step_.g[5]) > most_turn / 4,
+               rolling = std::abs(key.motion.g[3]) > most_turn;
     if (key.age < 2 || std::abs(forward) < one_q24 / 20 || pitching || rolling)
       continue;
     // Points of the near zone above this row are near only at the sides, and would bias the line.

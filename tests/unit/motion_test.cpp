@@ -480,6 +480,20 @@ TEST(MotionObstaclesTest, ALateNoisyFrameHasTheSameSpeed) {
   EXPECT_NEAR(static_cast<double>(d.last.speed_over_height), before, before / 16);
 }
 
+/// A bump turns the camera within one frame by more than the search for a motion without pitch bridges.
+TEST(MotionObstaclesTest, AJoltIsFollowed) {
+  for (const int rows : {-16, -10, 10, 16}) {
+    Drive d;
+    d.drive(0, 3, 60);
+    const int before = count(d.world, d.last, 2.95).hit;
+    ASSERT_GT(before, 20);
+    d.world.line += rows;
+    d.show(d.world.picture(3));
+    EXPECT_TRUE(d.last.steady) << rows;
+    EXPECT_GT(2 * count(d.world, d.last, 3).hit, before) << rows;
+  }
+}
+
 /// At the side of the picture the ground moves much farther than in the middle of the same row.
 TEST(MotionObstaclesTest, FindsATallThingAtTheSide) {
   for (const double side : {-1.2, 1.2}) {
