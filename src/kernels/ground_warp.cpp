@@ -22,12 +22,12 @@ template <int radius>
 void subtract_mean(const std::uint8_t* __restrict in, const std::uint16_t* __restrict columns, int width,
                    int gain, std::uint8_t* __restrict out) {
   constexpr int side = 2 * radius + 1;
-  constexpr unsigned per_sum = (65536 + side * side / 2) / (side * side);
+  constexpr unsigned per_sum = (4 * 65536 + side * side / 2) / (side * side);
   for (int x = 0; x < width; ++x) {
-    std::uint16_t sum = 0;
+    std::uint16_t half_sum = 0;
     for (int k = 0; k < side; ++k)
-      sum = static_cast<std::uint16_t>(sum + columns[x + k]);
-    const auto mean = static_cast<std::int16_t>((sum * per_sum) >> 16);
+      half_sum = static_cast<std::uint16_t>(half_sum + columns[x + k] / 2);
+    const auto mean = static_cast<std::int16_t>((half_sum * per_sum) >> 17);
     const int value = 128 + (in[x] - mean) * gain;
     out[x] = static_cast<std::uint8_t>(value < 1 ? 1 : (value > 255 ? 255 : value));
   }
@@ -55,7 +55,7 @@ void high_pass_of(const std::uint8_t* in, std::ptrdiff_t stride, int width, int 
 void high_pass_any(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int radius, int gain,
                    std::uint8_t* out, std::uint16_t* work) {
   if (width > 0 && height > 0)
-    with_constant<5, 6>(
+    with_constant<5, 8>(
         radius, [&](auto r) HWY_ATTR { high_pass_of<r>(in, stride, width, height, gain, out, work); });
 }
 

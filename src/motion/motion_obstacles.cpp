@@ -146,7 +146,7 @@ void MotionObstacles::look(const GrayView& luma, const GrayView& ground) {
   const int small_first = first / 4;
   std::fill_n(now_.begin(), first * width, std::uint8_t{0});
   std::fill_n(small_now_.begin(), small_first * columns, std::uint8_t{0});
-  kernels::high_pass(luma.plane.row(first), luma.plane.stride, width, height - first, 6, 1,
+  kernels::high_pass(luma.plane.row(first), luma.plane.stride, width, height - first, 8, 1,
                      now_.data() + first * width, work_.data());
   for (int i = small_first; i < rows; ++i)
     kernels::mean_of_quarters(luma.plane.row(4 * i), luma.plane.stride, columns,

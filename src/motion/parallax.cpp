@@ -256,7 +256,7 @@ void Parallax::weigh_row(const std::uint8_t* ground, int row, int rows, CellPara
     if (16 * best >
         most_left * costs.even_grey[j]) // no position matches better than another: the cell was occluded
       gain = std::min(gain, 0);
-    cells[j].quality = static_cast<std::int16_t>(gain * 4096 / (ground_cost + 8 * pixels));
+    cells[j].quality = static_cast<std::int16_t>(gain * 4096 / (ground_cost + 10 * pixels));
     cells[j].ratio = static_cast<std::int16_t>(std::min(standing[costs.which[j]] * 16 * 4096 / length, 8191));
     judged[j] = 1;
   }
