@@ -49,13 +49,12 @@ TERRAINSEG_TUNED(int, motion_obstacles, retry_after, 8); ///< frames between sea
 TERRAINSEG_TUNED(int, motion_obstacles, patience, 16);
 TERRAINSEG_TUNED(int, motion_obstacles, rest, 6);
 
-/// Forward motion per frame with which a search starts, Q24 of the camera's height.
+/// Forward motions per frame with which a search starts, Q24 of the camera's height.
 constexpr std::array<std::int64_t, 9> first_guesses{0,       251658,  671089,  1342177, 2348810,
                                                     3355443, 4697620, 6710886, 9227469};
 /// Pitches per frame that it tries with the last forward motion: multiples of 0.015 rad, Q24.
 constexpr std::int64_t pitch_step = 251658;
 constexpr int most_pitch_steps = 3;
-constexpr int all_guesses = first_guesses.size() + 2 * most_pitch_steps + 1;
 
 std::size_t most_keys_of(std::size_t pixels) {
   return std::clamp<std::size_t>(most_bytes / pixels, 3, most_keys);
@@ -174,31 +173,26 @@ int MotionObstacles::middle_shift(const PlaneMotion& motion, int q8_of_rows) con
 
 bool MotionObstacles::acquire(PlaneMotion& step) {
   const PassedView earlier = small_passed(small_before_);
-  std::array<PlaneMotion, all_guesses> guesses{};
-  auto next = guesses.begin();
-  for (const std::int64_t forward : first_guesses)
-    (next++)->g[7] = forward;
-  for (int k = -most_pitch_steps; k <= most_pitch_steps; ++k, ++next) {
-    next->g[5] = -k * pitch_step;
-    next->g[7] = translation_of(step_).z + k * pitch_step;
-  }
-  std::array<std::pair<int, int>, all_guesses> order{};
-  for (int i = 0; i < all_guesses; ++i)
-    order[i] = {alignment_.residual(small_points_, earlier, guesses[i]).mean, i};
-  std::sort(order.begin(), order.end());
   bool found = false;
   int least = 1 << 30;
-  for (int k = 0; k < 4; ++k) {
-    PlaneMotion guess = guesses[order[k].second];
+  const auto attempt = [&](std::int64_t forward, std::int64_t pitch) {
+    PlaneMotion guess;
+    guess.g[5] = -pitch;
+    guess.g[7] = forward + pitch;
     if (!alignment_.refine(small_points_, earlier, 10, guess))
-      continue;
+      return;
     const int mean = alignment_.residual(small_points_, earlier, guess).mean;
     if (mean < least) {
       least = mean;
       step = guess;
       found = true;
     }
-  }
+  };
+  for (const std::int64_t forward : first_guesses)
+    attempt(forward, 0);
+  const std::int64_t last = translation_of(step_).z;
+  for (int k = -most_pitch_steps; k <= most_pitch_steps; ++k)
+    attempt(last, k * pitch_step);
   return found && alignment_.refine(points_, passed(before_), 6, step);
 }
 

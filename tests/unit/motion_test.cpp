@@ -482,7 +482,7 @@ TEST(MotionObstaclesTest, ALateNoisyFrameHasTheSameSpeed) {
 
 /// A bump turns the camera within one frame by more than the search for a motion without pitch bridges.
 TEST(MotionObstaclesTest, AJoltIsFollowed) {
-  for (const int rows : {-16, -10, 10, 16}) {
+  for (const int rows : {-24, -16, -10, 10, 16, 24}) {
     Drive d;
     d.drive(0, 3, 60);
     const int before = count(d.world, d.last, 2.95).hit;
