@@ -18,16 +18,26 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // These loops are auto-vectorised.
+/// out[x] = in[x] + in[x + apart].
+void add_shifted(const std::uint16_t* __restrict in, int apart, int count, std::uint16_t* __restrict out) {
+  for (int x = 0; x < count; ++x)
+    out[x] = static_cast<std::uint16_t>(in[x] + in[x + apart]);
+}
+
+/// `halves` are the halved sums of columns from `radius` to the left on; `two` and `eight` the sums of two
+/// and eight neighbours of them.
 template <int radius>
-void subtract_mean(const std::uint8_t* __restrict in, const std::uint16_t* __restrict columns, int width,
+void subtract_mean(const std::uint8_t* __restrict in, const std::uint16_t* __restrict halves,
+                   const std::uint16_t* __restrict two, const std::uint16_t* __restrict eight, int width,
                    int gain, std::uint8_t* __restrict out) {
   constexpr int side = 2 * radius + 1;
   constexpr unsigned per_sum = (4 * 65536 + side * side / 2) / (side * side);
+  static_assert(side == 8 + 2 + 1 || side == 8 + 8 + 1);
+  const std::uint16_t* rest = side == 17 ? eight : two;
   for (int x = 0; x < width; ++x) {
-    std::uint16_t half_sum = 0;
-    for (int k = 0; k < side; ++k)
-      half_sum = static_cast<std::uint16_t>(half_sum + columns[x + k] / 2);
-    const auto mean = static_cast<std::int16_t>((half_sum * per_sum) >> 17);
+    const auto half_sum = static_cast<std::uint16_t>(eight[x] + rest[x + 8] + halves[x + side - 1]);
+    const auto twice = static_cast<std::uint16_t>((half_sum * per_sum) >> 16);
+    const auto mean = static_cast<std::int16_t>(twice / 2);
     const int value = 128 + (in[x] - mean) * gain;
     out[x] = static_cast<std::uint8_t>(value < 1 ? 1 : (value > 255 ? 255 : value));
   }
@@ -35,17 +45,25 @@ void subtract_mean(const std::uint8_t* __restrict in, const std::uint16_t* __res
 
 template <int radius>
 void high_pass_of(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int gain,
-                  std::uint8_t* out, std::uint16_t* columns) {
+                  std::uint8_t* out, std::uint16_t* work) {
+  const int count = width + 2 * radius;
+  std::uint16_t *middle = work, *halves = work + count, *two = halves + count, *four = two + count,
+                *eight = four + count;
   const auto row = [&](int y) { return in + std::clamp(y, 0, height - 1) * stride; };
-  std::uint16_t* middle = columns + radius;
   std::fill_n(middle, width, std::uint16_t{0});
   for (int k = -radius; k <= radius; ++k)
     for (int x = 0; x < width; ++x)
       middle[x] = static_cast<std::uint16_t>(middle[x] + row(k)[x]);
   for (int y = 0; y < height; ++y) {
-    std::fill_n(columns, radius, middle[0]);
-    std::fill_n(middle + width, radius, middle[width - 1]);
-    subtract_mean<radius>(row(y), columns, width, gain, out + static_cast<std::ptrdiff_t>(y) * width);
+    for (int x = 0; x < width; ++x)
+      halves[radius + x] = middle[x] / 2;
+    std::fill_n(halves, radius, halves[radius]);
+    std::fill_n(halves + radius + width, radius, halves[radius + width - 1]);
+    add_shifted(halves, 1, count - 1, two);
+    add_shifted(two, 2, count - 3, four);
+    add_shifted(four, 4, count - 7, eight);
+    subtract_mean<radius>(row(y), halves, two, eight, width, gain,
+                          out + static_cast<std::ptrdiff_t>(y) * width);
     const std::uint8_t *added = row(y + radius + 1), *removed = row(y - radius);
     for (int x = 0; x < width; ++x)
       middle[x] = static_cast<std::uint16_t>(middle[x] + added[x] - removed[x]);
