@@ -18,6 +18,7 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // These loops are auto-vectorised.
+
 /// out[x] = in[x] + in[x + apart].
 void add_shifted(const std::uint16_t* __restrict in, int apart, int count, std::uint16_t* __restrict out) {
   for (int x = 0; x < count; ++x)
