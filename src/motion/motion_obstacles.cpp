@@ -43,6 +43,7 @@ TERRAINSEG_TUNED(int, motion_obstacles, slight_slope, 72);
 /// remains.
 TERRAINSEG_TUNED(std::int64_t, motion_obstacles, most_left, 18);
 TERRAINSEG_TUNED(std::int64_t, motion_obstacles, most_left_of_expected, 25);
+constexpr std::int64_t not_of_the_ground = 1 << 20;
 TERRAINSEG_TUNED(int, motion_obstacles, retry_after, 8); ///< frames between searches after a failure
 /// Failures in a row after which motion rests, and the frames for which it does before two frames are
 /// compared again, with a search.
@@ -171,29 +172,38 @@ int MotionObstacles::middle_shift(const PlaneMotion& motion, int q8_of_rows) con
   return ground_shift(motion, view_, 0, down / 256 * q8_of_rows);
 }
 
-bool MotionObstacles::acquire(PlaneMotion& step) {
+/// What a motion leaves of the contrast, in twentieths; `not_of_the_ground` when it cannot be the ground's.
+/// `still` is the residual without motion.
+std::int64_t MotionObstacles::left_by(const PlaneMotion& motion, const Residual& still) {
+  const Residual after = alignment_.residual(points_, passed(before_), motion);
+  const bool possible = after.points >= fewest_points && after.mean <= still.mean * 261 / 256 + 51 &&
+                        after.contrast > 0 && std::abs(translation_of(motion).z) < one_q24 * 6 / 5;
+  return possible ? std::int64_t{20} * after.mean / after.contrast : not_of_the_ground;
+}
+
+/// Searches this frame's motion from many first guesses, the last forward motion first.
+bool MotionObstacles::acquire(PlaneMotion& step, const Residual& still) {
   const PassedView earlier = small_passed(small_before_);
-  bool found = false;
   int least = 1 << 30;
-  const auto attempt = [&](std::int64_t forward, std::int64_t pitch) {
+  const auto fits = [&](std::int64_t forward, std::int64_t pitch) {
     PlaneMotion guess;
     guess.g[5] = -pitch;
     guess.g[7] = forward + pitch;
     if (!alignment_.refine(small_points_, earlier, 10, guess))
-      return;
+      return false;
     const int mean = alignment_.residual(small_points_, earlier, guess).mean;
-    if (mean < least) {
-      least = mean;
-      step = guess;
-      found = true;
-    }
+    if (mean >= least)
+      return false;
+    least = mean;
+    step = guess;
+    return alignment_.refine(points_, passed(before_), 6, step) && left_by(step, still) < most_left;
   };
-  for (const std::int64_t forward : first_guesses)
-    attempt(forward, 0);
-  const std::int64_t last = translation_of(step_).z;
-  for (int k = -most_pitch_steps; k <= most_pitch_steps; ++k)
-    attempt(last, k * pitch_step);
-  return found && alignment_.refine(points_, passed(before_), 6, step);
+  const std::int64_t last = translation_of(step).z;
+  for (int k = 0; k <= most_pitch_steps; ++k)
+    if (fits(last, -k * pitch_step) || (k > 0 && fits(last, k * pitch_step)))
+      return true;
+  return std::any_of(first_guesses.begin(), first_guesses.end(),
+                     [&](std::int64_t forward) { return fits(forward, 0); });
 }
 
 /// Computes this frame's motion since the last frame. Returns false when it cannot be found.
@@ -206,14 +216,6 @@ bool MotionObstacles::follow(std::int64_t pts) {
   const Residual still = alignment_.residual(points_, earlier, {});
   if (points_.size() < fewest_points)
     return false;
-  // What a motion leaves of the contrast, in twentieths; `all` when it cannot be that of the ground.
-  constexpr std::int64_t all = 1 << 20;
-  const auto left_by = [&](const PlaneMotion& motion) {
-    const Residual after = alignment_.residual(points_, earlier, motion);
-    const bool possible = after.points >= fewest_points && after.mean <= still.mean * 261 / 256 + 51 &&
-                          after.contrast > 0 && std::abs(translation_of(motion).z) < one_q24 * 6 / 5;
-    return possible ? std::int64_t{20} * after.mean / after.contrast : all;
-  };
   // On bumps the previous rotation does not predict this one: also try a motion without rotation.
   PlaneMotion straight;
   straight.g[7] = translation_of(guess).z;
@@ -223,12 +225,13 @@ bool MotionObstacles::follow(std::int64_t pts) {
   };
   PlaneMotion step = error_of(straight) < error_of(guess) ? straight : guess;
   alignment_.refine(small_points_, small_earlier, 4, step);
-  const std::int64_t left = alignment_.refine(points_, earlier, 2, step) ? left_by(step) : all;
+  const std::int64_t left =
+      alignment_.refine(points_, earlier, 2, step) ? left_by(step, still) : not_of_the_ground;
   const std::int64_t expected = translation_of(guess).z;
   const PlaneMotion tracked = step;
   bool found = left < most_left;
   if (!found && (failures_ < 3 || failures_ % retry_after == 0 || failures_ >= patience))
-    found = acquire(step) && left_by(step) < most_left;
+    found = acquire(step, still);
   if (found) {
     failures_ = 0;
   } else {
