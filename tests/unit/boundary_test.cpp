@@ -49,7 +49,7 @@ double worth(const test::OwnedGrid& g, const CellScores& score, const RowPriors&
           std::clamp(10.0 * std::floor((g.y[g.at(r, j)] - g.y[g.at(r - 1, j)]) * gain / 256.0), 0.0, 215.0);
     }
     if (r < g.height && !edgeless.empty() && edgeless[g.at(r, j)])
-      sum -= 400;
+      sum -= 360;
     double stretch = 0; // the best one above the curve with a row between them
     for (int first = 0; behind && first < r - 1; ++first) {
       double turned = -360;
@@ -63,7 +63,7 @@ double worth(const test::OwnedGrid& g, const CellScores& score, const RowPriors&
       sum -= 80 * std::min(std::abs(r - before[j]), 3);
     if (j > 0)
       for (int i = std::min(curve[j], curve[j - 1]); i < std::max(curve[j], curve[j - 1]); ++i)
-        sum -= std::max(16.0, 140 - 72 * std::log2((step(i, j, i, j - 1) + 32) / 32));
+        sum -= std::max(0.0, 140 - 72 * std::log2((step(i, j, i, j - 1) + 32) / 32));
   }
   return sum;
 }

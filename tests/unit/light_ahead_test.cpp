@@ -38,16 +38,15 @@ TEST(ColumnsAhead, AreAThirdOfTheWidthAtMost) {
 }
 
 // Against the photometry in words: half or twice the light on the same surface; chroma that is normalised by
-// brightness stays, but for the sky's blue.
+// brightness stays.
 TEST(InOtherLight, HalvesOrDoublesTheLight) {
   for (double y = 0; y < 256; y += 0.5)
     for (const double u : {0.0, 90.0, 128.0, 255.0})
       for (const double v : {0.0, 1.0, 128.0, 170.0, 255.0}) {
-        const bool lit = y >= 128;
         const TerrainModel m = model_of(y, u, v), other = in_other_light(m);
-        EXPECT_NEAR(other.mean[0] / 256.0, std::min(lit ? y / 2 : 2 * y, 255.0), 1.0 / 256) << y;
-        EXPECT_EQ(other.mean[1] / 256.0, std::clamp(u + (lit ? 2 : -2), 0.0, 255.0)) << y << ' ' << u;
-        EXPECT_EQ(other.mean[2] / 256.0, std::clamp(v + (lit ? -2 : 2), 0.0, 255.0)) << y << ' ' << v;
+        EXPECT_NEAR(other.mean[0] / 256.0, std::min(y >= 128 ? y / 2 : 2 * y, 255.0), 1.0 / 256) << y;
+        EXPECT_EQ(other.mean[1], m.mean[1]);
+        EXPECT_EQ(other.mean[2], m.mean[2]);
         EXPECT_EQ(other.variance[0], 2 * m.variance[0]);
         EXPECT_EQ(other.variance[1], m.variance[1]);
         EXPECT_EQ(other.variance[2], m.variance[2]);

@@ -290,16 +290,16 @@ TEST(Likelihood, AheadTheGroundMayLieInAnotherLight) {
   LikelihoodTables tables{};
   tables.color.fill(-20);
   tables.any_light.fill(-20);
-  tables.color[cells.color[0]] = tables.any_light[cells.color[0]] = 9; // does not speak for ground yet
-  tables.any_light[cells.color[2]] = 10;
+  tables.color[cells.color[0]] = tables.any_light[cells.color[0]] = 25; // not the largest evidence
+  tables.any_light[cells.color[2]] = 26;
   const CellPenalties penalty{7, 7, 7, 0, 7, 7, 7, 7, 8, 7};
   CellScores score;
   score_cells(grid, cells, tables, penalty, {}, {1, 4}, score);
-  EXPECT_EQ(score, (CellScores{16 * 2, 16 * 2, 16 * (10 - 3), 16 * 10, 16 * -27, //
-                               16 * -27, 0, 16 * -27, 16 * (10 - 4), 16 * 2}));
+  EXPECT_EQ(score, (CellScores{16 * 18, 16 * 18, 16 * (26 - 3), 16 * 26, 16 * -27, //
+                               16 * -27, 0, 16 * -27, 16 * (26 - 4), 16 * 18}));
   score_cells(grid, cells, tables, penalty, {}, {}, score);
-  EXPECT_EQ(score, (CellScores{16 * 2, 16 * 2, 16 * -27, 16 * -20, 16 * -27, //
-                               16 * -27, 0, 16 * -27, 16 * -28, 16 * 2}));
+  EXPECT_EQ(score, (CellScores{16 * 18, 16 * 18, 16 * -27, 16 * -20, 16 * -27, //
+                               16 * -27, 0, 16 * -27, 16 * -28, 16 * 18}));
 }
 
 } // namespace

@@ -113,8 +113,8 @@ TEST(Reestimation, IsTheWeightedRatioOfBothSides) {
                                   std::log((color[0][c] + 1) / (total[0] + 50) * (total[1] + 50) /
                                            (color[1][c] + 1)),
                        of_texture = 0.125 * 32 *
-                                    std::log((texture[0][t] + 2) / (count[0] + 48) * (count[1] + 48) /
-                                             (texture[1][t] + 2));
+                                    std::log((texture[0][t] + 1) / (count[0] + 24) * (count[1] + 24) /
+                                             (texture[1][t] + 1));
           const double most = i < first ? 0 : std::max(0, 12 - 2 * p.penalty[cell]);
           says = std::min(std::clamp(of_color, -12.0, 12.0), most) +
                  std::min(std::clamp(of_texture, -12.0, 12.0), i < first ? 0.0 : 12.0);

@@ -105,8 +105,7 @@ class ByDefinition {
     const std::span<const std::uint8_t> z = s_.field.deviations();
     const auto candidate = [&](int i, int j) { return i >= first_ && z[at(i, j)] >= 24; };
     const auto sum_over = [&](int i, int j, const auto& value) {
-      const int reach =
-          std::max(static_cast<int>(std::floor(20.0 * std::max(i - horizon_, 30) / 1024 + 0.5)), 1);
+      const int reach = std::max(static_cast<int>(std::floor(20.0 * (i - horizon_) / 1024 + 0.5)), 1);
       double sum = 0;
       for (int y = std::max(i - reach, first_); y <= std::min(i + reach, h_ - 1); ++y)
         for (int x = std::max(j - reach, 0); x <= std::min(j + reach, w_ - 1); ++x)
@@ -157,15 +156,15 @@ class ByDefinition {
           }
       inside &= left > 0 && right < w_ - 1 && bottom < h_ - 1;
       const double away = bottom - horizon_;
-      const auto fits = [&](double width, double height) {
-        return right - left + 1 <= width / 64 * away && bottom - top + 1 <= height / 64 * away;
+      const auto fits = [&](double size) {
+        return right - left + 1 <= size / 64 * away && bottom - top + 1 <= size / 64 * away;
       };
       all += cells;
-      if (inside && peak >= 80 && fits(19, 16)) {
+      if (inside && peak >= 80 && fits(18)) {
         ++sure;
         sure_cells += cells;
       }
-      if (inside && peak >= 48 && fits(51, 38))
+      if (inside && peak >= 48 && fits(44))
         taken.push_back(static_cast<int>(c));
     }
     if (sure < 16 || 6 * sure_cells < all)
@@ -190,7 +189,7 @@ class ByDefinition {
     double mean, limit;
   };
   static int reach_of(double away) { return std::clamp(static_cast<int>((away / 2 + 8) / 16), 1, 15); }
-  int reach(int block_row) const { return reach_of(std::max(16 * block_row + 8 - horizon_, 30)); }
+  int reach(int block_row) const { return reach_of(16 * block_row + 8 - horizon_); }
   template <typename Visit> void each_around(int block_row, int block, Visit visit) const {
     const int r = reach(block_row);
     for (int y = std::max(16 * (block_row - r), 0); y < std::min(16 * (block_row + r + 1), h_); ++y)
@@ -240,7 +239,7 @@ std::vector<Rectangle> field_of(int count, int width, int height) {
   std::vector<Rectangle> stones;
   for (int n = 0; n < count; ++n) {
     const int row = n / 8, y = height / 3 + row * height / 9, size = 4 + row * height / 120;
-    stones.push_back({width * (2 * (n % 8) + 1 + row % 2) / 18, y, size + size / 2, size});
+    stones.push_back({width * (2 * (n % 8) + 1 + row % 2) / 18, y, size + size / 3, size});
   }
   return stones;
 }
@@ -255,7 +254,7 @@ TEST(StoneField, IsWhatTheDefinitionSays) {
     for (int n = 0; n < 50; ++n) {
       const int y = height / 4 + static_cast<int>(dice() % static_cast<unsigned>(height * 3 / 4)),
                 size = (2 + static_cast<int>(dice() % 9)) << level;
-      stones.push_back({static_cast<int>(dice() % static_cast<unsigned>(width)), y, size + size / 2, size});
+      stones.push_back({static_cast<int>(dice() % static_cast<unsigned>(width)), y, size + size / 3, size});
     }
     if (round % 3 == 2) // markings: as much as the stones, and not theirs
       for (int n = 0; n < 6; ++n)

@@ -71,7 +71,6 @@ TERRAINSEG_TUNED(int, boundary, edge_per_octave, 88);
 TERRAINSEG_TUNED(int, boundary, shadow_limit, 215);
 TERRAINSEG_TUNED(int, boundary, shadow_per_grey, 10);
 TERRAINSEG_TUNED(int, boundary, step_price, 140);
-TERRAINSEG_TUNED(int, boundary, least_step_price, 16);
 /// Reduction of the step price per octave of an upright edge above a difference of 32, because obstacles have
 /// upright sides. Reduces the error of a drive in town by 0.2 points and its unsafe pixels by a tenth.
 TERRAINSEG_TUNED(int, boundary, upright_per_octave, 72);
@@ -81,12 +80,10 @@ TERRAINSEG_TUNED(int, boundary, upright_floor, 32);
 /// 2.64 / 11.0. With four rows roads and trails get worse.
 TERRAINSEG_TUNED(int, boundary, leave_price, 80);
 TERRAINSEG_TUNED(int, boundary, leave_rows, 3);
-/// Price for ground above an obstacle. Without ground behind obstacles, a column is cut at an obstacle only
-/// when the ground behind it has less weight. Below 300, kerbs and markings also cut the ground.
+/// Price for ground above an obstacle, and for a curve where the picture has no edge. Without ground behind
+/// obstacles, a column is cut at an obstacle only when the ground behind it has less weight. Below 300, kerbs
+/// and markings also cut the ground.
 TERRAINSEG_TUNED(int, boundary, behind_price, 360);
-/// Price for a curve where the picture has no edge. The error is nearly constant from 300 to 500; at 200
-/// corridors have 8.0 % instead of 5.8 %, at 300 rendered ones 2.84 % instead of 2.66 %.
-TERRAINSEG_TUNED(int, boundary, edgeless_price, 400);
 
 // Table of the value of a colour step, in Q4. The values are logarithms of a small range.
 template <typename Worth> constexpr std::array<std::int16_t, most_color_step + 1> table_of(Worth worth) {
@@ -105,7 +102,7 @@ TERRAINSEG_TUNED_TABLE(edge_worth, table_of([](int step) {
                        }));
 TERRAINSEG_TUNED_TABLE(step_prices, table_of([](int step) {
                          return std::max(step_price - octaves_above(step, upright_floor, upright_per_octave),
-                                         least_step_price);
+                                         0);
                        }));
 
 } // namespace
@@ -190,7 +187,7 @@ void BoundarySearch::price_edgeless(const Grid& grid, const std::vector<std::uin
   const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height);
   for (std::size_t j = 0; j < width; ++j)
     for (std::size_t r = 0; r < height; ++r)
-      edges_[j * (height + 1) + r] -= 16 * edgeless_price * edgeless[r * width + j];
+      edges_[j * (height + 1) + r] -= 16 * behind_price * edgeless[r * width + j];
 }
 
 // Computes per row the sum of the scores below minus the sum above, plus the value of the edge.

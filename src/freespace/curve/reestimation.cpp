@@ -15,10 +15,9 @@ namespace {
 
 /// Scale of the counts, so that smoothing loses no precision.
 constexpr std::uint32_t one = 64;
-/// Pseudo-count added to every bin, and the largest number of bins that get it.
-TERRAINSEG_TUNED(std::uint32_t, reestimation, color_floor, one);
+/// Pseudo-count added to every bin, and the largest number of bins of colours that get it.
+TERRAINSEG_TUNED(std::uint32_t, reestimation, floor, one);
 TERRAINSEG_TUNED(std::uint32_t, reestimation, color_floors, 50);
-TERRAINSEG_TUNED(std::uint32_t, reestimation, texture_floor, 2 * one);
 /// Q4 of the score per octave: a quarter of the log ratio of colours, an eighth of that of textures.
 TERRAINSEG_TUNED(int, reestimation, color_weight, 89);
 TERRAINSEG_TUNED(int, reestimation, texture_weight, 44);
@@ -86,17 +85,16 @@ void Reestimation::count(const Grid& grid, const CellBins& cells, const GridCurv
 void Reestimation::compare() {
   for (Side* side : {&ground_, &rest_})
     blur_colors(side->color, between_, side->blurred);
-  const std::uint32_t ground = total_of(ground_.blurred) + color_floors * color_floor,
-                      rest = total_of(rest_.blurred) + color_floors * color_floor;
+  const std::uint32_t ground = total_of(ground_.blurred) + color_floors * floor,
+                      rest = total_of(rest_.blurred) + color_floors * floor;
   for (std::size_t i = 0; i < color_.size(); ++i)
     if (ground_.color[i] + rest_.color[i] > 0) // bins that do not occur are not read
-      color_[i] = static_cast<std::int16_t>(ratio(ground_.blurred[i] + color_floor, ground,
-                                                  rest_.blurred[i] + color_floor, rest, color_weight));
+      color_[i] = static_cast<std::int16_t>(
+          ratio(ground_.blurred[i] + floor, ground, rest_.blurred[i] + floor, rest, color_weight));
   for (int i = 0; i < texture_bins; ++i)
     texture_[i] = static_cast<std::int16_t>(
-        ratio(smoothed(ground_.texture, i) + texture_floor,
-              one * ground_.cells + texture_bins * texture_floor, smoothed(rest_.texture, i) + texture_floor,
-              one * rest_.cells + texture_bins * texture_floor, texture_weight));
+        ratio(smoothed(ground_.texture, i) + floor, one * ground_.cells + texture_bins * floor,
+              smoothed(rest_.texture, i) + floor, one * rest_.cells + texture_bins * floor, texture_weight));
 }
 
 namespace {

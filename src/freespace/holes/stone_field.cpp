@@ -11,8 +11,6 @@ namespace {
 
 /// Width and height of a block in cells. The ground is measured in every fourth row of a block.
 constexpr int block_shift = 4, block = 1 << block_shift, row_step = 4;
-/// Smallest distance from the horizon for the size of a box, in rows.
-TERRAINSEG_TUNED(int, stone_field, nearest_rows, 30);
 /// Reach of the box around a block in 1/16 of the distance.
 TERRAINSEG_TUNED(int, stone_field, box_reach, 8);
 constexpr int most_reach = 15; ///< blocks, within which the sums of squares do not overflow
@@ -29,12 +27,10 @@ TERRAINSEG_TUNED(int, stone_field, seed_enough, 31);
 TERRAINSEG_TUNED(int, stone_field, seed_reach, 20);
 /// Largest width and height of a stone in 1/64 of the distance, and the smallest deviation of its clearest
 /// cell.
-TERRAINSEG_TUNED(int, stone_field, stone_width, 51);
-TERRAINSEG_TUNED(int, stone_field, stone_height, 38);
+TERRAINSEG_TUNED(int, stone_field, stone_size, 44);
 TERRAINSEG_TUNED(int, stone_field, stone_peak, 48);
 /// The same limits for the stones that prove a field.
-TERRAINSEG_TUNED(int, stone_field, sure_width, 19);
-TERRAINSEG_TUNED(int, stone_field, sure_height, 16);
+TERRAINSEG_TUNED(int, stone_field, sure_size, 18);
 TERRAINSEG_TUNED(int, stone_field, sure_peak, 80);
 /// A field has at least this many of them, and they have at least a sixth of all differing cells.
 TERRAINSEG_TUNED(int, stone_field, least_sure, 16);
@@ -66,7 +62,7 @@ struct StoneField::Piece {
 
 // Distance from the horizon in rows.
 int StoneField::distance(int row) const {
-  return std::max(row - horizon_row_, nearest_rows);
+  return row - horizon_row_;
 }
 
 bool StoneField::find(const GrayView& luma, const FreeSpaceCurves& curves, const StoneView& view,
@@ -271,10 +267,9 @@ StoneField::Piece StoneField::look_at(std::uint32_t number) const {
 }
 
 // Sizes are compared with the distance of the piece's lower end from the horizon.
-bool StoneField::is_stone(const Piece& piece, int most_width, int most_height) const {
-  const int distance = piece.bottom - horizon_row_;
-  const int width = piece.right - piece.left + 1, height = piece.bottom - piece.top + 1;
-  return piece.inside && 64 * width <= most_width * distance && 64 * height <= most_height * distance;
+bool StoneField::is_stone(const Piece& piece, int most) const {
+  const int size = std::max(piece.right - piece.left, piece.bottom - piece.top) + 1;
+  return piece.inside && 64 * size <= most * distance(piece.bottom);
 }
 
 // Lists the rows of all stones. Returns false when they are not a field.
@@ -284,11 +279,11 @@ bool StoneField::list_stones() {
   for (std::uint32_t number = 0; number < pieces_.count(); ++number) {
     const Piece piece = look_at(number);
     all_cells += piece.cells;
-    if (piece.peak >= sure_peak && is_stone(piece, sure_width, sure_height)) {
+    if (piece.peak >= sure_peak && is_stone(piece, sure_size)) {
       ++sure;
       sure_cells += piece.cells;
     }
-    if (piece.peak >= stone_peak && is_stone(piece, stone_width, stone_height))
+    if (piece.peak >= stone_peak && is_stone(piece, stone_size))
       list_rows(number, static_cast<std::uint8_t>(std::min(piece.peak, most_oddness)));
   }
   return sure >= least_sure && least_share * sure_cells >= all_cells;

@@ -67,7 +67,7 @@ class StoneField {
   std::array<std::uint32_t, 3> box_around(int block_row, int column, int reach) const;
   void measure_ground(const Plane& luma);
   void measure_deviations(const Plane& luma);
-  bool is_stone(const Piece& piece, int most_width, int most_height) const;
+  bool is_stone(const Piece& piece, int most) const;
   Piece look_at(std::uint32_t number) const;
   bool list_stones();
   void list_rows(std::uint32_t number, std::uint8_t odd);

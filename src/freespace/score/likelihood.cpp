@@ -19,9 +19,6 @@ namespace {
 TERRAINSEG_TUNED(int, light_ahead, widest_part, 3);
 /// Brighter models are in the sun: the middle of luma. The error is nearly constant from 90 to 130.
 TERRAINSEG_TUNED(int, light_ahead, sunlit, 128 << 8);
-/// Change of U upwards and of V downwards in shade, Q8 of a normalised grey level. The error is nearly
-/// constant up to 7, except that with 4 snow has 5.43 % instead of 5.38 %.
-TERRAINSEG_TUNED(int, light_ahead, blue, 2 << 8);
 constexpr int most = 255 << 8;
 
 } // namespace
@@ -34,12 +31,8 @@ Columns columns_ahead(const Rectangle& window, int grid_width) {
 
 TerrainModel in_other_light(const TerrainModel& model) {
   TerrainModel other = model;
-  const bool lit = model.mean[0] >= sunlit;
-  const auto shifted = [&](int component, int by) {
-    return static_cast<std::uint16_t>(std::clamp(model.mean[component] + (lit ? by : -by), 0, most));
-  };
-  other.mean = {static_cast<std::uint16_t>(lit ? model.mean[0] / 2 : std::min(2 * model.mean[0], most)),
-                shifted(1, blue), shifted(2, -blue)};
+  other.mean[0] = static_cast<std::uint16_t>(model.mean[0] >= sunlit ? model.mean[0] / 2
+                                                                     : std::min(2 * model.mean[0], most));
   other.variance[0] = 2 * model.variance[0];
   return other;
 }
@@ -49,16 +42,12 @@ namespace {
 constexpr int colors_per_bin_log2 = luma_bin_shift + 2 * chroma_bin_shift;
 
 TERRAINSEG_TUNED(int, likelihood, score_limit, 48); ///< 1.5 nats: no cell outweighs two neighbours
-/// Smallest evidence of a colour that counts as ground in any light. With 0, dusk has 1.3 points more unsafe
-/// pixels; with 16, sunlit places are slightly worse.
-TERRAINSEG_TUNED(int, likelihood, speaks_for_ground, 10);
 /// Smallest score of ground that is connected to the window: reduces the error on Mars from 15.3 to 7.1 %. A
 /// wall that has entered the window is similar to itself too, but not yet to the ground; its cells get no
 /// more than the mean score of the seeds.
 TERRAINSEG_TUNED(int, likelihood, least_of_vouched, 24);
 
-TERRAINSEG_TUNED(std::uint64_t, likelihood, frame_weight,
-                 1 << 20); ///< total weight of one frame in a histogram
+constexpr std::uint64_t frame_weight = 1 << 20; ///< total weight of one frame in a histogram
 constexpr std::uint64_t histogram_limit = std::uint64_t{1} << 30;
 
 /// Smallest probability of a bin under the mixture, log2 Q8.
@@ -82,8 +71,8 @@ TERRAINSEG_TUNED(int, likelihood, training_share, -619);
 /// Share of a model in the other light relative to its own, log2 Q8: a half. The error is nearly constant
 /// from a quarter to all of it.
 TERRAINSEG_TUNED(int, likelihood, other_light_share, -256);
-/// Smallest share of a negative bin: 1/10000.
-TERRAINSEG_TUNED(std::uint64_t, likelihood, negative_floor, 10000);
+/// Inverse of the smallest share of a bin of colours of the rest, and of textures.
+TERRAINSEG_TUNED(std::uint64_t, likelihood, smallest_share, 10000);
 /// 0.385 of the log ratio in nats, 32 = 1 nat, from log2 Q8 (Q16).
 TERRAINSEG_TUNED(int, likelihood, color_weight, 2180);
 /// Colour alone can be misleading: it never outweighs texture, and one cell never outweighs its neighbours.
@@ -94,11 +83,9 @@ TERRAINSEG_TUNED(int, likelihood, color_limit, 26);
 /// 12.2 % error instead of 11.4 %, with 72 roads by day have 10.8 % instead of 8.7 %, because of their
 /// verges.
 TERRAINSEG_TUNED(int, likelihood, other_chroma, 136);
-TERRAINSEG_TUNED(std::int8_t, likelihood, no_ground,
-                 -128); ///< score of such a colour; texture adds at most 127 and cannot compensate it
+constexpr std::int8_t no_ground = -128; ///< score of such a colour, which texture cannot compensate
 /// 1.6 of the log ratio.
 TERRAINSEG_TUNED(int, likelihood, texture_weight, 9086);
-TERRAINSEG_TUNED(std::uint64_t, likelihood, texture_floor, 1000);
 
 std::uint64_t total_of(std::span<const std::uint32_t> histogram) {
   return std::accumulate(histogram.begin(), histogram.end(), std::uint64_t{0});
@@ -172,7 +159,8 @@ void score_cells(const Grid& grid, const CellBins& cells, const LikelihoodTables
       const std::size_t i = grid.at(row, column);
       const bool any_light = column >= ahead.first && column < ahead.end;
       const std::int8_t color = (any_light ? tables.any_light : tables.color)[cells.color[i]];
-      const int doubt = any_light && color >= speaks_for_ground ? penalty[i] / 2 : penalty[i],
+      // Halved for a colour with the largest evidence for the ground in any light.
+      const int doubt = any_light && color == color_limit ? penalty[i] / 2 : penalty[i],
                 lowest = !vouched.cells.empty() && vouched.cells[i] ? least : -score_limit;
       const int evidence = std::clamp(color + tables.texture[cells.texture[i]] - doubt, lowest, score_limit);
       score[i] = static_cast<std::int16_t>(grid.ignored[i] ? 0 : 16 * evidence);
@@ -265,7 +253,7 @@ void Likelihood::weigh_against(const Terrain& learned, Negatives negatives) {
   }
   blur_colors(learned.negative_colors, half_blurred_, blurred_);
   const std::uint64_t total = std::max<std::uint64_t>(total_of(blurred_), 1);
-  floor_ = total / negative_floor;
+  floor_ = total / smallest_share;
   log_total_ = log2_q8(total);
 }
 
@@ -320,9 +308,9 @@ void Likelihood::build(const Terrain& learned, std::span<const TerrainModel> tra
   const std::uint64_t total_for = std::max<std::uint64_t>(total_of(learned.terrain_texture) * 9, 1),
                       total_against = std::max<std::uint64_t>(total_of(learned.negative_texture) * 9, 1);
   for (int i = 0; i < texture_bins; ++i) {
-    const int ratio = log2_q8(smoothed(learned.terrain_texture, i) + total_for / texture_floor) -
+    const int ratio = log2_q8(smoothed(learned.terrain_texture, i) + total_for / smallest_share) -
                       log2_q8(total_for) -
-                      log2_q8(smoothed(learned.negative_texture, i) + total_against / texture_floor) +
+                      log2_q8(smoothed(learned.negative_texture, i) + total_against / smallest_share) +
                       log2_q8(total_against);
     tables.texture[i] = static_cast<std::int8_t>(std::clamp((ratio * texture_weight) >> 16, -127, 127));
   }

@@ -32,9 +32,8 @@ struct Columns {
 Columns columns_ahead(const Rectangle& window, int grid_width);
 
 /// Converts a model of normalised colours to the other light (color_bins.hpp: chroma does not change with
-/// brightness). A model brighter than the middle is moved into the shade: half as bright, and bluer, because
-/// only the sky lights it. A darker one is moved into the sun: twice as bright and less blue. The variance of
-/// luma is doubled.
+/// brightness). A model brighter than the middle is moved into the shade: half as bright. A darker one is
+/// moved into the sun: twice as bright. The variance of luma is doubled.
 TerrainModel in_other_light(const TerrainModel& model);
 
 /// What a cell is learned as.
