@@ -126,7 +126,7 @@ void evaluate(const EvalOptions& o) {
   };
   if (!o.json.empty()) {
     std::ofstream file = open(o.json);
-    write_json(file, all);
+    write_json(file, all, o.kinds);
   }
   if (!o.csv.empty()) {
     std::ofstream file = open(o.csv);

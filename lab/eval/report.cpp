@@ -58,7 +58,7 @@ std::vector<std::string> distinct(const std::vector<Figures>& all, std::string F
 
 } // namespace
 
-void write_json(std::ostream& out, const std::vector<Figures>& all) {
+void write_json(std::ostream& out, const std::vector<Figures>& all, const std::vector<KindRule>& kinds) {
   nlohmann::ordered_json runs = nlohmann::ordered_json::array();
   for (const Figures& f : all) {
     std::vector<double> errors, unsafe;
@@ -70,6 +70,7 @@ void write_json(std::ostream& out, const std::vector<Figures>& all) {
         {{"sequence", f.sequence},
          {"engine", f.engine},
          {"input", f.input},
+         {"kind", kind_of(f, kinds)},
          {"width", f.width},
          {"height", f.height},
          {"stills", f.stills},

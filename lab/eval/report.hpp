@@ -7,10 +7,13 @@
 #include <vector>
 
 #include "lab/eval/figures.hpp"
+#include "lab/eval/leave_out.hpp"
 
 namespace terrainseg::eval {
 
-void write_json(std::ostream& out, const std::vector<Figures>& all);
+/// `kinds` give the kind of place of each sequence.
+void write_json(std::ostream& out, const std::vector<Figures>& all,
+                const std::vector<KindRule>& kinds = usual_kinds());
 
 /// One line per run, with a head; what was not measured is empty. Shares are in percent.
 void write_csv(std::ostream& out, const std::vector<Figures>& all);

@@ -1,71 +1,31 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""How much each constant of the default pipeline matters: moved by a quarter down and up, one at a time.
+"""What each tuned constant changes, for each kind of place.
 
-usage: sensitivity.py EVAL DATA [--stills | --rendered] [NAME...]
+usage: sensitivity.py EVAL SEQUENCE... [--names NAME...] [--parts PART...] [--every N]
 
-EVAL is terrainseg-eval: it sets constants without a rebuild, and lists them (`terrainseg-eval tuning`). DATA is a folder of labelled
-sequences: its drives are measured, with --stills its stills, with --rendered rendered drives at 30 Hz instead (where motion speaks),
-and of the constants those that are of the places then. NAMEs (room.constant) measure these only. Prints a Markdown table: mean
-error and unsafe pixels over the sequences, in per cent, as they are and with each change.
+EVAL is terrainseg-eval: it lists the constants (`terrainseg-eval tuning`) and sets them without a rebuild. A SEQUENCE is one of
+terrainseg-eval's, or a folder of such folders. Each constant whose name begins with a NAME (without --names: each one) is
+multiplied by each PART (0.6 and 1.6), one at a time. Prints a Markdown table: the mean error and unsafe pixels of each kind of
+place, in per cent, as they are, and the differences with each change. A constant whose changes make no difference can go. Those
+of motion speak in rendered drives only.
 """
+import argparse
+import collections
+import concurrent.futures
 import json
+import os
 import pathlib
 import subprocess
 import sys
 import tempfile
 
-# Shifts, counts of rows and limits of the integers' ranges are left out: a quarter of them is nothing, or is no choice.
-CONSTANTS = '''
-boundary: edge_limit edge_per_octave shadow_limit shadow_per_grey step_price least_step_price upright_per_octave upright_floor
-  leave_price behind_price edgeless_price
-color_bins: bins_per_octave
-connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma vouched_darker least_texture
-exposure: target_mean
-geodesic: free_distance most greatest_own_step
-ground_behind: free_below follow_below margin least_sum
-light_ahead: widest_part sunlit blue
-likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_is_ground rest_of_taught color_weight color_limit other_chroma texture_weight
-local_reference: follow_below free_below greatest
-odd_spots: box_size shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
-  far_nearest_rows far_seed_enough
-reestimation: color_weight texture_weight limit limit_per_penalty upper_end
-row_prior: strongest middle middle_per_row
-stone_field: nearest_rows box_reach least_ground trim deviation_floor odd_enough seed_enough seed_reach
-  stone_width stone_height stone_peak sure_width sure_height sure_peak least_sure least_share
-window_guard: patience
-'''
-OF_STILLS = '''
-boundary: edge_limit edge_per_octave shadow_limit step_price edgeless_price
-connected_ground: sky_is_smoother dark_luma taught_chroma vouched_chroma vouched_darker least_texture
-light_ahead: widest_part sunlit blue
-likelihood: score_limit speaks_for_ground other_light_share least_of_vouched rest_of_taught color_weight other_chroma texture_weight
-local_reference: follow_below free_below greatest
-odd_spots: box_size shadow_reach dark_enough odd_enough seed_enough seed_reach growth_reach
-  far_nearest_rows far_seed_enough
-row_prior: middle
-stone_field: box_reach trim odd_enough seed_enough seed_reach stone_peak sure_width sure_height sure_peak
-  least_sure least_share
-'''
-OF_RENDERED = '''
-boundary: leave_price edgeless_price
-connected_ground: taught_chroma vouched_chroma
-motion_obstacles: far_rows memory still_memory most_coasted settling least_information
-odd_spots: odd_enough seed_enough far_seed_enough flat_everywhere flat_on_average
-parallax: most_left
-row_prior: denied most_below
-standing_map: least_to_appear least_to_stay
-'''
-RENDERED = ['scene:plain:day:straight@640x360#101-102', 'scene:trail:day:bumpy@640x360#103', 'scene:road:day:straight@640x360#104']
+TOGETHER = 8  # engines that one process measures
 
 
-def constants(of):
-    file = None
-    for word in of.split():
-        if word.endswith(':'):
-            file = word[:-1]
-        else:
-            yield f'{file}.{word}'
+def sequences_of(word):
+    folders = sorted(labels.parent for labels in pathlib.Path(word).glob('*/labels'))
+    return [str(folder) for folder in folders] or [word]
 
 
 def changed(value, part):
@@ -73,61 +33,51 @@ def changed(value, part):
     return moved if moved != value else value + (1 if part > 1 else -1)
 
 
-def is_stills(folder):
-    about = folder / 'sequence.json'
-    return about.exists() and json.loads(about.read_text()).get('stills', False)
-
-
-class Evaluation:
-    def __init__(self, program, sequences):
-        self.program, self.sequences = program, sequences
-        listed = subprocess.run([program, 'tuning'], check=True, capture_output=True, text=True).stdout
-        self.values = {name: int(value) for name, value in (line.split() for line in listed.splitlines())}
-
-    def measure(self, *engines):
-        """Mean error and unsafe pixels of each engine."""
-        with tempfile.TemporaryDirectory() as folder:
-            result = pathlib.Path(folder) / 'result.json'
-            options = [word for engine in engines for word in ('--engine', engine)]
-            subprocess.run([self.program, *options, '--json', result, *self.sequences], check=True,
-                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-            runs = json.loads(result.read_text())['runs']
-        means = []
-        for engine in engines:
-            of_engine = [run['ground'] for run in runs if run['engine'] == engine]
-            means.append([sum(ground[figure] for ground in of_engine) / len(of_engine) for figure in ('error', 'unsafe')])
-        return means
+def measured(program, engines, sequences, every):
+    """{engine: {kind: (mean error, mean unsafe pixels)}}"""
+    with tempfile.TemporaryDirectory() as folder:
+        result = pathlib.Path(folder) / 'result.json'
+        options = [word for engine in engines for word in ('--engine', engine)] + (['--every', str(every)] if every > 1 else [])
+        done = subprocess.run([program, *options, '--json', result, *sequences], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                              text=True)
+        if done.returncode != 0:
+            sys.exit(f'sensitivity.py: {done.stderr.strip().splitlines()[-1]}')
+        runs = json.loads(result.read_text())['runs']
+    sums = collections.defaultdict(lambda: collections.defaultdict(list))
+    for run in runs:
+        sums[run['engine']][run['kind']].append((run['ground']['error'], run['ground']['unsafe'] or 0))
+    return {engine: {kind: [sum(column) / len(rows) for column in zip(*rows)] for kind, rows in kinds.items()}
+            for engine, kinds in sums.items()}
 
 
 def main():
-    options = [word for word in sys.argv[1:] if word.startswith('-')]
-    words = [word for word in sys.argv[1:] if not word.startswith('-')]
-    if len(words) < 2 or options not in ([], ['--stills'], ['--rendered']):
-        sys.exit(__doc__)
-    stills = options == ['--stills']
-    sequences = sorted(p.parent for p in pathlib.Path(words[1]).glob('*/labels') if is_stills(p.parent) == stills)
-    of = OF_STILLS if stills else CONSTANTS
-    if options == ['--rendered']:
-        sequences, of = RENDERED, OF_RENDERED
-    if not sequences:
-        sys.exit(f'sensitivity.py: {words[1]} holds no such sequence (a folder with frames/ and labels/)')
-    evaluation = Evaluation(words[0], sequences)
-    names = words[2:] or list(constants(of))
-    unknown = [name for name in names if name not in evaluation.values]
-    if unknown:
-        sys.exit(f'sensitivity.py: terrainseg-eval tuning has no {", ".join(unknown)}')
-    [(error, unsafe)] = evaluation.measure('default')
-    print('| constant | a quarter less | a quarter more |\n|---|---|---|')
-    print(f'| (as they are) | {error:.2f} / {unsafe:.1f} | {error:.2f} / {unsafe:.1f} |')
-    moves = []
-    for name in names:
-        values = [changed(evaluation.values[name], part) for part in (0.75, 1.25)]
-        figures = evaluation.measure(*(f'default,tuning.{name}={value}' for value in values))
-        moves += [(pair[0] - error, f'{name} = {value}') for value, pair in zip(values, figures)]
-        cells = [f'{value}: {pair[0]:.2f} / {pair[1]:.1f}' for value, pair in zip(values, figures)]
-        print(f'| {name} | {cells[0]} | {cells[1]} |', flush=True)
-    moves.sort()
-    print(f'\nMean error: {moves[0][0]:+.2f} ({moves[0][1]}) to {moves[-1][0]:+.2f} ({moves[-1][1]}).')
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('eval')
+    parser.add_argument('sequences', nargs='+', metavar='SEQUENCE')
+    parser.add_argument('--names', nargs='+', default=[''], metavar='NAME')
+    parser.add_argument('--parts', nargs='+', type=float, default=[0.6, 1.6], metavar='PART')
+    parser.add_argument('--every', type=int, default=1, metavar='N', help='only every Nth frame (not of rendered places)')
+    options = parser.parse_args()
+    listed = subprocess.run([options.eval, 'tuning'], check=True, capture_output=True, text=True).stdout
+    values = {name: int(value) for name, value in (line.split() for line in listed.splitlines())
+              if name.startswith(tuple(options.names))}
+    if not values:
+        sys.exit(f'sensitivity.py: no tuned constant begins with {" or ".join(options.names)}; `terrainseg-eval tuning` lists them')
+    changes = [f'tuning.{name}={changed(value, part)}' for name, value in values.items() for part in options.parts]
+    sequences = [sequence for word in options.sequences for sequence in sequences_of(word)]
+    engines = ['default'] + [f'default,{change}' for change in changes]
+    batches = [engines[i:i + TOGETHER] for i in range(0, len(engines), TOGETHER)]
+    results = {}
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        for of_batch in pool.map(lambda batch: measured(options.eval, batch, sequences, options.every), batches):
+            results.update(of_batch)
+    base = results['default']
+    print('| constant |', ' | '.join(base), '|')
+    print('|---' * (len(base) + 1) + '|')
+    print('| as they are |', ' | '.join(f'{error:.2f} / {unsafe:.1f}' for error, unsafe in base.values()), '|')
+    for engine in engines[1:]:
+        differences = [[now - before for now, before in zip(results[engine][kind], base[kind])] for kind in base]
+        print(f'| {engine.removeprefix("default,tuning.")} |', ' | '.join(f'{error:+.2f} / {unsafe:+.1f}' for error, unsafe in differences), '|')
 
 
 if __name__ == '__main__':

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "lab/eval/charts.hpp"
@@ -190,6 +191,8 @@ TEST(EvalReport, JsonComesBack) {
     tabbed.engine = "a\tb\\";
     write_json(file, {f, f, tabbed});
   }
+  std::ifstream written(path);
+  EXPECT_EQ(nlohmann::json::parse(written).at("runs").at(0).at("kind"), kind_of(f, usual_kinds()));
   auto back = read_json(path);
   ASSERT_EQ(back.size(), 3u);
   EXPECT_EQ(back[0].engine, f.engine);
