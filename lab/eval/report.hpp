@@ -12,8 +12,7 @@
 namespace terrainseg::eval {
 
 /// `kinds` give the kind of place of each sequence.
-void write_json(std::ostream& out, const std::vector<Figures>& all,
-                const std::vector<KindRule>& kinds = usual_kinds());
+void write_json(std::ostream& out, const std::vector<Figures>& all, const std::vector<KindRule>& kinds);
 
 /// One line per run, with a head; what was not measured is empty. Shares are in percent.
 void write_csv(std::ostream& out, const std::vector<Figures>& all);

@@ -41,7 +41,8 @@ def measured(program, engines, sequences, every):
         done = subprocess.run([program, *options, '--json', result, *sequences], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                               text=True)
         if done.returncode != 0:
-            sys.exit(f'sensitivity.py: {done.stderr.strip().splitlines()[-1]}')
+            said = done.stderr.strip() or f'{program} ended with {done.returncode}'
+            sys.exit(f'sensitivity.py: {said.splitlines()[-1]}')
         runs = json.loads(result.read_text())['runs']
     sums = collections.defaultdict(lambda: collections.defaultdict(list))
     for run in runs:

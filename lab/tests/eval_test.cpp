@@ -189,7 +189,7 @@ TEST(EvalReport, JsonComesBack) {
     std::ofstream file(path);
     Figures tabbed = f;
     tabbed.engine = "a\tb\\";
-    write_json(file, {f, f, tabbed});
+    write_json(file, {f, f, tabbed}, usual_kinds());
   }
   std::ifstream written(path);
   EXPECT_EQ(nlohmann::json::parse(written).at("runs").at(0).at("kind"), kind_of(f, usual_kinds()));

@@ -53,9 +53,10 @@ TERRAINSEG_TUNED(int, motion_obstacles, rest, 6);
 /// Forward motions per frame with which a search starts, Q24 of the camera's height.
 constexpr std::array<std::int64_t, 9> first_guesses{0,       251658,  671089,  1342177, 2348810,
                                                     3355443, 4697620, 6710886, 9227469};
-/// Pitches per frame that it tries with the last forward motion: multiples of 0.015 rad, Q24.
+/// Pitches per frame that it tries with the forward motion that tracking found: multiples of 0.015 rad, Q24.
 constexpr std::int64_t pitch_step = 251658;
-constexpr int most_pitch_steps = 3;
+constexpr std::array<std::int64_t, 7> pitches{
+    0, -pitch_step, pitch_step, -2 * pitch_step, 2 * pitch_step, -3 * pitch_step, 3 * pitch_step};
 
 std::size_t most_keys_of(std::size_t pixels) {
   return std::clamp<std::size_t>(most_bytes / pixels, 3, most_keys);
@@ -172,16 +173,19 @@ int MotionObstacles::middle_shift(const PlaneMotion& motion, int q8_of_rows) con
   return ground_shift(motion, view_, 0, down / 256 * q8_of_rows);
 }
 
-/// What a motion leaves of the contrast, in twentieths; `not_of_the_ground` when it cannot be the ground's.
-/// `still` is the residual without motion.
-std::int64_t MotionObstacles::left_by(const PlaneMotion& motion, const Residual& still) {
+/// Refines a motion on the large picture. Returns what it leaves of the contrast, in twentieths;
+/// `not_of_the_ground` when it cannot be the ground's. `still` is the residual without motion.
+std::int64_t MotionObstacles::left_by(PlaneMotion& motion, int iterations, const Residual& still) {
+  if (!alignment_.refine(points_, passed(before_), iterations, motion))
+    return not_of_the_ground;
   const Residual after = alignment_.residual(points_, passed(before_), motion);
   const bool possible = after.points >= fewest_points && after.mean <= still.mean * 261 / 256 + 51 &&
                         after.contrast > 0 && std::abs(translation_of(motion).z) < one_q24 * 6 / 5;
   return possible ? std::int64_t{20} * after.mean / after.contrast : not_of_the_ground;
 }
 
-/// Searches this frame's motion from many first guesses, the last forward motion first.
+/// Searches this frame's motion from many first guesses: the forward motion of `step` with several pitches,
+/// then `first_guesses`. The first one that fits ends the search.
 bool MotionObstacles::acquire(PlaneMotion& step, const Residual& still) {
   const PassedView earlier = small_passed(small_before_);
   int least = 1 << 30;
@@ -196,13 +200,12 @@ bool MotionObstacles::acquire(PlaneMotion& step, const Residual& still) {
       return false;
     least = mean;
     step = guess;
-    return alignment_.refine(points_, passed(before_), 6, step) && left_by(step, still) < most_left;
+    return left_by(step, 6, still) < most_left;
   };
-  const std::int64_t last = translation_of(step).z;
-  for (int k = 0; k <= most_pitch_steps; ++k)
-    if (fits(last, -k * pitch_step) || (k > 0 && fits(last, k * pitch_step)))
-      return true;
-  return std::any_of(first_guesses.begin(), first_guesses.end(),
+  const std::int64_t tracked = translation_of(step).z;
+  return std::any_of(pitches.begin(), pitches.end(),
+                     [&](std::int64_t pitch) { return fits(tracked, pitch); }) ||
+         std::any_of(first_guesses.begin(), first_guesses.end(),
                      [&](std::int64_t forward) { return fits(forward, 0); });
 }
 
@@ -225,8 +228,7 @@ bool MotionObstacles::follow(std::int64_t pts) {
   };
   PlaneMotion step = error_of(straight) < error_of(guess) ? straight : guess;
   alignment_.refine(small_points_, small_earlier, 4, step);
-  const std::int64_t left =
-      alignment_.refine(points_, earlier, 2, step) ? left_by(step, still) : not_of_the_ground;
+  const std::int64_t left = left_by(step, 2, still);
   const std::int64_t expected = translation_of(guess).z;
   const PlaneMotion tracked = step;
   bool found = left < most_left;

@@ -72,7 +72,7 @@ class MotionObstacles {
   void resize(int width, int height);
   void look(const GrayView& luma, const GrayView& ground);
   bool follow(std::int64_t pts);
-  std::int64_t left_by(const PlaneMotion& motion, const Residual& still);
+  std::int64_t left_by(PlaneMotion& motion, int iterations, const Residual& still);
   bool acquire(PlaneMotion& step, const Residual& still);
   void choose_keys(std::array<Zone, 2>& zones);
   void judge(std::array<Zone, 2>& zones);

@@ -239,7 +239,7 @@ std::vector<Rectangle> field_of(int count, int width, int height) {
   std::vector<Rectangle> stones;
   for (int n = 0; n < count; ++n) {
     const int row = n / 8, y = height / 3 + row * height / 9, size = 4 + row * height / 120;
-    stones.push_back({width * (2 * (n % 8) + 1 + row % 2) / 18, y, size + size / 3, size});
+    stones.push_back({width * (2 * (n % 8) + 1 + row % 2) / 18, y, size + size / 2, size});
   }
   return stones;
 }
