@@ -31,6 +31,11 @@ FrameLine end_of_plane(const FrameTask& task, bool continued, const MotionTrack&
   return known.lower_by(corrected ? track.line_offset : 0).within(task.frame.height);
 }
 
+/// Whether a frame shares the searches for small obstacles with the last one.
+bool follows_soon(const LastPicture& last, std::int64_t pts) {
+  return last.pts >= 0 && pts >= last.pts && pts - last.pts < half_rate_interval;
+}
+
 /// The line that motion found last in frames of this size. It remains known while the rover stands still,
 /// across cuts, and with the saved terrain.
 FrameLine kept_line(const FrameTask& task, const KeptLine& kept) {
@@ -76,6 +81,7 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   const bool same_place = shows_same_place(memory_.last, view.grid, task.frame.pts, mode);
   // Scores are averaged with the last frame's, and its horizon may be held.
   const bool continued = same_place && mode != Temporal::off;
+  const bool soon = continued && follows_soon(memory_.last, task.frame.pts);
   const WindowLesson lesson =
       teacher_.learn(view, same_place ? memory_.boundary : no_curve, memory_.window, tables_, terrain, clock);
   out.estimate().flags = lesson.flags;
@@ -91,7 +97,7 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
       end_of_ground(view, continued, memory_.holes.motion, terrain.line, long_lines_, memory_.lines),
       continued, memory_.boundary, terrain.horizon);
   curves_.refine(view, ground);
-  holes_.find({view, ground, curves_, terrain.horizon, known_line(task), continued}, memory_.holes);
+  holes_.find({view, ground, curves_, terrain.horizon, known_line(task), continued, soon}, memory_.holes);
   const MotionTrack& track = memory_.holes.motion;
   if (task.settings.motion != Motion::off)
     keep_line(task, track.line, terrain.line);

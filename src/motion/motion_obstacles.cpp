@@ -16,8 +16,6 @@ TERRAINSEG_TUNED(int, motion_obstacles, shortest_side, 160);
 TERRAINSEG_TUNED(int, motion_obstacles, most_keys, 12);
 TERRAINSEG_TUNED(std::size_t, motion_obstacles, most_bytes, 3'200'000); ///< for all key frames together
 TERRAINSEG_TUNED(int, motion_obstacles, oldest_key, 90);                ///< frames
-TERRAINSEG_TUNED(std::int64_t, motion_obstacles, shortest_interval,
-                 45'000'000); ///< ns: frames at a shorter interval are skipped
 TERRAINSEG_TUNED(std::int64_t, motion_obstacles, longest_gap, 2'000'000'000);
 constexpr PointRule large_rule{10, 6}, small_rule{4, 2};
 /// Upper ends of the near zone (in the middle column) and of the far zone, Q8 of the rows between the
@@ -240,7 +238,7 @@ bool MotionObstacles::follow(std::int64_t pts) {
     if (++failures_ >= patience)
       frames_to_rest_ = rest;
     // On faint ground noise hides a motion that goes on as before; over a longer time none does.
-    const bool goes_on = moving_ && interval < 2 * shortest_interval && coasted_ < most_coasted &&
+    const bool goes_on = moving_ && interval < 2 * half_rate_interval && coasted_ < most_coasted &&
                          left < most_left_of_expected &&
                          16 * std::abs(translation_of(tracked).z - expected) < expected;
     if (!goes_on) {
@@ -445,7 +443,7 @@ const MotionView& MotionObstacles::observe(const GrayView& luma, const GrayView&
   if (pts >= 0 && pts_ >= 0 && (pts < pts_ || pts - pts_ > longest_gap))
     forget();
   // At 30 fps every second frame is skipped; the last result remains valid.
-  const bool soon = pts >= 0 && pts_ >= 0 ? pts - pts_ < shortest_interval : frames_passed_ < 1;
+  const bool soon = pts >= 0 && pts_ >= 0 ? pts - pts_ < half_rate_interval : frames_passed_ < 1;
   if (has_before_ && soon) {
     ++frames_passed_;
     return result_;

@@ -49,9 +49,9 @@ class MotionObstacles {
  public:
   /// Processes one frame. `luma` is motion's level. `ground` marks the ground by appearance (any size,
   /// stretched over the level, >= 128 = ground); that of the last frame is sufficient. `pts` is in ns, -1 =
-  /// unknown. A frame that follows within 45 ms (without times: every second frame) is skipped and the last
-  /// result returned; likewise three of four frames after the ground's motion was not found 16 times in a
-  /// row.
+  /// unknown. A frame that follows within half_rate_interval (without times: every second frame) is skipped
+  /// and the last result returned; likewise three of four frames after the ground's motion was not found 16
+  /// times in a row.
   const MotionView& observe(const GrayView& luma, const GrayView& ground, std::int64_t pts,
                             const MotionKnowledge& knowledge = {});
   void forget(); ///< after a gap in time: restarts the tracking, keeps the vanishing line

@@ -4,11 +4,11 @@
 
 usage: paired.py OTHER_SOURCE OTHER_BUILD [--build BUILD] [--motion [--both]] [--rounds N] [--megabytes N]
   OTHER_SOURCE is a checkout of the other version, OTHER_BUILD an optimised build of it (so is BUILD, default
-  build-release); tests/bench/frame_time.cpp is compiled against both. --motion: motion=auto in this version alone,
-  and means of eight frames instead of single ones; with --both in the other version, too.
+  build-release); tests/bench/frame_time.cpp is compiled against both. --motion: motion=auto in this version alone;
+  with --both in the other version, too.
 Both programs render the same frames and let them rotate, N megabytes of them each; each processes eight, then the other
-does. Told is the time of a frame of each and the ratio, of the fastest frame, of the fastest tenth and of the median: on a
-machine where other programs run the fastest ones mean most.
+does. Told is the mean time of a frame of each and the ratio, of the fastest eight frames, of the fastest tenth and of the
+median: not every frame has its share of each stage, and on a machine where other programs run the fastest ones mean most.
 """
 import argparse
 import os
@@ -49,7 +49,6 @@ class Side:
         self.process.stdout.readline()
         self.run(WARM_UP)
         self.times = []
-        self.in_turns = options.motion  # not every frame has its share of that stage
 
     def run(self, count):
         self.process.stdin.write(f'{count}\n')
@@ -57,8 +56,7 @@ class Side:
         return [int(word) for word in self.process.stdout.readline().split()]
 
     def measure(self):
-        times = self.run(FRAMES)
-        self.times += [sum(times) / FRAMES] if self.in_turns else times
+        self.times.append(sum(self.run(FRAMES)) / FRAMES)
 
     def end(self):
         self.process.stdin.close()

@@ -3,8 +3,10 @@
 #include "terrainseg/segmenter.hpp"
 
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -495,6 +497,100 @@ TEST(FreeSpacePipeline, EachDetectorHasASwitchOfItsOwn) {
   EXPECT_GE(all, std::max(near, far));
   EXPECT_LE(all, near + far + doubtful_with(false, false, true));
   EXPECT_EQ(doubtful_with(true, true, true, false), 0);
+}
+
+/// Pixels that one detector alone calls doubtful, per frame: 6 frames of a plain without stones, 4 with
+/// them, 4 without. `pts` are the frames' times in milliseconds, -1000 = unknown.
+std::vector<long> doubtful_of(bool near, bool far, const std::function<int(int)>& pts,
+                              Temporal temporal = Temporal::automatic) {
+  static const std::array<scene::Picture, 2> pictures = [] {
+    std::array<scene::Picture, 2> both{scene::Picture(PixelFormat::I420, 640, 360),
+                                       scene::Picture(PixelFormat::I420, 640, 360)};
+    for (const int stony : {0, 1})
+      scene::Renderer({scene::Kind::plain, scene::Light::day, scene::Motion::straight, 101, 40 * stony}, 640,
+                      360)
+          .render(40, both[static_cast<std::size_t>(stony)]);
+    return both;
+  }();
+  Settings settings;
+  settings.near_spots = near;
+  settings.far_spots = far;
+  settings.stone_field = false;
+  settings.motion = Motion::off;
+  settings.temporal = temporal;
+  settings.doubtful = -96;
+  Segmenter segmenter(settings);
+  std::vector<long> counts;
+  for (int k = 0; k < 14; ++k) {
+    Frame frame = pictures[k >= 6 && k < 10].frame();
+    frame.pts = std::int64_t{pts(k)} * 1'000'000;
+    EXPECT_TRUE(segmenter.process(frame).ok());
+    const Bytes mask = mask_of(segmenter.estimate());
+    counts.push_back(std::count(mask.begin(), mask.end(), mask_doubtful));
+  }
+  return counts;
+}
+
+/// The frames, from the one with the first stones on, in which a detector's answer begins and ends.
+std::pair<int, int> seen_in(const std::vector<long>& counts) {
+  const long most = *std::max_element(counts.begin() + 6, counts.begin() + 10);
+  EXPECT_GT(most, 400);
+  EXPECT_LT(*std::max_element(counts.begin(), counts.begin() + 6), most / 8);
+  const auto from = std::find_if(counts.begin() + 6, counts.end(), [&](long n) { return n > most / 2; });
+  const auto end = std::find_if(from, counts.end(), [&](long n) { return n <= most / 2; });
+  return {static_cast<int>(from - counts.begin()) - 6, static_cast<int>(end - counts.begin()) - 6};
+}
+
+TEST(FreeSpacePipeline, SpotsNearByAndFarAwayTakeTurnsInQuickFrames) {
+  using Ends = std::pair<int, int>;
+  const Ends at_once{0, 4}, later{1, 5};
+  for (const int interval : {44, 33, 16}) {
+    const auto quick = [=](int k) { return k * interval; };
+    const Ends near = seen_in(doubtful_of(true, false, quick)),
+               far = seen_in(doubtful_of(false, true, quick));
+    EXPECT_TRUE((near == at_once && far == later) || (near == later && far == at_once)) << interval;
+    const auto shifted = [=](int k) { return k == 0 ? 0 : 1000 + k * interval; };
+    EXPECT_EQ(seen_in(doubtful_of(true, false, shifted)), near) << "a late frame changes no turn";
+  }
+  const auto everywhere = [&](const char* what, const std::function<int(int)>& pts,
+                              Temporal temporal = Temporal::automatic) {
+    EXPECT_EQ(seen_in(doubtful_of(true, false, pts, temporal)), at_once) << what;
+    EXPECT_EQ(seen_in(doubtful_of(false, true, pts, temporal)), at_once) << what;
+  };
+  everywhere("15 Hz", [](int k) { return k * 66; });
+  everywhere("45 ms", [](int k) { return k * 45; });
+  everywhere("without times", [](int) { return -1; });
+  everywhere("backwards", [](int k) { return 1000 - k; });
+  everywhere("late where the stones come and go",
+             [](int k) { return k * 20 + (k >= 6) * 50 + (k >= 10) * 50; });
+  everywhere(
+      "each frame for itself", [](int k) { return k * 20; }, Temporal::off);
+}
+
+TEST(FreeSpacePipeline, ADetectorThatIsSwitchedOffIsSilentAtOnce) {
+  scene::Picture picture(PixelFormat::I420, 640, 360);
+  scene::Renderer({scene::Kind::plain, scene::Light::day, scene::Motion::straight, 101}, 640, 360)
+      .render(40, picture);
+  for (const int before : {4, 5}) { // in turn of the one or the other
+    Settings settings;
+    settings.doubtful = -96;
+    settings.motion = Motion::off;
+    Segmenter segmenter(settings);
+    Frame frame = picture.frame();
+    const auto doubtful = [&](int k) {
+      frame.pts = std::int64_t{k} * 33'000'000;
+      EXPECT_TRUE(segmenter.process(frame).ok());
+      const Bytes mask = mask_of(segmenter.estimate());
+      return std::count(mask.begin(), mask.end(), mask_doubtful);
+    };
+    long last = 0;
+    for (int k = 0; k < before; ++k)
+      last = doubtful(k);
+    EXPECT_GT(last, 400);
+    settings.odd_spots = false;
+    segmenter.configure(settings);
+    EXPECT_EQ(doubtful(before), 0);
+  }
 }
 
 } // namespace

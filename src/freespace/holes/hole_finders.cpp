@@ -125,13 +125,24 @@ void VetoFinder::find(const OpenGround& open, const FreeSpaceCurves*, HoleMemory
 }
 
 void HoleFinders::find(const OpenGround& open, HoleMemory& memory) {
+  memory.far_turn = !memory.far_turn;
+  const auto waits = [&](const HoleFinder* finder) {
+    return open.soon &&
+           (memory.far_turn ? finder == &near_spots_ || finder == &stones_ : finder == &far_spots_);
+  };
   // Curves are made before threads share them.
   std::array<const FreeSpaceCurves*, std::tuple_size_v<List>> curves{};
+  std::array<bool, std::tuple_size_v<List>> wait{};
   for (std::size_t i = 0; i < list_.size(); ++i)
-    if (const std::optional<int> level = list_[i]->column_level(open.view))
-      curves[i] = &open.curves.at(open.view, open.ground, *level);
-  open.view.task.workers.run(static_cast<int>(list_.size()),
-                             [&](int i) { list_[i]->find(open, curves[i], memory); });
+    if (const std::optional<int> level = list_[i]->column_level(open.view)) {
+      wait[i] = waits(list_[i]);
+      if (!wait[i])
+        curves[i] = &open.curves.at(open.view, open.ground, *level);
+    }
+  open.view.task.workers.run(static_cast<int>(list_.size()), [&](int i) {
+    if (!wait[i])
+      list_[i]->find(open, curves[i], memory);
+  });
   for (SpotFinder* spots : {&near_spots_, &far_spots_})
     spots->drop_flat(motion_.evidence());
 }

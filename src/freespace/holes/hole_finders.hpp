@@ -24,6 +24,7 @@ struct Ground;
 struct HoleMemory {
   StoneField::Watch stones;
   MotionTrack motion;
+  bool far_turn = false; ///< the last frame was one for spots far away
 };
 
 /// The ground of a frame, the input of the detectors.
@@ -34,6 +35,7 @@ struct OpenGround {
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
   FrameLine line;            ///< the known vanishing line of the ground
   bool continued = false;    ///< the last frame shows the same place
+  bool soon = false;         ///< and is less than half_rate_interval older
 };
 
 /// One detector. hole.hpp turns its detections into holes. Detectors run on several threads at once.
@@ -104,6 +106,8 @@ class VetoFinder final : public HoleFinder {
 class HoleFinders {
  public:
   using List = std::array<HoleFinder*, 5>;
+  /// Searches with all detectors. In a frame that follows soon, spots near by and stones take turns with
+  /// spots far away: found() of a detector that waits stays as it was.
   void find(const OpenGround& open, HoleMemory& memory);
   const List& list() const { return list_; }
 

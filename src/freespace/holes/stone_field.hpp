@@ -31,7 +31,7 @@ struct StoneView {
 /// seeds. A piece is a stone when ground surrounds it, it is not larger than a stone, and it is in a field:
 /// there are many such pieces, and they make up a large share of all differing cells. On roads, markings,
 /// seams, shadows and patches differ too, but few of them are small and surrounded. Without a field only
-/// every third frame is searched, then every fifth, then every ninth.
+/// every third call searches, then every fifth, then every ninth.
 class StoneField {
  public:
   /// The state of the search between frames.
@@ -42,7 +42,7 @@ class StoneField {
     void look_again() { frames_to_wait = 0, looks_in_vain = 0; }
   };
 
-  /// Lists the stones. Returns false when there is no field of them or the frame is skipped.
+  /// Lists the stones. Returns false when there is no field of them or the call is skipped.
   bool find(const GrayView& luma, const FreeSpaceCurves& curves, const StoneView& view, Watch& watch,
             std::vector<Hole>& holes);
 
