@@ -141,9 +141,9 @@ struct Frame {
   /// Presentation time in nanoseconds, -1 = unknown. A difference of more than 2 s from the previous frame,
   /// in either direction, ends the averaging of scores with temporal = auto. More than 2 s forwards, or any
   /// step backwards, resets motion. Motion also computes the speed from it, and skips a frame that follows
-  /// the last one it used within half_rate_interval. In frames that follow one another so soon and show the
-  /// same place, spots near by and stones take turns with spots far away: those that wait stay where the
-  /// frame before had them.
+  /// the last one it used within half_rate_interval. In frames that follow so soon and have moved by
+  /// less than a third of a cell, spots near by and stones take turns with spots far away: those that wait
+  /// stay where the frame before had them.
   std::int64_t pts = -1;
   /// Vanishing line of level ground at the middle of the width, from a pose or a mount: Q8 rows of the frame,
   /// may lie outside the frame. The ground ends there, unless motion measures for some seconds that the

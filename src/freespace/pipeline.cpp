@@ -31,7 +31,7 @@ FrameLine end_of_plane(const FrameTask& task, bool continued, const MotionTrack&
   return known.lower_by(corrected ? track.line_offset : 0).within(task.frame.height);
 }
 
-/// Whether a frame shares the searches for small obstacles with the last one.
+/// Whether the time since the last frame allows sharing the searches for small obstacles with it.
 bool follows_soon(const LastPicture& last, std::int64_t pts) {
   return last.pts >= 0 && pts >= last.pts && pts - last.pts < half_rate_interval;
 }
@@ -81,7 +81,8 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   const bool same_place = shows_same_place(memory_.last, view.grid, task.frame.pts, mode);
   // Scores are averaged with the last frame's, and its horizon may be held.
   const bool continued = same_place && mode != Temporal::off;
-  const bool soon = continued && follows_soon(memory_.last, task.frame.pts);
+  const bool soon =
+      continued && follows_soon(memory_.last, task.frame.pts) && has_hardly_moved(memory_.last, view.grid);
   const WindowLesson lesson =
       teacher_.learn(view, same_place ? memory_.boundary : no_curve, memory_.window, tables_, terrain, clock);
   out.estimate().flags = lesson.flags;

@@ -500,15 +500,18 @@ TEST(FreeSpacePipeline, EachDetectorHasASwitchOfItsOwn) {
 }
 
 /// Pixels that one detector alone calls doubtful, per frame: 6 frames of a plain without stones, 4 with
-/// them, 4 without. `pts` are the frames' times in milliseconds, -1000 = unknown.
+/// them, 4 without. `pts` are the frames' times in milliseconds, -1 = unknown; every second frame looks
+/// `jolt` rows farther down.
 std::vector<long> doubtful_of(bool near, bool far, const std::function<int(int)>& pts,
-                              Temporal temporal = Temporal::automatic) {
+                              Temporal temporal = Temporal::automatic, int jolt = 0) {
+  constexpr int highest_jolt = 8;
   static const std::array<scene::Picture, 2> pictures = [] {
-    std::array<scene::Picture, 2> both{scene::Picture(PixelFormat::I420, 640, 360),
-                                       scene::Picture(PixelFormat::I420, 640, 360)};
+    constexpr int rows = 360 + highest_jolt;
+    std::array<scene::Picture, 2> both{scene::Picture(PixelFormat::I420, 640, rows),
+                                       scene::Picture(PixelFormat::I420, 640, rows)};
     for (const int stony : {0, 1})
       scene::Renderer({scene::Kind::plain, scene::Light::day, scene::Motion::straight, 101, 40 * stony}, 640,
-                      360)
+                      rows)
           .render(40, both[static_cast<std::size_t>(stony)]);
     return both;
   }();
@@ -524,6 +527,9 @@ std::vector<long> doubtful_of(bool near, bool far, const std::function<int(int)>
   for (int k = 0; k < 14; ++k) {
     Frame frame = pictures[k >= 6 && k < 10].frame();
     frame.pts = std::int64_t{pts(k)} * 1'000'000;
+    frame.height = 360;
+    for (std::size_t p = 0; p < 3; ++p)
+      frame.planes[p].data = frame.planes[p].row(k % 2 * jolt / (p == 0 ? 1 : 2));
     EXPECT_TRUE(segmenter.process(frame).ok());
     const Bytes mask = mask_of(segmenter.estimate());
     counts.push_back(std::count(mask.begin(), mask.end(), mask_doubtful));
@@ -553,10 +559,12 @@ TEST(FreeSpacePipeline, SpotsNearByAndFarAwayTakeTurnsInQuickFrames) {
     EXPECT_EQ(seen_in(doubtful_of(true, false, shifted)), near) << "a late frame changes no turn";
   }
   const auto everywhere = [&](const char* what, const std::function<int(int)>& pts,
-                              Temporal temporal = Temporal::automatic) {
-    EXPECT_EQ(seen_in(doubtful_of(true, false, pts, temporal)), at_once) << what;
-    EXPECT_EQ(seen_in(doubtful_of(false, true, pts, temporal)), at_once) << what;
+                              Temporal temporal = Temporal::automatic, int jolt = 0) {
+    EXPECT_EQ(seen_in(doubtful_of(true, false, pts, temporal, jolt)), at_once) << what;
+    EXPECT_EQ(seen_in(doubtful_of(false, true, pts, temporal, jolt)), at_once) << what;
   };
+  everywhere(
+      "on bumps", [](int k) { return k * 20; }, Temporal::automatic, 8);
   everywhere("15 Hz", [](int k) { return k * 66; });
   everywhere("45 ms", [](int k) { return k * 45; });
   everywhere("without times", [](int) { return -1; });

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "freespace/score/cell_scorer.hpp"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "support/frames.hpp"
@@ -48,6 +50,34 @@ TEST(LastPicture, WhereAveragingIsOnOnlyTheSizeMatters) {
   EXPECT_TRUE(p.shows_same(scene(25, 9), 5000 * ms, Temporal::on));
   p.last = {};
   EXPECT_FALSE(p.shows_same(scene(25, 9), 5002 * ms, Temporal::on));
+}
+
+/// A picture with waves of 8 cells across and 10 down, moved by parts of a cell.
+test::OwnedGrid waves(double across, double down) {
+  test::OwnedGrid g(64, 40);
+  for (int i = 0; i < 40; ++i)
+    for (int j = 0; j < 64; ++j)
+      g.y[g.at(i, j)] =
+          static_cast<std::uint8_t>(std::lround(128 + 50 * std::sin(2 * 3.14159265 * (j - across) / 8) +
+                                                50 * std::sin(2 * 3.14159265 * (i - down) / 10)));
+  return g;
+}
+
+TEST(LastPicture, APictureHasHardlyMovedWhileItMovesByPartsOfACell) {
+  LastPicture last;
+  remember(waves(0, 0), 0, last);
+  EXPECT_TRUE(has_hardly_moved(last, waves(0, 0)));
+  for (const double sign : {-1.0, 1.0}) {
+    EXPECT_TRUE(has_hardly_moved(last, waves(sign * 0.2, 0)));
+    EXPECT_TRUE(has_hardly_moved(last, waves(0, sign * 0.2)));
+    EXPECT_FALSE(has_hardly_moved(last, waves(sign * 0.6, 0)));
+    EXPECT_FALSE(has_hardly_moved(last, waves(0, sign * 0.6)));
+    EXPECT_FALSE(has_hardly_moved(last, waves(sign * 2, sign * 2)));
+  }
+  EXPECT_FALSE(has_hardly_moved(last, scene(0))) << "another size";
+  // Nothing shows whether an even picture has moved.
+  remember(test::OwnedGrid(64, 40), 0, last);
+  EXPECT_FALSE(has_hardly_moved(last, test::OwnedGrid(64, 40)));
 }
 
 TEST(AverageScores, MovesByThreeQuarters) {

@@ -35,7 +35,7 @@ struct OpenGround {
   std::uint32_t horizon = 0; ///< slow horizon, Q8 of the height: sizes grow with the distance from it
   FrameLine line;            ///< the known vanishing line of the ground
   bool continued = false;    ///< the last frame shows the same place
-  bool soon = false;         ///< and is less than half_rate_interval older
+  bool soon = false;         ///< and is less than half_rate_interval older, and the picture has hardly moved
 };
 
 /// One detector. hole.hpp turns its detections into holes. Detectors run on several threads at once.

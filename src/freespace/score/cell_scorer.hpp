@@ -61,6 +61,10 @@ struct LastPicture {
 /// Otherwise: when the pictures are similar and the interval, if known, is at most two seconds.
 bool shows_same_place(const LastPicture& last, const Grid& grid, std::int64_t pts, Temporal mode);
 
+/// Whether the picture has moved by less than a third of a cell since the last one: the mean change of a cell
+/// is less than a third of the mean difference between neighbouring cells. False when their sizes differ.
+bool has_hardly_moved(const LastPicture& last, const Grid& grid);
+
 /// Stores this frame as the last one.
 void remember(const Grid& grid, std::int64_t pts, LastPicture& last);
 
