@@ -125,17 +125,16 @@ HWY_INLINE bool lies_outside(const Picture& source, const std::int32_t* nodes) {
 /// Pixels that warp_few() computes at once.
 using Warped = hn::CappedTag<std::int32_t, 8>;
 
-/// Whether warp_few() can compute the pixels from (u, v) on: their columns in the source span less than 15,
-/// and their rows are at most two.
-HWY_INLINE bool are_near(std::int32_t u, std::int32_t v, std::int32_t du, std::int32_t dv) {
+/// Whether warp_few() can compute pixels at these steps: from any start their columns in the source span less
+/// than 15, and their rows are at most two.
+HWY_INLINE bool are_near(std::int32_t du, std::int32_t dv) {
   const int last = static_cast<int>(hn::Lanes(Warped())) - 1;
-  const int columns = ((u + last * du) >> 16) - (u >> 16), rows = ((v + last * dv) >> 16) - (v >> 16);
-  return columns >= 0 && columns < 15 && std::abs(rows) <= 1;
+  return du >= 0 && last * du < 14 << 16 && last * std::abs(dv) < 1 << 16;
 }
 
 /// Computes the pixels from (u0, v0) on. All lie inside the picture, which has at least 16 columns.
-void warp_few(const Picture& source, std::int32_t u0, std::int32_t v0, std::int32_t du, std::int32_t dv,
-              std::uint8_t* out) {
+HWY_INLINE void warp_few(const Picture& source, std::int32_t u0, std::int32_t v0, std::int32_t du,
+                         std::int32_t dv, std::uint8_t* out) {
   const Warped d;
   const hn::Repartition<std::uint8_t, Warped> d8;
   const hn::Repartition<std::int16_t, Warped> d16;
@@ -172,29 +171,30 @@ void warp_few(const Picture& source, std::int32_t u0, std::int32_t v0, std::int3
 #endif
 
 void warp_row(const Picture& source, const std::int32_t* nodes, int segments, std::uint8_t* out) {
+#if HWY_TARGET != HWY_SCALAR
+  const int right = source.width < 16 ? 0 : (source.width - 2) << 16, bottom = (source.height - 2) << 16;
+  const auto is_inside = [=](std::int32_t u, std::int32_t v) {
+    return u >= 0 && v >= 0 && u < right && v < bottom;
+  };
+  bool ends_inside = is_inside(nodes[0], nodes[1]);
+#endif
   for (int s = 0; s < segments; ++s, nodes += 2, out += 16) {
+    const std::int32_t du = (nodes[2] - nodes[0]) / 16, dv = (nodes[3] - nodes[1]) / 16;
+#if HWY_TARGET != HWY_SCALAR
+    const bool starts_inside = ends_inside;
+    ends_inside = is_inside(nodes[2], nodes[3]);
+    if (starts_inside && ends_inside && are_near(du, dv)) {
+      const int together = static_cast<int>(hn::Lanes(Warped()));
+      for (int x = 0; x < 16; x += together)
+        warp_few(source, nodes[0] + x * du, nodes[1] + x * dv, du, dv, out + x);
+      continue;
+    }
+#endif
     if (lies_outside(source, nodes)) {
       std::fill_n(out, 16, std::uint8_t{0});
       continue;
     }
-    const std::int32_t du = (nodes[2] - nodes[0]) / 16, dv = (nodes[3] - nodes[1]) / 16;
-    int x = 0;
-#if HWY_TARGET != HWY_SCALAR
-    const auto inside = [&](int n) {
-      const int u = nodes[2 * n] >> 16, v = nodes[2 * n + 1] >> 16;
-      return u >= 0 && v >= 0 && u < source.width - 2 && v < source.height - 2;
-    };
-    if (source.width >= 16 && inside(0) && inside(1)) {
-      const int together = static_cast<int>(hn::Lanes(Warped()));
-      for (; x < 16; x += together) {
-        const std::int32_t u = nodes[0] + x * du, v = nodes[1] + x * dv;
-        if (!are_near(u, v, du, dv))
-          break;
-        warp_few(source, u, v, du, dv, out + x);
-      }
-    }
-#endif
-    for (; x < 16; ++x)
+    for (int x = 0; x < 16; ++x)
       out[x] = bilinear(source, nodes[0] + x * du, nodes[1] + x * dv);
   }
 }
