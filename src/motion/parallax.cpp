@@ -172,12 +172,7 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
   std::uint16_t* sums = sums_.data() + (row - first) * hypotheses * plane + 1;
   std::uint16_t* seen = seen_.data() + (row - first) * plane + 1;
   std::uint16_t* shift = shifts_.data() + (row - first) * columns_;
-  const auto leave_out = [&](int from, int end) {
-    for (int k = 0; k < hypotheses; ++k)
-      std::fill(sums + k * plane + from, sums + k * plane + end, std::uint16_t{0});
-  };
-  leave_out(-1, 0);
-  leave_out(columns_, columns_ + 1);
+  std::fill_n(sums - 1, hypotheses * plane, std::uint16_t{0});
   std::fill_n(seen - 1, plane, std::uint16_t{0});
   std::fill_n(shift, columns_, std::uint16_t{0});
   const int down = below(view, 4 * row) + 384;
@@ -191,17 +186,13 @@ void Parallax::compare_row(const PassedView& picture, const Translation& t, cons
     const std::uint8_t* ground_around = near_.data() + j; // starts with the cell to the left
     const std::int64_t x = across(view, 4 * j + block / 2) / 2;
     if ((x * x >= near_from) != zone.near ||
-        std::none_of(ground_around, ground_around + 6, [](std::uint8_t cell) { return cell != 0; })) {
-      leave_out(next, j + block / 4); // the last block overlaps the one before it
+        std::none_of(ground_around, ground_around + 6, [](std::uint8_t cell) { return cell != 0; }))
       continue;
-    }
     const std::ptrdiff_t at = (4 * (row - first) + above_) * stride_ + 4 * j + side_margin;
     std::array<std::int32_t, hypotheses> offsets{};
     const int length = place(t, view, 4 * j, down, at, offsets.data());
-    if (length < 32) { // two pixels
-      leave_out(next, j + block / 4);
+    if (length < 32) // two pixels
       continue;
-    }
     std::array<std::uint8_t, 4> whole{};
     kernels::compare_cells(picture.row(4 * row) + 4 * j, picture.width, warped_.data() + at, stride_,
                            offsets.data(), sums + j, plane, whole.data());
