@@ -268,8 +268,9 @@ HWY_INLINE hn::Vec<D16> advance(D16, hn::Vec<D16> odd, hn::Vec<D16> even, hn::Ve
 }
 
 // Reduces the pixels first..last-1, which are not at an edge. Returns false when they are fewer than a
-// vector. The last block overlaps the one before it; it is computed first, from sums that are still
-// unchanged, and stored last.
+// vector. The last block overlaps the one before it: its waiting sums are read first, while they are
+// unchanged. Its pixels are read last, because the processor's own prefetch follows the row from its
+// beginning.
 template <int step, int written, class D8>
 HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t* even, int first, int last,
                               std::ptrdiff_t ahead, const Waiting& waiting, std::uint8_t* out) {
@@ -292,8 +293,6 @@ HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t
   // Always inlined: a call would pass the vectors in memory.
   const auto half_block = [&](std::size_t i, bool upper, const auto& spread, Sums& p, Sums& h) HWY_ATTR
       __attribute__((always_inline)) {
-    p = hn::LoadU(d16, partial + i);
-    h = hn::LoadU(d16, held + i);
     const std::size_t at = source(i);
     return advance(d16, sums<step>(d8, odd + at, upper, pairing, spread),
                    sums<step>(d8, even + at, upper, pairing, spread), p, h);
@@ -307,17 +306,27 @@ HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t
     hn::StoreU(h, d16, held + i);
   };
 
-  const std::size_t tail = count - block;
-  Sums tail_p0, tail_h0, tail_p1, tail_h1;
-  const auto tail_low = half_block(tail, false, lower_spread, tail_p0, tail_h0);
-  const auto tail_out = rounded(tail_low, half_block(tail + half, true, upper_spread, tail_p1, tail_h1));
-  const auto make = [&](std::size_t i) HWY_ATTR __attribute__((always_inline)) {
-    Sums p0, h0, p1, h1;
+  const auto waiting_at = [&](std::size_t i, Sums& p, Sums& h) HWY_ATTR {
+    p = hn::LoadU(d16, partial + i);
+    h = hn::LoadU(d16, held + i);
+  };
+  const auto make_from = [&](std::size_t i, Sums p0, Sums h0, Sums p1, Sums h1) HWY_ATTR
+      __attribute__((always_inline)) {
     const auto low = half_block(i, false, lower_spread, p0, h0);
     hn::StoreU(rounded(low, half_block(i + half, true, upper_spread, p1, h1)), d8, out + i);
     keep(i, p0, h0);
     keep(i + half, p1, h1);
   };
+  const auto make = [&](std::size_t i) HWY_ATTR __attribute__((always_inline)) {
+    Sums p0, h0, p1, h1;
+    waiting_at(i, p0, h0);
+    waiting_at(i + half, p1, h1);
+    make_from(i, p0, h0, p1, h1);
+  };
+  const std::size_t tail = count - block;
+  Sums tail_p0, tail_h0, tail_p1, tail_h1;
+  waiting_at(tail, tail_p0, tail_h0);
+  waiting_at(tail + half, tail_p1, tail_h1);
   if (ahead == 0) {
     for (std::size_t i = 0; i < tail; i += block)
       make(i);
@@ -331,9 +340,7 @@ HWY_INLINE bool vector_pixels(D8 d8, const std::uint8_t* odd, const std::uint8_t
       }
     }
   }
-  hn::StoreU(tail_out, d8, out + tail);
-  keep(tail, tail_p0, tail_h0);
-  keep(tail + half, tail_p1, tail_h1);
+  make_from(tail, tail_p0, tail_h0, tail_p1, tail_h1);
   return true;
 }
 
