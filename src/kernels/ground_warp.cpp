@@ -122,55 +122,88 @@ HWY_INLINE bool lies_outside(const Picture& source, const std::int32_t* nodes) {
 }
 
 #if HWY_TARGET != HWY_SCALAR
-/// Pixels that warp_few() computes at once.
-using Warped = hn::CappedTag<std::int32_t, 8>;
+/// Pixels that one look-up in 16 bytes of a row gives.
+constexpr int looked_up = 8;
+/// Look-ups at once, and the bytes of each.
+#if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
+constexpr int lookups = 2;
+using Looked = hn::FixedTag<std::uint8_t, 32>;
+HWY_INLINE hn::Vec<Looked> read(const std::uint8_t* first, const std::uint8_t* second) {
+  const hn::Half<Looked> half;
+  return hn::Combine(Looked(), hn::LoadU(half, second), hn::LoadU(half, first));
+}
+#else
+constexpr int lookups = 1;
+using Looked = hn::CappedTag<std::uint8_t, 16>;
+HWY_INLINE hn::Vec<Looked> read(const std::uint8_t* first, const std::uint8_t*) {
+  return hn::LoadU(Looked(), first);
+}
+#endif
 
-/// Whether warp_few() can compute pixels at these steps: from any start their columns in the source span less
-/// than 15, and their rows are at most two.
+/// Whether warp_few() can compute pixels at these steps: from any start the columns of a look-up span less
+/// than 15, and its rows are at most two.
 HWY_INLINE bool are_near(std::int32_t du, std::int32_t dv) {
-  const int last = static_cast<int>(hn::Lanes(Warped())) - 1;
+  constexpr int last = looked_up - 1;
   return du >= 0 && last * du < 14 << 16 && last * std::abs(dv) < 1 << 16;
 }
 
 /// Computes the pixels from (u0, v0) on. All lie inside the picture, which has at least 16 columns.
 HWY_INLINE void warp_few(const Picture& source, std::int32_t u0, std::int32_t v0, std::int32_t du,
                          std::int32_t dv, std::uint8_t* out) {
-  const Warped d;
-  const hn::Repartition<std::uint8_t, Warped> d8;
-  const hn::Repartition<std::int16_t, Warped> d16;
-  const int last = static_cast<int>(hn::Lanes(d)) - 1;
-  const int column = u0 >> 16, row = std::min(v0, v0 + last * dv) >> 16;
+  const Looked d8;
+  const hn::Repartition<std::int16_t, Looked> d;
+  const auto set = [&](std::int32_t value) HWY_ATTR { return hn::Set(d, static_cast<std::int16_t>(value)); };
+  // The column and the row where each look-up begins.
+  const std::int32_t u1 = u0 + (lookups - 1) * looked_up * du, v1 = v0 + (lookups - 1) * looked_up * dv,
+                     rise = std::min((looked_up - 1) * dv, 0);
+  const int column0 = u0 >> 16, row0 = (v0 + rise) >> 16, column1 = u1 >> 16, row1 = (v1 + rise) >> 16;
+  // Both in units of 1/128, from the beginning of the look-up: the sum of a multiple and of what the 9 bits
+  // below carry.
   const auto index = hn::Iota(d, 0);
-  const auto u = hn::Add(hn::Set(d, u0), hn::Mul(index, hn::Set(d, du))),
-             v = hn::Add(hn::Set(d, v0), hn::Mul(index, hn::Set(d, dv)));
-  // Looks up two neighbouring pixels as two numbers of 16 bits.
-  const auto at = hn::Sub(hn::ShiftRight<16>(u), hn::Set(d, column));
-  const auto both = hn::BitCast(
-      d8, hn::Add(hn::Or(at, hn::ShiftLeft<16>(at)), hn::Set(d, static_cast<std::int32_t>(0x80018000))));
-  const auto pixels = [&](int y) HWY_ATTR {
-    return hn::BitCast(d, hn::TableLookupBytesOr0(hn::LoadDup128(d8, source.row(y) + column), both));
+  const auto position = [&](std::int32_t start, std::int32_t step, int begin0, int begin1) HWY_ATTR {
+    const auto below = hn::Add(set(start & 511), hn::Mul(index, set(step & 511)));
+    auto whole = hn::Add(set((start >> 9) - begin0 * 128), hn::Mul(index, set(step >> 9)));
+    if constexpr (lookups > 1) {
+      const auto second = hn::Gt(index, set(looked_up - 1));
+      whole = hn::Sub(whole, hn::IfThenElseZero(second, set((begin1 - begin0) * 128)));
+    }
+    return hn::Add(whole, hn::ShiftRight<9>(below));
+  };
+  const auto u = position(u0, du, column0, column1), v = position(v0, dv, row0, row1);
+  // Looks up two neighbouring pixels as a pair of bytes.
+  const auto at = hn::ShiftRight<7>(u);
+  const auto both = hn::BitCast(d8, hn::Add(hn::Or(at, hn::ShiftLeft<8>(at)), set(256)));
+  const std::ptrdiff_t width = source.width;
+  const std::uint8_t *from0 = source.row(row0) + column0, *from1 = source.row(row1) + column1;
+  const auto pixels = [&](std::ptrdiff_t after0, std::ptrdiff_t after1) HWY_ATTR {
+    return hn::BitCast(d, hn::TableLookupBytes(read(from0 + after0, from1 + after1), both));
   };
   // The third row is read where a pixel needs it, and never the last one of the picture.
-  const auto first = pixels(row), second = pixels(row + 1),
-             third = pixels(std::min(row + 2, source.height - 2));
-  const auto part = hn::Set(d, 127);
-  const auto fu = hn::And(hn::ShiftRight<9>(u), part), fv = hn::And(hn::ShiftRight<9>(v), part);
-  const auto shares = hn::BitCast(d16, hn::Add(hn::Sub(hn::ShiftLeft<16>(fu), fu), hn::Set(d, 128)));
+  const int last = source.height - 3;
+  const auto first = pixels(0, 0), second = pixels(width, width),
+             third = pixels(row0 < last ? 2 * width : width, row1 < last ? 2 * width : width);
+  const auto fu = hn::And(u, set(127)), fv = hn::And(v, set(127));
   const auto mix = [&](auto pair) HWY_ATTR {
-    const auto products = hn::BitCast(d, hn::Mul(hn::BitCast(d16, pair), shares));
-    return hn::Add(hn::And(products, hn::Set(d, 65535)), hn::ShiftRight<16>(products));
+    const auto left = hn::And(pair, set(255)),
+               right =
+                   hn::BitCast(d, hn::ShiftRight<8>(hn::BitCast(hn::RebindToUnsigned<decltype(d)>(), pair)));
+    return hn::Add(hn::ShiftLeft<7>(left), hn::Mul(hn::Sub(right, left), fu));
   };
-  const auto is_first = hn::Eq(hn::ShiftRight<16>(v), hn::Set(d, row));
-  const auto upper = mix(hn::IfThenElse(is_first, first, second)),
-             lower = mix(hn::IfThenElse(is_first, second, third));
-  const auto sum = hn::Add(hn::ShiftLeft<7>(upper), hn::Mul(hn::Sub(lower, upper), fv));
-  const auto value = hn::ShiftRight<14>(hn::Add(sum, hn::Set(d, 8192)));
-  hn::StoreU(hn::DemoteTo(hn::Rebind<std::uint8_t, Warped>(), value), hn::Rebind<std::uint8_t, Warped>(),
-             out);
+  const auto is_second = hn::Gt(v, set(127));
+  const auto upper = mix(hn::IfThenElse(is_second, second, first)),
+             lower = mix(hn::IfThenElse(is_second, third, second));
+  // (128 upper + (lower - upper) fv + 2^13) / 2^14, in 16 bits: the difference by its upper and its lower
+  // part.
+  const auto difference = hn::Sub(lower, upper);
+  const auto carried = hn::ShiftRight<7>(hn::Mul(hn::And(difference, set(127)), fv)),
+             whole = hn::Mul(hn::ShiftRight<7>(difference), fv);
+  const auto sum = hn::Add(hn::Add(upper, set(64)), hn::Add(whole, carried));
+  const hn::Rebind<std::uint8_t, decltype(d)> bytes;
+  hn::StoreU(hn::DemoteTo(bytes, hn::ShiftRight<7>(sum)), bytes, out);
 }
 #endif
 
-void warp_row(const Picture& source, const std::int32_t* nodes, int segments, std::uint8_t* out) {
+HWY_INLINE void warp_row(const Picture& source, const std::int32_t* nodes, int segments, std::uint8_t* out) {
 #if HWY_TARGET != HWY_SCALAR
   const int right = source.width < 16 ? 0 : (source.width - 2) << 16, bottom = (source.height - 2) << 16;
   const auto is_inside = [=](std::int32_t u, std::int32_t v) {
@@ -184,8 +217,7 @@ void warp_row(const Picture& source, const std::int32_t* nodes, int segments, st
     const bool starts_inside = ends_inside;
     ends_inside = is_inside(nodes[2], nodes[3]);
     if (starts_inside && ends_inside && are_near(du, dv)) {
-      const int together = static_cast<int>(hn::Lanes(Warped()));
-      for (int x = 0; x < 16; x += together)
+      for (int x = 0; x < 16; x += lookups * looked_up)
         warp_few(source, nodes[0] + x * du, nodes[1] + x * dv, du, dv, out + x);
       continue;
     }
@@ -199,8 +231,9 @@ void warp_row(const Picture& source, const std::int32_t* nodes, int segments, st
   }
 }
 
-void warp_all(const Picture& source, const std::int32_t* nodes, int segments, int rows, std::uint8_t* out,
+void warp_all(const Picture& picture, const std::int32_t* nodes, int segments, int rows, std::uint8_t* out,
               std::ptrdiff_t out_stride) {
+  const Picture source = picture; // a copy, which the pixels that are written cannot change
   for (int y = 0; y < rows; ++y)
     warp_row(source, nodes + static_cast<std::ptrdiff_t>(y) * 2 * (segments + 1), segments,
              out + y * out_stride);
