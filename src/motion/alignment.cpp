@@ -167,14 +167,13 @@ bool PointSelection::spread(std::span<const std::uint8_t> ground, int row, int c
   if (!any)
     return false;
   std::uint8_t* to = ground_.data();
-  if (cell == 4)
+  if (cell == 1)
+    to = std::copy_n(from, columns, to);
+  else
     for (int j = 0; j < columns; ++j, to += 4) {
       const std::uint32_t four = 0x01010101U * from[j];
       std::memcpy(to, &four, 4);
     }
-  else
-    for (int j = 0; j < columns; ++j)
-      to = std::fill_n(to, cell, from[j]);
   // The pixels to the right of the last whole cell belong to that cell.
   std::fill(to, ground_.data() + ground_.size(), from[columns - 1]);
   return true;

@@ -66,8 +66,8 @@ inline constexpr int fewest_points = 24;
 class PointSelection {
  public:
   /// Fills `points`. Searches the rows from one tenth of the way below the vanishing line down, where
-  /// `ground` is not 0 (one byte per `cell` x `cell` pixels; `cell` divides the picture's size). Of equal
-  /// slopes, takes the upper left point.
+  /// `ground` is not 0 (one byte per `cell` x `cell` pixels; `cell` is 1 or 4 and divides the picture's
+  /// size). Of equal slopes, takes the upper left point.
   void select(const PassedView& picture, const GroundCamera& view, std::span<const std::uint8_t> ground,
               int cell, const PointRule& rule, GroundPoints& points);
 
