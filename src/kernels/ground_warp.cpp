@@ -19,28 +19,40 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // These loops are auto-vectorised.
 
-/// out[x] = in[x] + in[x + apart].
-void add_shifted(const std::uint16_t* __restrict in, int apart, int count, std::uint16_t* __restrict out) {
+/// Sums of four neighbours.
+void add_fours(const std::uint16_t* __restrict in, int count, std::uint16_t* __restrict out) {
   for (int x = 0; x < count; ++x)
-    out[x] = static_cast<std::uint16_t>(in[x] + in[x + apart]);
+    out[x] = static_cast<std::uint16_t>((in[x] + in[x + 1]) + (in[x + 2] + in[x + 3]));
 }
 
-/// `halves` are the halved sums of columns from `radius` to the left on; `two` and `eight` the sums of two
-/// and eight neighbours of them.
+/// `halves` are the halved sums of columns from `radius` to the left on; `fours` the sums of four neighbours
+/// of them.
 template <int radius>
 void subtract_mean(const std::uint8_t* __restrict in, const std::uint16_t* __restrict halves,
-                   const std::uint16_t* __restrict two, const std::uint16_t* __restrict eight, int width,
-                   int gain, std::uint8_t* __restrict out) {
+                   const std::uint16_t* __restrict fours, int width, int gain, std::uint8_t* __restrict out) {
   constexpr int side = 2 * radius + 1;
   constexpr unsigned per_sum = (4 * 65536 + side * side / 2) / (side * side);
-  static_assert(side == 8 + 2 + 1 || side == 8 + 8 + 1);
-  const std::uint16_t* rest = side == 17 ? eight : two;
+  static_assert(side == 4 + 4 + 2 + 1 || side == 4 + 4 + 4 + 4 + 1);
+  const auto narrow_gain = static_cast<std::int16_t>(gain);
   for (int x = 0; x < width; ++x) {
-    const auto half_sum = static_cast<std::uint16_t>(eight[x] + rest[x + 8] + halves[x + side - 1]);
+    const int rest = side == 17 ? fours[x + 8] + fours[x + 12] : halves[x + 8] + halves[x + 9];
+    const auto half_sum =
+        static_cast<std::uint16_t>((fours[x] + fours[x + 4]) + (rest + halves[x + side - 1]));
     const auto twice = static_cast<std::uint16_t>((half_sum * per_sum) >> 16);
     const auto mean = static_cast<std::int16_t>(twice / 2);
-    const int value = 128 + (in[x] - mean) * gain;
-    out[x] = static_cast<std::uint8_t>(value < 1 ? 1 : (value > 255 ? 255 : value));
+    const auto passed = static_cast<std::int16_t>((in[x] - mean) * narrow_gain),
+               value = static_cast<std::int16_t>(passed + 128),
+               positive = value < 1 ? std::int16_t{1} : value;
+    out[x] = static_cast<std::uint8_t>(positive > 255 ? std::int16_t{255} : positive);
+  }
+}
+
+/// Moves sums of columns down by a row, and halves them.
+void move_down(const std::uint8_t* __restrict added, const std::uint8_t* __restrict removed, int width,
+               std::uint16_t* __restrict sums, std::uint16_t* __restrict halves) {
+  for (int x = 0; x < width; ++x) {
+    sums[x] = static_cast<std::uint16_t>(sums[x] + added[x] - removed[x]);
+    halves[x] = static_cast<std::uint16_t>(sums[x] / 2);
   }
 }
 
@@ -48,26 +60,20 @@ template <int radius>
 void high_pass_of(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int gain,
                   std::uint8_t* out, std::uint16_t* work) {
   const int count = width + 2 * radius;
-  std::uint16_t *middle = work, *halves = work + count, *two = halves + count, *four = two + count,
-                *eight = four + count;
+  std::uint16_t *sums = work, *halves = work + count, *fours = halves + count;
   const auto row = [&](int y) { return in + std::clamp(y, 0, height - 1) * stride; };
-  std::fill_n(middle, width, std::uint16_t{0});
-  for (int k = -radius; k <= radius; ++k)
+  // Of the rows around the one above the first: those from -radius - 1 to radius - 1.
+  for (int x = 0; x < width; ++x)
+    sums[x] = static_cast<std::uint16_t>((radius + 1) * in[x]);
+  for (int k = 0; k < radius; ++k)
     for (int x = 0; x < width; ++x)
-      middle[x] = static_cast<std::uint16_t>(middle[x] + row(k)[x]);
+      sums[x] = static_cast<std::uint16_t>(sums[x] + row(k)[x]);
   for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x)
-      halves[radius + x] = middle[x] / 2;
+    move_down(row(y + radius), row(y - radius - 1), width, sums, halves + radius);
     std::fill_n(halves, radius, halves[radius]);
     std::fill_n(halves + radius + width, radius, halves[radius + width - 1]);
-    add_shifted(halves, 1, count - 1, two);
-    add_shifted(two, 2, count - 3, four);
-    add_shifted(four, 4, count - 7, eight);
-    subtract_mean<radius>(row(y), halves, two, eight, width, gain,
-                          out + static_cast<std::ptrdiff_t>(y) * width);
-    const std::uint8_t *added = row(y + radius + 1), *removed = row(y - radius);
-    for (int x = 0; x < width; ++x)
-      middle[x] = static_cast<std::uint16_t>(middle[x] + added[x] - removed[x]);
+    add_fours(halves, count - 3, fours);
+    subtract_mean<radius>(row(y), halves, fours, width, gain, out + static_cast<std::ptrdiff_t>(y) * width);
   }
 }
 

@@ -10,7 +10,7 @@
 namespace terrainseg::kernels {
 
 /// out = clamp(128 + (in - mean over (2 radius + 1)^2) * gain, 1, 255), borders repeated; radius 5 or 8. The
-/// mean is rounded down, by at most 1.2. `work` has 5 * (width + 2 * radius) elements. Never writes 0, which
+/// mean is rounded down, by at most 1.2. `work` has 3 * (width + 2 * radius) elements. Never writes 0, which
 /// means "outside".
 extern void (*const high_pass)(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height,
                                int radius, int gain, std::uint8_t* out, std::uint16_t* work);

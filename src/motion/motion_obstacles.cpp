@@ -117,7 +117,7 @@ void MotionObstacles::resize(int width, int height) {
   cells_.assign(pixels / 16, {});
   standing_.assign(pixels / 16, 0);
   ground_columns_.assign(width / 4, 0);
-  work_.assign(5 * (width + 16), 0);
+  work_.assign(3 * (width + 16), 0);
   keys_.clear();
   spare_.clear();
   // Allocate all memory now, so that later frames do not allocate.

@@ -778,7 +778,7 @@ TEST(Kernels, HighPassAndMeanOfQuarters) {
         auto in = noise_picture(width, height, 7);
         std::fill_n(in.begin(), in.size() / 2, std::uint8_t{255}); // the largest sums
         std::vector<std::uint8_t> out(in.size());
-        std::vector<std::uint16_t> work(static_cast<std::size_t>(5 * (width + 2 * radius)));
+        std::vector<std::uint16_t> work(static_cast<std::size_t>(3 * (width + 2 * radius)));
         high_pass(in.data(), width, width, height, radius, gain, out.data(), work.data());
         for (int y = 0; y < height; ++y)
           for (int x = 0; x < width; ++x) {
