@@ -318,49 +318,55 @@ void compare(const std::uint8_t* frame, std::ptrdiff_t frame_stride, const std::
 #endif
 
 // These loops are auto-vectorised too.
-void add_window(const std::uint16_t* __restrict above, const std::uint16_t* __restrict here,
-                const std::uint16_t* __restrict under, int columns, std::uint16_t* __restrict column_sums,
-                std::uint16_t* __restrict out) {
+void add_rows(const std::uint16_t* __restrict above, const std::uint16_t* __restrict here,
+              const std::uint16_t* __restrict under, int columns, std::uint16_t* __restrict sums) {
   for (int j = 0; j < columns + 2; ++j)
-    column_sums[j] = static_cast<std::uint16_t>(above[j] + here[j] + under[j]);
-  for (int j = 0; j < columns; ++j)
-    out[j] = static_cast<std::uint16_t>(column_sums[j] + column_sums[j + 1] + column_sums[j + 2]);
+    sums[j] = static_cast<std::uint16_t>(above[j] + here[j] + under[j]);
 }
 
-void lower_to(const std::uint16_t* __restrict costs, int columns, std::uint16_t* __restrict least) {
-  for (int j = 0; j < columns; ++j)
-    least[j] = costs[j] < least[j] ? costs[j] : least[j];
+HWY_INLINE std::uint16_t window_at(const std::uint16_t* sums, int j) {
+  return static_cast<std::uint16_t>(sums[j] + sums[j + 1] + sums[j + 2]);
 }
 
-void lower_with(const std::uint16_t* __restrict costs, std::uint16_t index, int columns,
+void store_windows(const std::uint16_t* __restrict sums, int columns, std::uint16_t* __restrict out) {
+  for (int j = 0; j < columns; ++j)
+    out[j] = window_at(sums, j);
+}
+
+void lower_to(const std::uint16_t* __restrict sums, int columns, std::uint16_t* __restrict least) {
+  for (int j = 0; j < columns; ++j) {
+    const std::uint16_t cost = window_at(sums, j);
+    least[j] = cost < least[j] ? cost : least[j];
+  }
+}
+
+void lower_with(const std::uint16_t* __restrict sums, std::uint16_t index, int columns,
                 std::uint16_t* __restrict least, std::uint16_t* __restrict which) {
   for (int j = 0; j < columns; ++j) {
-    const bool less = costs[j] < least[j];
+    const std::uint16_t cost = window_at(sums, j);
+    const bool less = cost < least[j];
     which[j] = less ? index : which[j];
-    least[j] = less ? costs[j] : least[j];
+    least[j] = less ? cost : least[j];
   }
 }
 
 void add_windows(const std::uint16_t* above, const std::uint16_t* here, const std::uint16_t* under,
                  int columns, std::ptrdiff_t plane, const HypothesisOrder& order, const WindowCosts& out,
                  std::uint16_t* work) {
-  std::uint16_t* const costs = work + columns + 2;
-  const auto add = [&](int k, std::uint16_t* to) {
-    add_window(above + k * plane, here + k * plane, under + k * plane, columns, work, to);
+  const auto rows_of = [&](int k) {
+    add_rows(above + k * plane, here + k * plane, under + k * plane, columns, work);
+    return work;
   };
-  add(0, out.ground);
-  add(order.even_grey, out.even_grey);
-  add(order.first_control, out.control);
-  for (int k = order.first_control + 1; k < order.end_control; ++k) {
-    add(k, costs);
-    lower_to(costs, columns, out.control);
-  }
-  add(order.first_standing, out.standing);
+  store_windows(rows_of(0), columns, out.ground);
+  store_windows(rows_of(order.even_grey), columns, out.even_grey);
+  store_windows(rows_of(order.first_control), columns, out.control);
+  for (int k = order.first_control + 1; k < order.end_control; ++k)
+    lower_to(rows_of(k), columns, out.control);
+  store_windows(rows_of(order.first_standing), columns, out.standing);
   std::fill_n(out.which, columns, std::uint16_t{0});
-  for (int k = order.first_standing + 1; k < order.end_standing; ++k) {
-    add(k, costs);
-    lower_with(costs, static_cast<std::uint16_t>(k - order.first_standing), columns, out.standing, out.which);
-  }
+  for (int k = order.first_standing + 1; k < order.end_standing; ++k)
+    lower_with(rows_of(k), static_cast<std::uint16_t>(k - order.first_standing), columns, out.standing,
+               out.which);
 }
 
 // --- sums of cells that are moved with the ground ---

@@ -53,7 +53,7 @@ struct WindowCosts {
   std::uint16_t *ground, *control, *even_grey, *standing, *which;
 };
 /// Adds three rows of cells that compare_cells() has written. A plane has columns + 2 cells; the first and
-/// the last one are outside the picture. Sums of nine cells fit 16 bits. `work` has 2 * columns + 2 elements.
+/// the last one are outside the picture. Sums of nine cells fit 16 bits. `work` has columns + 2 elements.
 extern void (*const window_costs)(const std::uint16_t* above, const std::uint16_t* here,
                                   const std::uint16_t* under, int columns, std::ptrdiff_t plane,
                                   const HypothesisOrder& order, const WindowCosts& out, std::uint16_t* work);

@@ -109,7 +109,7 @@ void Parallax::resize(int width, int height) {
   sums_.assign((rows_ + 1) * hypotheses * (columns_ + 2), 0);
   seen_.assign((rows_ + 1) * (columns_ + 2), 0);
   shifts_.assign(rows_ * columns_, 0);
-  costs_.assign(7 * columns_ + 2, 0);
+  costs_.assign(6 * columns_ + 2, 0);
   near_.assign(columns_ + 2, 0);
 }
 

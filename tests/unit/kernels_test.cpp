@@ -1077,7 +1077,7 @@ TEST(Kernels, WindowCosts) {
         sum = static_cast<std::uint16_t>(random() % 3 == 0 ? 640 : random() % 641);
       const auto count = static_cast<std::size_t>(columns);
       std::vector<std::uint16_t> ground(count), control(count), even(count), standing(count), which(count),
-          work(2 * count + 2);
+          work(count + 2);
       const auto row = [&](int i) { return rows.data() + i * most_offsets * plane; };
       window_costs(row(0), row(1), row(2), columns, plane, order,
                    {ground.data(), control.data(), even.data(), standing.data(), which.data()}, work.data());
