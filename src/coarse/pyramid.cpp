@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "base/touch.hpp"
 #include "base/workers.hpp"
 #include "kernels/reduce.hpp"
 
@@ -47,13 +48,6 @@ bool reads_through([[maybe_unused]] std::ptrdiff_t stride) {
 #else
   return false;
 #endif
-}
-
-// Reads one byte of each cache line, so that the processor's own prefetch continues with the next lines.
-void touch(const std::uint8_t* row, std::ptrdiff_t bytes) {
-  constexpr std::ptrdiff_t cache_line = 64;
-  for (std::ptrdiff_t i = 0; i < bytes; i += cache_line)
-    static_cast<void>(*static_cast<const volatile std::uint8_t*>(row + i));
 }
 
 struct Shape {
@@ -157,8 +151,7 @@ struct Course {
   int top = 0; ///< coarsest level that is made
   Rows source; ///< rows of the source that this band reads
   Lines<const std::uint8_t> source_lines;
-  std::ptrdiff_t read_through =
-      0; ///< bytes of each row that are read, needed or not; 0 = rows are prefetched
+  std::size_t read_through = 0; ///< bytes of each row that are read, needed or not; 0 = rows are prefetched
   std::array<Step, level_count> step;
 };
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "base/touch.hpp"
 #include "base/tuning.hpp"
 #include "kernels/ground_warp.hpp"
 
@@ -207,6 +208,12 @@ bool MotionObstacles::acquire(PlaneMotion& step, const Residual& still) {
                      [&](std::int64_t forward) { return fits(forward, 0); });
 }
 
+/// Brings the part of a picture into the cache where its points can be.
+void MotionObstacles::touch_ground(const std::vector<std::uint8_t>& pixels) const {
+  const std::size_t above = std::max(view_.vanishing_row >> 8, 0) * view_.width;
+  touch(pixels.data() + above, pixels.size() - above);
+}
+
 /// Computes this frame's motion since the last frame. Returns false when it cannot be found.
 bool MotionObstacles::follow(std::int64_t pts) {
   const std::int64_t interval = pts >= 0 && pts_ >= 0 ? pts - pts_ : 0;
@@ -214,6 +221,7 @@ bool MotionObstacles::follow(std::int64_t pts) {
   if (interval > 0 && interval_ > 0)
     guess = part_of(step_, static_cast<int>(std::clamp<std::int64_t>(256 * interval / interval_, 32, 2048)));
   const PassedView earlier = passed(before_);
+  touch_ground(before_);
   const Residual still = alignment_.residual(points_, earlier, {});
   if (points_.size() < fewest_points)
     return false;
@@ -295,6 +303,7 @@ void MotionObstacles::choose_keys(std::array<Zone, 2>& zones) {
   for (Zone& zone : zones)
     if (zone.key >= 0 && (&zone == &zones[0] || zone.key != refined)) {
       KeyFrame& key = keys_[zone.key];
+      touch_ground(key.pixels);
       if (!alignment_.refine(points_, passed(key.pixels), 3, key.motion))
         zone.key = -1;
     }

@@ -80,6 +80,7 @@ class MotionObstacles {
   void move_line(int rows);
   void follow_line(const MotionKnowledge& knowledge);
   void keep_frame();
+  void touch_ground(const std::vector<std::uint8_t>& pixels) const;
   int middle_shift(const PlaneMotion& motion, int q8_of_rows) const;
   int target_shift() const { return 16 * 256 * view_.width / 480; } ///< Q8
   PassedView passed(const std::vector<std::uint8_t>& pixels) const {
