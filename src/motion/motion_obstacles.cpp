@@ -52,6 +52,7 @@ TERRAINSEG_TUNED(int, motion_obstacles, rest, 6);
 /// Forward motions per frame with which a search starts, Q24 of the camera's height.
 constexpr std::array<std::int64_t, 9> first_guesses{0,       251658,  671089,  1342177, 2348810,
                                                     3355443, 4697620, 6710886, 9227469};
+constexpr int best_guesses = 3; ///< of them that are tried
 /// Pitches per frame that it tries with the forward motion that tracking found: multiples of 0.015 rad, Q24.
 constexpr std::int64_t pitch_step = 251658;
 constexpr std::array<std::int64_t, 7> pitches{
@@ -183,29 +184,49 @@ std::int64_t MotionObstacles::left_by(PlaneMotion& motion, int iterations, const
   return possible ? std::int64_t{20} * after.mean / after.contrast : not_of_the_ground;
 }
 
-/// Searches this frame's motion from many first guesses: the forward motion of `step` with several pitches,
-/// then `first_guesses`. The first one that fits ends the search.
+/// Searches this frame's motion from first guesses: the forward motion of `step` with several pitches, then
+/// other forward motions. Of the pitches it tries those that explain the small picture about as well as the
+/// best guess does, of the others the best ones. The first guess that fits ends the search.
 bool MotionObstacles::acquire(PlaneMotion& step, const Residual& still) {
   const PassedView earlier = small_passed(small_before_);
+  struct Guess {
+    PlaneMotion motion;
+    int mean = 0;
+  };
+  std::array<Guess, pitches.size() + first_guesses.size()> guesses;
+  const auto guess_at = [&](std::size_t i, std::int64_t forward, std::int64_t pitch) {
+    guesses[i].motion.g[5] = -pitch;
+    guesses[i].motion.g[7] = forward + pitch;
+    guesses[i].mean = alignment_.residual(small_points_, earlier, guesses[i].motion).mean;
+  };
+  const std::int64_t tracked = translation_of(step).z;
+  for (std::size_t i = 0; i < pitches.size(); ++i)
+    guess_at(i, tracked, pitches[i]);
+  for (std::size_t i = 0; i < first_guesses.size(); ++i)
+    guess_at(pitches.size() + i, first_guesses[i], 0);
+  const auto others = guesses.begin() + pitches.size(), end_of_best = others + best_guesses;
+  const auto is_better = [](const Guess& a, const Guess& b) {
+    return a.mean != b.mean ? a.mean < b.mean : a.motion.g[7] < b.motion.g[7];
+  };
+  std::partial_sort(others, end_of_best, guesses.end(), is_better);
+  const int best = std::min_element(guesses.begin(), end_of_best, is_better)->mean;
+
   int least = 1 << 30;
-  const auto fits = [&](std::int64_t forward, std::int64_t pitch) {
-    PlaneMotion guess;
-    guess.g[5] = -pitch;
-    guess.g[7] = forward + pitch;
-    if (!alignment_.refine(small_points_, earlier, 10, guess))
+  const auto fits = [&](const Guess& guess) {
+    PlaneMotion found = guess.motion;
+    if (!alignment_.refine(small_points_, earlier, 10, found))
       return false;
-    const int mean = alignment_.residual(small_points_, earlier, guess).mean;
+    const int mean = alignment_.residual(small_points_, earlier, found).mean;
     if (mean >= least)
       return false;
     least = mean;
-    step = guess;
+    step = found;
     return left_by(step, 6, still) < most_left;
   };
-  const std::int64_t tracked = translation_of(step).z;
-  return std::any_of(pitches.begin(), pitches.end(),
-                     [&](std::int64_t pitch) { return fits(tracked, pitch); }) ||
-         std::any_of(first_guesses.begin(), first_guesses.end(),
-                     [&](std::int64_t forward) { return fits(forward, 0); });
+  return fits(guesses.front()) ||
+         std::any_of(guesses.begin() + 1, others,
+                     [&](const Guess& guess) { return 2 * guess.mean <= 3 * best && fits(guess); }) ||
+         std::any_of(others, end_of_best, fits);
 }
 
 /// Brings the part of a picture into the cache where its points can be.
