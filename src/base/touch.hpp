@@ -8,9 +8,9 @@ namespace terrainseg {
 
 /// Reads one byte of each cache line, from the first line to the last: the processor's own prefetch follows
 /// this sequence, but not the scattered reads of the work that comes after it.
-inline void touch(const std::uint8_t* bytes, std::size_t count) {
-  constexpr std::size_t cache_line = 64;
-  for (std::size_t i = 0; i < count; i += cache_line)
+inline void touch(const std::uint8_t* bytes, std::ptrdiff_t count) {
+  constexpr std::ptrdiff_t cache_line = 64;
+  for (std::ptrdiff_t i = 0; i < count; i += cache_line)
     static_cast<void>(*static_cast<const volatile std::uint8_t*>(bytes + i));
 }
 

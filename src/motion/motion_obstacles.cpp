@@ -232,7 +232,7 @@ bool MotionObstacles::acquire(PlaneMotion& step, const Residual& still) {
 /// Brings the part of a picture into the cache where its points can be.
 void MotionObstacles::touch_ground(const std::vector<std::uint8_t>& pixels) const {
   const std::size_t above = std::max(view_.vanishing_row >> 8, 0) * view_.width;
-  touch(pixels.data() + above, pixels.size() - above);
+  touch(pixels.data() + above, std::ssize(pixels) - static_cast<std::ptrdiff_t>(above));
 }
 
 /// Computes this frame's motion since the last frame. Returns false when it cannot be found.
