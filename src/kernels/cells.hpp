@@ -85,4 +85,8 @@ extern void (*const look_up_octaves)(const std::uint32_t* values, const std::int
                                      std::int16_t* out);
 inline constexpr int octaves_of_table = 15;
 
+/// values[i] = min over k of values[k] + |places[i] - places[k]|. `places` start with 0 and do not decrease;
+/// |values| and places are below 2^28.
+extern void (*const spread_least)(std::int32_t* values, const std::int32_t* places, int count);
+
 } // namespace terrainseg::kernels

@@ -187,6 +187,32 @@ TEST(Kernels, ReducePairVertically) {
   });
 }
 
+// The least of all sums, one by one; the largest numbers that the header allows, and places that do not move.
+TEST(Kernels, SpreadLeast) {
+  on_every_target([] {
+    std::mt19937 random(6);
+    constexpr std::int32_t most = (1 << 28) - 1;
+    for (int count = 0; count <= 70; ++count)
+      for (const bool large : {false, true}) {
+        const auto size = static_cast<std::size_t>(count);
+        const Guarded<std::int32_t> values(size, true), places(size, true);
+        for (std::size_t i = 0; i < size; ++i) {
+          values[i] =
+              large ? (random() % 2 ? most : -most) : static_cast<std::int32_t>(random() % 2000) - 1000;
+          const auto step = static_cast<std::int32_t>(random() % 3 ? random() % (large ? 1 << 21 : 300) : 0);
+          places[i] = i == 0 ? 0 : std::min(places[i - 1] + step, most);
+        }
+        std::vector<std::int32_t> expected(size, INT32_MAX);
+        for (std::size_t i = 0; i < size; ++i)
+          for (std::size_t k = 0; k < size; ++k)
+            expected[i] = std::min(expected[i], values[k] + std::abs(places[i] - places[k]));
+        spread_least(values.data(), places.data(), count);
+        for (std::size_t i = 0; i < size; ++i)
+          ASSERT_EQ(values[i], expected[i]) << "count " << count << " at " << i;
+      }
+  });
+}
+
 TEST(Kernels, Split422) {
   on_every_target([] {
     std::mt19937 random(3);

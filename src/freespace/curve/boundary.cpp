@@ -10,6 +10,7 @@
 #include "freespace/curve/refinement.hpp"
 #include "freespace/look/connected_ground.hpp"
 #include "freespace/look/view.hpp"
+#include "kernels/cells.hpp"
 
 namespace terrainseg {
 namespace {
@@ -115,46 +116,47 @@ void BoundarySearch::look(const Grid& grid, const ColorSteps& steps, int gain_q8
 void BoundarySearch::find(const Grid& grid, const CellScores& score, const RowPriors& prior,
                           bool ground_behind, GridCurve& boundary) {
   const int rows = grid.height + 1;
-  const auto column_of = [rows](auto& table, int j) { return &table[j * rows]; };
   weigh_columns(grid, score, prior);
   if (ground_behind)
     add_ground_behind(grid, score, prior);
-  best_.assign(utility_.begin(), utility_.begin() + rows);
-  came_from_.resize(utility_.size());
-  for (int j = 1; j < grid.width; ++j) {
-    // The best predecessor of every row, by a distance transform: one pass down, one pass up.
-    std::uint16_t* from = column_of(came_from_, j);
-    std::int32_t* best = best_.data();
-    const std::int16_t* price = &price_[j * grid.height];
-    std::int32_t leader = best[0];
-    std::uint16_t origin = 0;
-    // Selects without a branch, because about a third of the predictions would fail.
-    const auto pass = [&](int r, std::int32_t step, std::uint16_t own_origin) {
-      const std::int32_t passed = leader - step;
-      const auto keep = static_cast<std::uint16_t>(-static_cast<int>(passed > best[r]));
-      leader = std::max(passed, best[r]);
-      origin = static_cast<std::uint16_t>((origin & keep) | (own_origin & ~keep));
-      best[r] = leader;
-      from[r] = origin;
-    };
-    from[0] = 0;
-    for (int r = 1; r < rows; ++r)
-      pass(r, price[r - 1], static_cast<std::uint16_t>(r));
-    for (int r = rows - 2; r >= 0; --r)
-      pass(r, price[r], from[r]);
-    // Subtracting a constant does not change the best curve. It keeps the sums below 2^31 for every grid.
-    const std::int32_t* utility = column_of(utility_, j);
-    const std::int32_t constant = best[0];
+  loss_.resize(utility_.size());
+  base_.resize(grid.width);
+  for (int j = 0; j < grid.width; ++j) {
+    std::int32_t* loss = &loss_[j * rows];
+    if (j == 0) {
+      std::fill_n(loss, rows, 0);
+    } else {
+      std::copy_n(loss - rows, rows, loss);
+      kernels::spread_least(loss, &place_[j * rows], rows);
+    }
+    // Subtracting a constant does not change the best curve. It keeps the sums small for every grid.
+    const std::int32_t* utility = &utility_[j * rows];
+    base_[j] = loss[0];
     for (int r = 0; r < rows; ++r)
-      best[r] += utility[r] - constant;
+      loss[r] -= utility[r] + base_[j];
   }
   boundary.resize(grid.width);
-  auto row = static_cast<std::uint16_t>(std::max_element(best_.begin(), best_.end()) - best_.begin());
+  int row = static_cast<int>(std::min_element(loss_.end() - rows, loss_.end()) - (loss_.end() - rows));
   for (int j = grid.width - 1; j >= 0; --j) {
-    boundary[j] = row;
+    boundary[j] = static_cast<std::uint16_t>(row);
     if (j > 0)
-      row = column_of(came_from_, j)[row];
+      row = predecessor(j, row, rows);
   }
+}
+
+/// The row of the column to the left from which the best curve comes. Of equal ones the nearest, and one
+/// above rather than one below.
+int BoundarySearch::predecessor(int column, int row, int rows) const {
+  const std::int32_t *loss = &loss_[(column - 1) * rows], *place = &place_[column * rows];
+  const std::int32_t least = loss_[column * rows + row] + utility_[column * rows + row] + base_[column];
+  const auto is_from = [&](int r) { return loss[r] + std::abs(place[row] - place[r]) == least; };
+  for (int r = row; r >= 0; --r)
+    if (is_from(r))
+      return r;
+  int r = row + 1;
+  while (!is_from(r))
+    ++r;
+  return r;
 }
 
 // Computes the value of a curve at each row from the edges of the picture and the last frame's curve.
@@ -227,13 +229,17 @@ void BoundarySearch::add_ground_behind(const Grid& grid, const CellScores& score
   }
 }
 
-// Computes the price for the curve to pass each row between a column and the one to its left.
+// Adds up the prices for the curve to pass rows between a column and the one to its left.
 void BoundarySearch::price_steps(const Grid& grid, const ColorSteps& steps) {
-  const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height);
-  price_.resize(width * height);
+  const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height),
+             rows = height + 1;
+  place_.resize(width * rows);
+  for (std::size_t j = 0; j < width; ++j)
+    place_[j * rows] = 0;
   for (std::size_t r = 0; r < height; ++r)
     for (std::size_t j = 1; j < width; ++j)
-      price_[j * height + r] =
+      place_[j * rows + r + 1] =
+          place_[j * rows + r] +
           step_prices[steps.right[grid.at(static_cast<int>(r), static_cast<int>(j)) - 1]];
 }
 

@@ -58,15 +58,17 @@ class BoundarySearch {
   void weigh_columns(const Grid& grid, const CellScores& score, const RowPriors& prior);
   void add_ground_behind(const Grid& grid, const CellScores& score, const RowPriors& prior);
   void price_steps(const Grid& grid, const ColorSteps& steps);
+  int predecessor(int column, int row, int rows) const;
 
   std::vector<std::int32_t> utility_; ///< columns x (rows + 1), Q4
   std::vector<std::int32_t> edges_;   ///< columns x (rows + 1), Q4: value of the edges of a frame
-  std::vector<std::int32_t> best_;    ///< best value of all curves that end at a row
+  std::vector<std::int32_t> loss_;    ///< columns x (rows + 1): least loss of all curves that end there
+  std::vector<std::int32_t> base_;    ///< per column: what was subtracted from its losses
   std::vector<std::int32_t> sums_;    ///< per column of a row: sum of the scores below minus the sum above
   std::vector<std::int32_t> stretch_; ///< per column of a row, doubled: the stretch of ground that ends here
   std::vector<std::int32_t> behind_;  ///< per column of a row, doubled: the best stretch above
-  std::vector<std::int16_t> price_;   ///< columns x rows: price for passing a row from the column to the left
-  std::vector<std::uint16_t> came_from_;
+  std::vector<std::int32_t> place_;   ///< columns x (rows + 1): sum of the prices for passing the rows above,
+                                      ///< from the column to the left
 };
 
 struct View;

@@ -306,9 +306,10 @@ void GeodesicPenalty::raise(const Grid& grid, const ColorSteps& steps, std::span
   }
   here_.resize(size);
   below_.assign(size, far);
+  place_.assign(size, 0);
   const auto price = [&](const std::vector<std::uint16_t>& step, std::size_t a, std::size_t b) {
     // Ignored cells are crossed without a cost.
-    return std::max(step[a] - free, 0) * (1 - (grid.ignored[a] | grid.ignored[b]));
+    return std::max(step[a] - free, 0) & ((grid.ignored[a] | grid.ignored[b]) - 1);
   };
   for (int i = lowest; i >= 0; --i) {
     const std::size_t row = grid.at(i, 0);
@@ -325,9 +326,8 @@ void GeodesicPenalty::raise(const Grid& grid, const ColorSteps& steps, std::span
         here[j] = std::min(here[j], below[j + 1] + price(steps.down_right, row + j, row + size + j + 1));
     }
     for (std::size_t j = 1; j < size; ++j)
-      here[j] = std::min(here[j], here[j - 1] + price(steps.right, row + j - 1, row + j));
-    for (std::size_t j = size - 1; j > 0; --j)
-      here[j - 1] = std::min(here[j - 1], here[j] + price(steps.right, row + j - 1, row + j));
+      place_[j] = place_[j - 1] + price(steps.right, row + j - 1, row + j);
+    kernels::spread_least(here, place_.data(), width);
     std::int8_t* out = &penalty[row];
     for (int j = 0; j < width; ++j) {
       out[j] = static_cast<std::int8_t>(std::max<int>(out[j], std::clamp(here[j] - free_distance, 0, most)));

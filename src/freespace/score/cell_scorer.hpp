@@ -103,7 +103,8 @@ class GeodesicPenalty {
 
  private:
   std::vector<std::uint8_t> is_seed_;
-  std::vector<int> here_, below_; ///< distances of two rows
+  std::vector<std::int32_t> here_, below_; ///< distances of two rows
+  std::vector<std::int32_t> place_;        ///< distance of each cell of a row from the first, along the row
 };
 
 class CellScorer {
