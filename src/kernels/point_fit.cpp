@@ -77,7 +77,11 @@ HWY_INLINE hn::Vec<Eight> reciprocal_of(hn::Vec<Eight> w) {
   const Four d64;
   const auto one = hn::Set(d64, std::int64_t{1} << 48);
   const auto w_odd = odd_of(w);
-  auto r = hn::GatherIndex(d, first_reciprocals.data(), hn::ShiftRight<16>(w));
+  // Near 2^24, as for all small motions, 2^25 - w is close enough: less than 2^48 / w by (1 - w / 2^24)^2 of
+  // it.
+  auto r = hn::Sub(hn::Set(d, 1 << 25), w);
+  if (!hn::AllTrue(d, hn::Lt(hn::Abs(hn::Sub(r, w)), hn::Set(d, (1 << 25) / 9))))
+    r = hn::GatherIndex(d, first_reciprocals.data(), hn::ShiftRight<16>(w));
   for (int k = 0; k < 2; ++k) {
     const auto r_odd = odd_of(r);
     const auto step = [&](auto wide_w, auto wide_r) HWY_ATTR {
