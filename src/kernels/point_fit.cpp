@@ -97,12 +97,11 @@ HWY_INLINE hn::Vec<Eight> reciprocal_of(hn::Vec<Eight> w) {
 }
 
 /// Maps eight points. Returns false and does nothing when one of them does not fit 32 bits.
-HWY_INLINE bool differences_of_eight(const Picture& picture, const PointMap& map, const PointLists& points,
-                                     int i, std::int32_t* differences, int& inside) {
+HWY_INLINE bool map_eight(const PointMap& map, hn::Vec<Eight> a, hn::Vec<Eight> b, hn::Vec<Eight>& u,
+                          hn::Vec<Eight>& v) {
   const Eight d;
   const Four d64;
   const Unsigned4 u64;
-  const auto a = hn::LoadU(d, points.across + i), b = hn::LoadU(d, points.below + i);
   const auto a_odd = odd_of(a), b_odd = odd_of(b);
   const auto number = [&](std::int64_t factor) HWY_ATTR { return hn::BitCast(d, hn::Set(d64, factor)); };
   const auto w0 = number(map.across_w), w1 = number(map.below_w);
@@ -137,8 +136,19 @@ HWY_INLINE bool differences_of_eight(const Picture& picture, const PointMap& map
     const auto product = upper_of(hn::MulEven(at, r), hn::MulEven(odd_of(at), r_odd));
     return hn::Add(hn::ShiftRight<4>(product), hn::Set(d, middle));
   };
+  u = position(x, map.middle);
+  v = position(y, map.line);
+  return true;
+}
+
+/// The differences of eight points. Returns false and does nothing when map_eight() does.
+HWY_INLINE bool differences_of_eight(const Picture& picture, const PointMap& map, const PointLists& points,
+                                     int i, std::int32_t* differences, int& inside) {
+  const Eight d;
+  hn::Vec<Eight> u, v;
   // Positions beyond `outside` are not in the picture either.
-  const auto u = position(x, map.middle), v = position(y, map.line);
+  if (!map_eight(map, hn::LoadU(d, points.across + i), hn::LoadU(d, points.below + i), u, v))
+    return false;
   const auto column = hn::ShiftRight<8>(u), row = hn::ShiftRight<8>(v);
   const auto width = hn::Set(d, picture.width);
   const auto least = hn::Min(column, row);
@@ -181,6 +191,34 @@ int differences_of(const Picture& picture, const PointMap& map, const PointLists
         inside += differences_plainly(picture, map, points, i, i + 8, differences);
 #endif
   return inside + differences_plainly(picture, map, points, i, points.count, differences);
+}
+
+void map_plainly(const PointMap& map, const std::int32_t* across, std::int32_t below, int first, int end,
+                 std::int32_t* positions) {
+  for (int i = first; i < end; ++i) {
+    const auto [u, v] = map.at(across[i], below);
+    positions[2 * i] = u;
+    positions[2 * i + 1] = v;
+  }
+}
+
+void map_all(const PointMap& map, const std::int32_t* across, std::int32_t below, int count,
+             std::int32_t* positions) {
+  int i = 0;
+#if TERRAINSEG_GATHERS
+  const Eight d;
+  const auto outside = hn::Set(d, map.outside), beyond = hn::Neg(outside);
+  const auto limited = [&](auto at) HWY_ATTR { return hn::Min(hn::Max(at, beyond), outside); };
+  if (fits(map.across_w) && fits(map.below_w))
+    for (; i + 8 <= count; i += 8) {
+      hn::Vec<Eight> u, v;
+      if (map_eight(map, hn::LoadU(d, across + i), hn::Set(d, below), u, v))
+        hn::StoreInterleaved2(limited(u), limited(v), d, positions + 2 * i);
+      else
+        map_plainly(map, across, below, i, i + 8, positions);
+    }
+#endif
+  map_plainly(map, across, below, i, count, positions);
 }
 
 // --- weights and sums ---
@@ -314,6 +352,7 @@ HWY_AFTER_NAMESPACE();
 namespace terrainseg::kernels {
 
 TERRAINSEG_DISPATCH(point_differences, differences_of);
+TERRAINSEG_DISPATCH(map_row, map_all);
 TERRAINSEG_DISPATCH(fit_weights, weights_of);
 TERRAINSEG_DISPATCH(fit_sums, sums_of);
 

@@ -54,6 +54,10 @@ struct PointMap {
   }
 };
 
+/// map.at(across[i], below): u and v of each point in turn.
+extern void (*const map_row)(const PointMap& map, const std::int32_t* across, std::int32_t below, int count,
+                             std::int32_t* positions);
+
 /// The points to compare: lists of `count` numbers.
 struct PointLists {
   const std::int32_t *across, *below, *values; ///< values: Q8 of a grey level

@@ -8,6 +8,7 @@
 
 #include "base/tuning.hpp"
 #include "kernels/ground_warp.hpp"
+#include "kernels/point_fit.hpp"
 
 namespace terrainseg {
 namespace {
@@ -105,6 +106,7 @@ void Parallax::resize(int width, int height) {
   stride_ = std::ptrdiff_t{16} * segments_;
   const int rows = height + ahead_margin + behind_margin;
   nodes_.assign((rows + anchor_rows) * (segments_ + 1) * 2, 0);
+  across_.assign(segments_ + 1, 0);
   warped_.assign((rows + 4) * stride_, 128);
   sums_.assign((rows_ + 1) * hypotheses * (columns_ + 2), 0);
   seen_.assign((rows_ + 1) * (columns_ + 2), 0);
@@ -120,13 +122,13 @@ void Parallax::warp(const PassedView& key, const PlaneMotion& motion, const Grou
   const int top = 4 * first - above_, rows = 4 * (end - first) + ahead_margin + behind_margin;
   const std::ptrdiff_t numbers = std::ptrdiff_t{2} * (segments_ + 1);
   const kernels::PointMap map = pixel_map(motion, view);
+  for (int s = 0; s <= segments_; ++s)
+    across_[s] = across(view, 16 * s - side_margin);
   for (int y = 0; y <= rows; y += anchor_rows) {
     std::int32_t* node = nodes_.data() + y * numbers;
-    for (int s = 0; s <= segments_; ++s) {
-      const auto [u, v] = map.at(across(view, 16 * s - side_margin), below(view, top + y));
-      *node++ = u * 256;
-      *node++ = v * 256;
-    }
+    kernels::map_row(map, across_.data(), below(view, top + y), segments_ + 1, node);
+    for (std::ptrdiff_t i = 0; i < numbers; ++i)
+      node[i] *= 256;
   }
   for (int y = 0; y < rows; y += anchor_rows) {
     const std::int32_t *from = nodes_.data() + y * numbers, *to = from + anchor_rows * numbers;

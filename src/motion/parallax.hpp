@@ -55,7 +55,7 @@ class Parallax {
   int segments_ = 0; ///< of 16 pixels, in a warped row
   int above_ = 0;    ///< number of warped rows above the first row of cells
   std::ptrdiff_t stride_ = 0;
-  std::vector<std::int32_t> nodes_;
+  std::vector<std::int32_t> nodes_, across_;
   std::vector<std::uint8_t> warped_, near_;
   std::vector<std::uint16_t> sums_;   ///< per row of cells, hypothesis and cell, with one more cell at each
                                       ///< end, and an empty row

@@ -45,6 +45,7 @@ void StandingMap::reset(int columns, int rows) {
   moved_.assign(sums_.size(), {});
   stood_.assign(sums_.size(), 0);
   nodes_.resize(2 * (columns / 4 + 2));
+  across_.resize(columns / 4 + 2);
   stood_before_.assign(sums_.size(), 0);
   columns_stand_.assign(columns, 0);
   first_filled_ = first_filled_before_ = rows;
@@ -63,13 +64,13 @@ void StandingMap::move(const PlaneMotion& step, const GroundCamera& view, int ke
     stood_.swap(stood_before_);
     std::fill(stood_.begin(), stood_.end(), std::uint8_t{0});
   }
+  for (int k = 0; k < nodes; ++k)
+    across_[k] = across(view, 16 * k) + 3;
   for (int i = first; i < rows_; ++i) {
     const int down = below(view, 4 * i) + 384;
-    for (int k = 0; k < nodes; ++k) {
-      const auto [u, v] = map.at(across(view, 16 * k) + 3, down);
-      nodes_[2 * k] = u - 384;
-      nodes_[2 * k + 1] = v - 384;
-    }
+    kernels::map_row(map, across_.data(), down, nodes, nodes_.data());
+    for (std::int32_t& node : nodes_)
+      node -= 384;
     kernels::moved_sums({&sums_.data()->quality, columns_, rows_}, nodes_.data(), columns_, keep,
                         &moved_[i * columns_].quality);
     if (any_stood && move_stood(i, first_before, end_before)) {

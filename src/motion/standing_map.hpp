@@ -40,7 +40,7 @@ class StandingMap {
 
   int columns_ = 0, rows_ = 0;
   std::vector<Sum> sums_, moved_;
-  std::vector<std::int32_t> nodes_;
+  std::vector<std::int32_t> nodes_, across_;
   std::vector<std::uint8_t> stood_, stood_before_; ///< per cell: whether it was reported as standing
   std::vector<std::uint8_t> columns_stand_;
   /// Rows before these have sums of 0; rows whose cells may stand.

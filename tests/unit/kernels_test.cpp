@@ -932,6 +932,23 @@ TEST(Kernels, EvidenceOfSums) {
   });
 }
 
+// What PointMap promises, written down directly.
+struct Position {
+  std::int64_t u, v;
+};
+Position mapped(const PointMap& map, std::int64_t a, std::int64_t b) {
+  const std::int64_t w = (map.across_w * a + map.below_w * b + map.w_offset) >> 16;
+  if (w < 1 << 18)
+    return {-map.outside, -map.outside};
+  const auto place = [&](std::int64_t by_a, std::int64_t by_b, std::int64_t from, std::int64_t middle) {
+    const std::int64_t limit = std::int64_t{1} << 32;
+    const std::int64_t at =
+        std::clamp((by_a * a * 128 + by_b * b + from) >> 12, -limit, limit) * ((std::int64_t{1} << 48) / w);
+    return std::clamp<std::int64_t>(middle + (at >> 36), -map.outside, map.outside);
+  };
+  return {place(map.g0, map.g1, map.x_offset, map.middle), place(map.g3, map.g4, map.y_offset, map.line)};
+}
+
 TEST(Kernels, PointDifferences) {
   on_every_target([] {
     const int width = 61, height = 23;
@@ -974,34 +991,30 @@ TEST(Kernels, PointDifferences) {
                                            {across.data(), below.data(), values.data(), count}, out.data());
       int wanted_inside = 0;
       for (std::size_t i = 0; i < room; ++i) {
-        const std::int64_t a = across[i], b = below[i];
-        const std::int64_t w = (map.across_w * a + map.below_w * b + map.w_offset) >> 16;
         std::int32_t wanted = no_difference;
-        if (w >= one / 64) {
-          const auto place = [&](std::int64_t by_a, std::int64_t by_b, std::int64_t from,
-                                 std::int64_t middle) {
-            const std::int64_t limit = std::int64_t{1} << 32;
-            const std::int64_t at = std::clamp((by_a * a * 128 + by_b * b + from) >> 12, -limit, limit) *
-                                    ((std::int64_t{1} << 48) / w);
-            return std::clamp<std::int64_t>(middle + (at >> 36), -map.outside, map.outside);
+        const Position p = mapped(map, across[i], below[i]);
+        if (p.u >= 0 && p.v >= 0 && p.u / 256 < width - 1 && p.v / 256 < height - 1) {
+          const auto at = [&](std::int64_t du, std::int64_t dv) {
+            return std::int64_t{in[static_cast<std::size_t>((p.v / 256 + dv) * width + p.u / 256 + du)]};
           };
-          const std::int64_t u = place(map.g0, map.g1, map.x_offset, map.middle),
-                             v = place(map.g3, map.g4, map.y_offset, map.line);
-          if (u >= 0 && v >= 0 && u / 256 < width - 1 && v / 256 < height - 1) {
-            const auto at = [&](std::int64_t du, std::int64_t dv) {
-              return std::int64_t{in[static_cast<std::size_t>((v / 256 + dv) * width + u / 256 + du)]};
-            };
-            const std::int64_t fu = u % 256, fv = v % 256;
-            wanted = static_cast<std::int32_t>(((at(0, 0) * (256 - fu) + at(1, 0) * fu) * (256 - fv) +
-                                                (at(0, 1) * (256 - fu) + at(1, 1) * fu) * fv + 128) /
-                                               256) -
-                     values[i];
-            ++wanted_inside;
-          }
+          const std::int64_t fu = p.u % 256, fv = p.v % 256;
+          wanted = static_cast<std::int32_t>(((at(0, 0) * (256 - fu) + at(1, 0) * fu) * (256 - fv) +
+                                              (at(0, 1) * (256 - fu) + at(1, 1) * fu) * fv + 128) /
+                                             256) -
+                   values[i];
+          ++wanted_inside;
         }
         ASSERT_EQ(out[i], wanted) << trial << ' ' << i;
       }
       ASSERT_EQ(inside, wanted_inside) << trial;
+      const Guarded<std::int32_t> positions(2 * room, true);
+      const auto row = static_cast<std::int32_t>(within(height * 256));
+      map_row(map, across.data(), row, count, positions.data());
+      for (std::size_t i = 0; i < room; ++i) {
+        const Position p = mapped(map, across[i], row);
+        ASSERT_EQ(positions[2 * i], p.u) << trial << ' ' << i;
+        ASSERT_EQ(positions[2 * i + 1], p.v) << trial << ' ' << i;
+      }
     }
   });
 }
