@@ -425,20 +425,23 @@ void reduce(Interleave interleave, const std::uint8_t* odd, const std::uint8_t* 
 template <int step, int written>
 void reduce_single(const std::uint8_t* row, int width, [[maybe_unused]] std::ptrdiff_t ahead,
                    std::uint8_t* out) {
-  const int half = (width + 1) / 2, inner = std::max(1, width / 2 - 1);
+  const auto put = [&](int x, const auto& sum) HWY_ATTR {
+    for (int c = 0; c < step; ++c)
+      out[x * written + c] = static_cast<std::uint8_t>((sum(row + 2 * x * step + c) + 8) >> 4);
+    if constexpr (written > step)
+      out[x * written + step] = 0;
+  };
+  if (width < 3)
+    return put(0, [=](const std::uint8_t* p) HWY_ATTR { return horizontal_in_narrow<step>(p, 0, width); });
+  const int right = (width + 1) / 2 - 1, inner = std::max(1, width / 2 - 1);
+  put(0, [](const std::uint8_t* p) HWY_ATTR { return horizontal_at_left<step>(p); });
   bool done = false;
 #if HWY_TARGET != HWY_SCALAR
   done = single_pixels<step, written>(row, 1, inner, ahead, out);
 #endif
-  for (int x = 0; x < half; ++x) {
-    if (done && x == 1)
-      x = inner;
-    for (int c = 0; c < step; ++c)
-      out[x * written + c] =
-          static_cast<std::uint8_t>((horizontal_in_narrow<step>(row + c, 2 * x, width) + 8) >> 4);
-    if constexpr (written > step)
-      out[x * written + step] = 0;
-  }
+  for (int x = done ? inner : 1; x < right; ++x)
+    put(x, [](const std::uint8_t* p) HWY_ATTR { return horizontal<step>(p); });
+  put(right, [=](const std::uint8_t* p) HWY_ATTR { return horizontal_at_right<step>(p, width % 2 == 0); });
 }
 
 void reduce_one(Interleave interleave, const std::uint8_t* row, int width, std::ptrdiff_t ahead,
