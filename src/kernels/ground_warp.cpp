@@ -245,6 +245,18 @@ void warp_all(const Picture& picture, const std::int32_t* nodes, int segments, i
              out + y * out_stride);
 }
 
+// Auto-vectorised.
+void place_all(const HypothesisShifts& shifts, int x, int y, int reach, int above, int below, int stride,
+               std::int32_t* __restrict offsets) {
+  for (int k = 0; k < most_offsets; ++k) {
+    const int along = shifts.along[k], aside = shifts.aside[k];
+    const int column = (along * x - aside * y + (1 << 14)) >> 15,
+              row = (along * y + aside * x + (1 << 14)) >> 15;
+    const bool possible = row >= -above && row <= below && shifts.least_reach[k] <= reach;
+    offsets[k] = possible ? row * stride + column : no_offset;
+  }
+}
+
 #if HWY_TARGET != HWY_SCALAR
 using D8 = hn::CappedTag<std::uint8_t, 16>;
 using D16 = hn::Repartition<std::uint16_t, D8>;
@@ -440,6 +452,7 @@ TERRAINSEG_DISPATCH(high_pass, high_pass_any);
 TERRAINSEG_DISPATCH(steepest, steepest_of_row);
 TERRAINSEG_DISPATCH(mean_of_quarters, mean_of_cells);
 TERRAINSEG_DISPATCH(warp_rows, warp_all);
+TERRAINSEG_DISPATCH(place_hypotheses, place_all);
 TERRAINSEG_DISPATCH(compare_cells, compare);
 TERRAINSEG_DISPATCH(window_costs, add_windows);
 TERRAINSEG_DISPATCH(moved_sums, move_sums);

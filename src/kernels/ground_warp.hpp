@@ -2,6 +2,7 @@
 // The loops of motion over all pixels of its level, which is 400 to 800 pixels wide.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -35,6 +36,16 @@ inline constexpr int most_offsets = 16;
 /// An offset that is not compared: its sum is the largest possible.
 inline constexpr std::int32_t no_offset = INT32_MIN;
 inline constexpr std::uint16_t most_difference = 16 * 40;
+
+/// Where a hypothesis puts a pixel: `along` and `aside` are halves of a pixel along the ground's translation
+/// and across it, for translations of at least `least_reach`.
+struct HypothesisShifts {
+  std::array<std::int32_t, most_offsets> along, aside, least_reach;
+};
+/// The offsets of all hypotheses in a picture with `stride` bytes a row, for a unit vector (x, y) in Q14:
+/// no_offset for rows above -`above` or below `below`, and for hypotheses that need more reach.
+extern void (*const place_hypotheses)(const HypothesisShifts& shifts, int x, int y, int reach, int above,
+                                      int below, int stride, std::int32_t* offsets);
 
 /// Compares four neighbouring cells of 4 x 4 pixels at the same offsets. sums[k * plane + c] = sum over cell
 /// c of min(|frame - warped at offsets[k]|, 40). whole[c] = whether no pixel of `warped` at offset 0 is 0.

@@ -25,7 +25,7 @@ TERRAINSEG_TUNED(int, parallax, anchor_rows, 4); ///< rows between exactly mappe
 /// controls: below the ground (reflections, repeated patterns) and across the translation (misalignment).
 constexpr std::array<int, 9> standing{1, 2, 3, 4, 6, 8, 11, 15, 20};
 constexpr std::array<int, 3> sunken{-2, -4, -7};
-TERRAINSEG_TUNED(int, parallax, aside_q1, 3); ///< halves of a pixel
+constexpr int aside_q1 = 3; ///< halves of a pixel
 /// Indices of the compared positions: ground, five controls, uniform grey (the contrast of the cell),
 /// standing.
 constexpr int first_control = 1, end_control = 6, even_grey = 6, first_standing = 7, end_standing = 16,
@@ -83,9 +83,18 @@ Direction ground_direction(const Translation& t, const GroundCamera& view, int a
   return direction_of(t.x - (x * t.z >> 16), t.y - (y * t.z >> 16));
 }
 
-int in_pixels(int unit, int distance_q1) {
-  return (unit * distance_q1 + (1 << 14)) >> 15;
-}
+constexpr kernels::HypothesisShifts shifts = [] {
+  kernels::HypothesisShifts all{};
+  for (std::size_t k = 0; k < sunken.size(); ++k)
+    all.along[first_control + k] = 2 * sunken[k];
+  all.aside[end_control - 2] = aside_q1;
+  all.aside[end_control - 1] = -aside_q1;
+  for (std::size_t k = 0; k < standing.size(); ++k) {
+    all.along[first_standing + k] = 2 * standing[k];
+    all.least_reach[first_standing + k] = 80 * standing[k]; // s <= 1.2 |T| + 0.5
+  }
+  return all;
+}();
 
 } // namespace
 
@@ -148,21 +157,10 @@ int Parallax::place(const Translation& t, const GroundCamera& view, int left, in
   const Direction d = ground_direction(t, view, across(view, left) + block - 1, down);
   const auto length =
       static_cast<int>(std::clamp<std::int64_t>(std::int64_t{down} * d.length >> 28, 0, 65535));
-  const int lowest = ahead_margin + behind_margin - above_;
-  const auto offset = [&](int x, int y) {
-    return y < -above_ || y > lowest ? kernels::no_offset : static_cast<std::int32_t>(y * stride_ + x);
-  };
-  std::int32_t* next = offsets;
-  *next++ = 0;
-  for (const int s : sunken)
-    *next++ = offset(in_pixels(d.x, 2 * s), in_pixels(d.y, 2 * s));
-  *next++ = offset(in_pixels(-d.y, aside_q1), in_pixels(d.x, aside_q1));
-  *next++ = offset(in_pixels(d.y, aside_q1), in_pixels(-d.x, aside_q1));
-  *next++ = static_cast<std::int32_t>(static_cast<std::ptrdiff_t>(warped_.size()) - 4 * stride_ - at);
-  for (const int s : standing)
-    *next++ = 80 * s <= 6 * length + 40 // s <= 1.2 |T| + 0.5
-                  ? offset(in_pixels(d.x, 2 * s), in_pixels(d.y, 2 * s))
-                  : kernels::no_offset;
+  kernels::place_hypotheses(shifts, d.x, d.y, 6 * length + 40, above_, ahead_margin + behind_margin - above_,
+                            static_cast<int>(stride_), offsets);
+  offsets[even_grey] =
+      static_cast<std::int32_t>(static_cast<std::ptrdiff_t>(warped_.size()) - 4 * stride_ - at);
   return length;
 }
 

@@ -4,6 +4,7 @@
 // vector.
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "kernel_harness.hpp"
 #include "kernels/blend.hpp"
@@ -1014,6 +1015,34 @@ TEST(Kernels, PointDifferences) {
         const Position p = mapped(map, across[i], row);
         ASSERT_EQ(positions[2 * i], p.u) << trial << ' ' << i;
         ASSERT_EQ(positions[2 * i + 1], p.v) << trial << ' ' << i;
+      }
+    }
+  });
+}
+
+// The offsets of hypotheses along a translation and across it, and those that are not possible.
+TEST(Kernels, PlaceHypotheses) {
+  on_every_target([] {
+    std::mt19937 random(9);
+    for (int trial = 0; trial < 200; ++trial) {
+      HypothesisShifts shifts{};
+      for (std::size_t k = 0; k < most_offsets; ++k) {
+        shifts.along[k] = static_cast<std::int32_t>(random() % 81) - 40;
+        shifts.aside[k] = static_cast<std::int32_t>(random() % 7) - 3;
+        shifts.least_reach[k] = static_cast<std::int32_t>(random() % 1600);
+      }
+      const int x = static_cast<int>(random() % 32769) - 16384,
+                y = static_cast<int>(random() % 32769) - 16384, reach = static_cast<int>(random() % 1600),
+                stride = 480 + trial;
+      std::array<std::int32_t, most_offsets> offsets{};
+      place_hypotheses(shifts, x, y, reach, 20, 8, stride, offsets.data());
+      for (std::size_t k = 0; k < most_offsets; ++k) {
+        // Halves of a pixel, rounded to pixels with halves up.
+        const double along = shifts.along[k] / 2.0, aside = shifts.aside[k] / 2.0;
+        const auto column = static_cast<int>(std::floor((along * x - aside * y) / 16384 + 0.5)),
+                   row = static_cast<int>(std::floor((along * y + aside * x) / 16384 + 0.5));
+        const bool possible = row >= -20 && row <= 8 && shifts.least_reach[k] <= reach;
+        ASSERT_EQ(offsets[k], possible ? row * stride + column : no_offset) << trial << ' ' << k;
       }
     }
   });
