@@ -223,6 +223,14 @@ void map_all(const PointMap& map, const std::int32_t* across, std::int32_t below
 
 // --- weights and sums ---
 
+// Auto-vectorised.
+int count_of_small(const std::int32_t* differences, int count, std::int32_t limit) {
+  std::int32_t small = 0;
+  for (int i = 0; i < count; ++i)
+    small += differences[i] < limit && differences[i] > -limit ? 1 : 0;
+  return small;
+}
+
 void weights_of(const std::int32_t* __restrict differences, int count, std::int32_t per_index,
                 const std::int32_t* __restrict table, std::int32_t* __restrict weights) {
   constexpr std::int32_t most = 1 << 16;
@@ -353,6 +361,7 @@ namespace terrainseg::kernels {
 
 TERRAINSEG_DISPATCH(point_differences, differences_of);
 TERRAINSEG_DISPATCH(map_row, map_all);
+TERRAINSEG_DISPATCH(count_below, count_of_small);
 TERRAINSEG_DISPATCH(fit_weights, weights_of);
 TERRAINSEG_DISPATCH(fit_sums, sums_of);
 

@@ -70,6 +70,9 @@ struct PointLists {
 extern int (*const point_differences)(const Picture& picture, const PointMap& map, const PointLists& points,
                                       std::int32_t* differences);
 
+/// The number of differences with |difference| < limit.
+extern int (*const count_below)(const std::int32_t* differences, int count, std::int32_t limit);
+
 /// weights[i] = table[min(|differences[i]| * per_index / 2^16, 64)], table[64] = 0 for no_difference and up
 /// to the next multiple of points_together. |differences| <= 2^16, 0 <= per_index <= 2^14.
 extern void (*const fit_weights)(const std::int32_t* differences, int count, std::int32_t per_index,

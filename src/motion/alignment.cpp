@@ -45,15 +45,6 @@ std::pair<std::int32_t, std::int32_t> sums_of(const kernels::PointLists& points,
   return {sum, contrast};
 }
 
-/// Absolute differences in eighths of a grey level, at most 255; 256 for points outside the earlier frame.
-/// Auto-vectorised.
-void sizes_of(const std::int32_t* __restrict differences, std::size_t count, std::int32_t* __restrict sizes) {
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::int32_t size = (differences[i] < 0 ? -differences[i] : differences[i]) >> 5;
-    sizes[i] = size < 255 ? size : size == kernels::no_difference >> 5 ? 256 : 255;
-  }
-}
-
 GroundPoint point_at(const PassedView& picture, const GroundCamera& view, int u, int v) {
   const std::uint8_t* row = picture.row(v);
   const int dx = row[u + 1] - row[u - 1], dy = picture.row(v + 1)[u] - picture.row(v - 1)[u];
@@ -192,24 +183,26 @@ int Alignment::measure(const kernels::PointLists& points, const PassedView& earl
   return kernels::point_differences(earlier, pixel_map(motion, view), points, differences_.data());
 }
 
-std::int32_t Alignment::spread(std::size_t count) {
-  std::array<int, 257> bins{}; // the last bin counts points outside
-  sizes_of(differences_.data(), count, weights_.data());
-  for (std::size_t i = 0; i < count; ++i)
-    ++bins[weights_[i]];
-  const int inside = static_cast<int>(count) - bins[256];
+std::int32_t Alignment::spread(std::size_t count, int inside) const {
+  // The median of the sizes in eighths of a grey level, at most 255.
   int median = 0;
-  for (int seen = bins[0]; 2 * seen < inside; seen += bins[median])
-    ++median;
+  for (int above = 255; median < above;) {
+    const int middle = (median + above) / 2;
+    if (2 * kernels::count_below(differences_.data(), static_cast<int>(count), (middle + 1) << 5) >= inside)
+      above = middle;
+    else
+      median = middle + 1;
+  }
   return std::max((2 * median + 1) * 16 * 379 / 256, least_spread);
 }
 
 template <int unknowns>
 Alignment::Step Alignment::step(const GroundPoints& points, const PassedView& earlier, PlaneMotion& motion,
                                 std::int64_t& information) {
-  if (measure(points.all(), earlier, points.view, motion) < fewest_points)
+  const int inside = measure(points.all(), earlier, points.view, motion);
+  if (inside < fewest_points)
     return Step::failed;
-  const std::int32_t sigma = spread(points.size());
+  const std::int32_t sigma = spread(points.size(), inside);
   const auto count = static_cast<int>(points.size());
   kernels::fit_weights(differences_.data(), count, (8 << 16) / sigma, weights.data(), weights_.data());
   NormalEquations equations;

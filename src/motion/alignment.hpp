@@ -109,8 +109,8 @@ class Alignment {
   /// Computes differences in Q8 of a grey level. Returns the number of points inside the earlier frame.
   int measure(const kernels::PointLists& points, const PassedView& earlier, const GroundCamera& view,
               const PlaneMotion& motion);
-  /// Robust spread of the first `count` differences, Q8. Overwrites the weights.
-  std::int32_t spread(std::size_t count);
+  /// Robust spread of the first `count` differences, Q8, of which `inside` are of points inside.
+  std::int32_t spread(std::size_t count, int inside) const;
   enum class Step : std::uint8_t { failed, small, large };
   template <int unknowns>
   Step step(const GroundPoints& points, const PassedView& earlier, PlaneMotion& motion,

@@ -1020,6 +1020,23 @@ TEST(Kernels, PointDifferences) {
   });
 }
 
+TEST(Kernels, CountBelow) {
+  on_every_target([] {
+    std::mt19937 random(8);
+    for (int count = 0; count <= 70; ++count)
+      for (const std::int32_t limit : {32, 256 << 5}) {
+        const Guarded<std::int32_t> differences(static_cast<std::size_t>(count), true);
+        int wanted = 0;
+        for (std::int32_t& difference : differences) {
+          difference = random() % 8 == 0 ? no_difference : static_cast<std::int32_t>(random() % 131) - 65;
+          difference = random() % 4 == 0 ? (random() % 2 ? limit : -limit) : difference;
+          wanted += std::abs(difference) < limit;
+        }
+        ASSERT_EQ(count_below(differences.data(), count, limit), wanted) << count << ' ' << limit;
+      }
+  });
+}
+
 // The offsets of hypotheses along a translation and across it, and those that are not possible.
 TEST(Kernels, PlaceHypotheses) {
   on_every_target([] {
