@@ -151,7 +151,8 @@ struct Course {
   int top = 0; ///< coarsest level that is made
   Rows source; ///< rows of the source that this band reads
   Lines<const std::uint8_t> source_lines;
-  std::ptrdiff_t read_through = 0; ///< bytes of each row that are read, needed or not; 0 = rows are prefetched
+  std::ptrdiff_t read_through =
+      0; ///< bytes of each row that are read, needed or not; 0 = rows are prefetched
   std::array<Step, level_count> step;
 };
 
