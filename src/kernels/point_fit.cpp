@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "kernels/point_fit.hpp"
 
+#include <algorithm>
 #include <array>
 
 #include "kernels/targets.hpp"
@@ -141,14 +142,11 @@ HWY_INLINE bool map_eight(const PointMap& map, hn::Vec<Eight> a, hn::Vec<Eight> 
   return true;
 }
 
-/// The differences of eight points. Returns false and does nothing when map_eight() does.
-HWY_INLINE bool differences_of_eight(const Picture& picture, const PointMap& map, const PointLists& points,
-                                     int i, std::int32_t* differences, int& inside) {
+/// The differences of eight points at (u, v). Returns false and does nothing near the end of the picture.
+HWY_INLINE bool differences_of_eight(const Picture& picture, const PointLists& points, int i,
+                                     hn::Vec<Eight> u, hn::Vec<Eight> v, std::int32_t* differences,
+                                     int& inside) {
   const Eight d;
-  hn::Vec<Eight> u, v;
-  // Positions beyond `outside` are not in the picture either.
-  if (!map_eight(map, hn::LoadU(d, points.across + i), hn::LoadU(d, points.below + i), u, v))
-    return false;
   const auto column = hn::ShiftRight<8>(u), row = hn::ShiftRight<8>(v);
   const auto width = hn::Set(d, picture.width);
   const auto least = hn::Min(column, row);
@@ -185,10 +183,28 @@ int differences_of(const Picture& picture, const PointMap& map, const PointLists
                    std::int32_t* differences) {
   int inside = 0, i = 0;
 #if TERRAINSEG_GATHERS
-  if (fits(map.across_w) && fits(map.below_w))
-    for (; i + 8 <= points.count; i += 8)
-      if (!differences_of_eight(picture, map, points, i, differences, inside))
+  // Positions first, then pixels: the processor then works on several groups of points at once, while the
+  // look-ups of one group wait. Positions beyond `outside` are not in the picture either.
+  constexpr int at_once = 64;
+  const Eight d;
+  const int vectors = fits(map.across_w) && fits(map.below_w) ? points.count / 8 * 8 : 0;
+  while (i < vectors) {
+    const int first = i, end = std::min(first + at_once, vectors);
+    alignas(32) std::int32_t us[at_once], vs[at_once];
+    bool mapped[at_once / 8];
+    for (int k = first; k < end; k += 8) {
+      hn::Vec<Eight> u = hn::Zero(d), v = hn::Zero(d);
+      mapped[(k - first) / 8] =
+          map_eight(map, hn::LoadU(d, points.across + k), hn::LoadU(d, points.below + k), u, v);
+      hn::Store(u, d, us + (k - first));
+      hn::Store(v, d, vs + (k - first));
+    }
+    for (; i < end; i += 8)
+      if (!mapped[(i - first) / 8] ||
+          !differences_of_eight(picture, points, i, hn::Load(d, us + (i - first)),
+                                hn::Load(d, vs + (i - first)), differences, inside))
         inside += differences_plainly(picture, map, points, i, i + 8, differences);
+  }
 #endif
   return inside + differences_plainly(picture, map, points, i, points.count, differences);
 }
