@@ -183,12 +183,12 @@ int Alignment::measure(const kernels::PointLists& points, const PassedView& earl
   return kernels::point_differences(earlier, pixel_map(motion, view), points, differences_.data());
 }
 
-std::int32_t Alignment::spread(std::size_t count, int inside) const {
+std::int32_t Alignment::spread(int count, int inside) const {
   // The median of the sizes in eighths of a grey level, at most 255.
   int median = 0;
   for (int above = 255; median < above;) {
     const int middle = (median + above) / 2;
-    if (2 * kernels::count_below(differences_.data(), static_cast<int>(count), (middle + 1) << 5) >= inside)
+    if (2 * kernels::count_below(differences_.data(), count, (middle + 1) << 5) >= inside)
       above = middle;
     else
       median = middle + 1;
@@ -202,8 +202,8 @@ Alignment::Step Alignment::step(const GroundPoints& points, const PassedView& ea
   const int inside = measure(points.all(), earlier, points.view, motion);
   if (inside < fewest_points)
     return Step::failed;
-  const std::int32_t sigma = spread(points.size(), inside);
   const auto count = static_cast<int>(points.size());
+  const std::int32_t sigma = spread(count, inside);
   kernels::fit_weights(differences_.data(), count, (8 << 16) / sigma, weights.data(), weights_.data());
   NormalEquations equations;
   equations.unknowns = unknowns;
@@ -267,7 +267,7 @@ Residual Alignment::residual(const GroundPoints& points, const PassedView& earli
   Residual result;
   result.points = measure(lists, earlier, points.view, motion);
   const auto [sum, contrast] = sums_of(lists, differences_.data());
-  if (result.points > 0) {
+  if (4 * result.points >= fewest_points) {
     result.mean = sum / result.points;
     result.contrast = contrast / result.points;
   }

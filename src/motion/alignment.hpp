@@ -77,11 +77,11 @@ class PointSelection {
   std::vector<std::uint8_t> ground_;
 };
 
-/// How well a motion explains an earlier frame.
+/// How well a motion explains an earlier frame. With hardly any point inside it, as badly as possible.
 struct Residual {
-  int mean = 0;     ///< mean of min(|difference|, 40), Q8 of a grey level
-  int contrast = 0; ///< mean of min(|grey level - 128|, 40), Q8; unrelated pictures differ by more
-  int points = 0;   ///< number of points inside the earlier frame
+  int mean = 40 << 8; ///< mean of min(|difference|, 40), Q8 of a grey level
+  int contrast = 0;   ///< mean of min(|grey level - 128|, 40), Q8; unrelated pictures differ by more
+  int points = 0;     ///< number of points inside the earlier frame
 };
 
 class Alignment {
@@ -110,7 +110,7 @@ class Alignment {
   int measure(const kernels::PointLists& points, const PassedView& earlier, const GroundCamera& view,
               const PlaneMotion& motion);
   /// Robust spread of the first `count` differences, Q8, of which `inside` are of points inside.
-  std::int32_t spread(std::size_t count, int inside) const;
+  std::int32_t spread(int count, int inside) const;
   enum class Step : std::uint8_t { failed, small, large };
   template <int unknowns>
   Step step(const GroundPoints& points, const PassedView& earlier, PlaneMotion& motion,

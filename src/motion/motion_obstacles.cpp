@@ -191,15 +191,13 @@ bool MotionObstacles::acquire(PlaneMotion& step, const Residual& still) {
   const PassedView earlier = small_passed(small_before_);
   struct Guess {
     PlaneMotion motion;
-    int mean = 0; ///< `outside` when hardly any point is inside the earlier picture
+    int mean = 0;
   };
-  constexpr int outside = 1 << 20;
   std::array<Guess, pitches.size() + first_guesses.size()> guesses;
   const auto guess_at = [&](std::size_t i, std::int64_t forward, std::int64_t pitch) {
     guesses[i].motion.g[5] = -pitch;
     guesses[i].motion.g[7] = forward + pitch;
-    const Residual left = alignment_.residual(small_points_, earlier, guesses[i].motion);
-    guesses[i].mean = left.points * 4 < fewest_points ? outside : left.mean;
+    guesses[i].mean = alignment_.residual(small_points_, earlier, guesses[i].motion).mean;
   };
   const std::int64_t tracked = translation_of(step).z;
   for (std::size_t i = 0; i < pitches.size(); ++i)

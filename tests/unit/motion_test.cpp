@@ -294,6 +294,13 @@ TEST(MotionAlignment, FindsHowThePlaneMoved) {
     }
   const Residual residual = alignment.residual(points, earlier, motion);
   EXPECT_LT(3 * residual.mean, alignment.residual(points, earlier, {}).mean);
+
+  // A motion that leaves the earlier picture explains nothing.
+  PlaneMotion away;
+  away.g[2] = 16 * one_q24;
+  const Residual outside = alignment.residual(points, earlier, away);
+  EXPECT_EQ(outside.points, 0);
+  EXPECT_EQ(outside.mean, 40 << 8);
 }
 
 TEST(MotionAlignment, FollowsNoFewPoints) {
