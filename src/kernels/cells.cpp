@@ -259,27 +259,24 @@ void octaves_looked_up(const std::uint32_t* __restrict values, const std::int16_
 }
 
 void spread(std::int32_t* __restrict values, const std::int32_t* __restrict places, int count) {
-  // From both ends: the least value so far, as seen from place 0.
-  constexpr std::int32_t offset =
-      1 << 30; // makes all numbers negative: the 0 that a shift brings in is no minimum
+  // From both ends: the least value so far, as seen from place 0. The offset makes all numbers negative, so
+  // that the 0 that a shift brings in is no minimum.
+  constexpr std::int32_t offset = 1 << 30;
   std::int32_t least = 0;
   int i = 0;
 #if HWY_TARGET != HWY_SCALAR
-  const hn::CappedTag<std::int32_t, 4> d;
-  const int together = static_cast<int>(hn::Lanes(d));
+  const hn::CappedTag<std::int32_t, 4> d; // every target has four lanes
   const auto down = hn::Set(d, offset);
-  if (together == 4 && count >= 4) {
-    auto carried = hn::Zero(d);
-    for (; i + 4 <= count; i += 4) {
-      const auto place = hn::Add(hn::LoadU(d, places + i), down);
-      auto seen = hn::Sub(hn::LoadU(d, values + i), place);
-      seen = hn::Min(seen, hn::ShiftLeftLanes<1>(d, seen));
-      seen = hn::Min(hn::Min(seen, hn::ShiftLeftLanes<2>(d, seen)), carried);
-      carried = hn::Broadcast<3>(seen);
-      hn::StoreU(hn::Add(seen, place), d, values + i);
-    }
-    least = hn::GetLane(carried);
+  auto carried = hn::Zero(d);
+  for (; i + 4 <= count; i += 4) {
+    const auto place = hn::Add(hn::LoadU(d, places + i), down);
+    auto seen = hn::Sub(hn::LoadU(d, values + i), place);
+    seen = hn::Min(seen, hn::ShiftLeftLanes<1>(d, seen));
+    seen = hn::Min(hn::Min(seen, hn::ShiftLeftLanes<2>(d, seen)), carried);
+    carried = hn::Broadcast<3>(seen);
+    hn::StoreU(hn::Add(seen, place), d, values + i);
   }
+  least = hn::GetLane(carried);
 #endif
   for (; i < count; ++i) {
     least = std::min(least, values[i] - places[i] - offset);
@@ -287,18 +284,16 @@ void spread(std::int32_t* __restrict values, const std::int32_t* __restrict plac
   }
   least = 0;
 #if HWY_TARGET != HWY_SCALAR
-  if (together == 4 && count >= 4) {
-    auto carried = hn::Zero(d);
-    for (; i >= 4; i -= 4) {
-      const auto place = hn::Sub(hn::LoadU(d, places + i - 4), down);
-      auto seen = hn::Add(hn::LoadU(d, values + i - 4), place);
-      seen = hn::Min(seen, hn::ShiftRightLanes<1>(d, seen));
-      seen = hn::Min(hn::Min(seen, hn::ShiftRightLanes<2>(d, seen)), carried);
-      carried = hn::Broadcast<0>(seen);
-      hn::StoreU(hn::Sub(seen, place), d, values + i - 4);
-    }
-    least = hn::GetLane(carried);
+  carried = hn::Zero(d);
+  for (; i >= 4; i -= 4) {
+    const auto place = hn::Sub(hn::LoadU(d, places + i - 4), down);
+    auto seen = hn::Add(hn::LoadU(d, values + i - 4), place);
+    seen = hn::Min(seen, hn::ShiftRightLanes<1>(d, seen));
+    seen = hn::Min(hn::Min(seen, hn::ShiftRightLanes<2>(d, seen)), carried);
+    carried = hn::Broadcast<0>(seen);
+    hn::StoreU(hn::Sub(seen, place), d, values + i - 4);
   }
+  least = hn::GetLane(carried);
 #endif
   for (; i > 0; --i) {
     least = std::min(least, values[i - 1] + places[i - 1] - offset);

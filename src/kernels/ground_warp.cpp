@@ -131,7 +131,7 @@ HWY_INLINE bool lies_outside(const Picture& source, const std::int32_t* nodes) {
 /// Pixels that one look-up in 16 bytes of a row gives.
 constexpr int looked_up = 8;
 /// Look-ups at once, and the bytes of each.
-#if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
+#if HWY_MAX_BYTES >= 32 && !HWY_HAVE_SCALABLE
 constexpr int lookups = 2;
 using Looked = hn::FixedTag<std::uint8_t, 32>;
 HWY_INLINE hn::Vec<Looked> read(const std::uint8_t* first, const std::uint8_t* second) {
