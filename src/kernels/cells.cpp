@@ -282,7 +282,6 @@ void spread(std::int32_t* __restrict values, const std::int32_t* __restrict plac
     least = std::min(least, values[i] - places[i] - offset);
     values[i] = least + places[i] + offset;
   }
-  least = 0;
 #if HWY_TARGET != HWY_SCALAR
   carried = hn::Zero(d);
   for (; i >= 4; i -= 4) {
@@ -294,6 +293,8 @@ void spread(std::int32_t* __restrict values, const std::int32_t* __restrict plac
     hn::StoreU(hn::Sub(seen, place), d, values + i - 4);
   }
   least = hn::GetLane(carried);
+#else
+  least = 0;
 #endif
   for (; i > 0; --i) {
     least = std::min(least, values[i - 1] + places[i - 1] - offset);
