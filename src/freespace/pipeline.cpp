@@ -83,8 +83,18 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   const bool continued = same_place && mode != Temporal::off;
   const bool soon =
       continued && follows_soon(memory_.last, task.frame.pts) && has_hardly_moved(memory_.last, view.grid);
-  const WindowLesson lesson =
-      teacher_.learn(view, same_place ? memory_.boundary : no_curve, memory_.window, tables_, terrain, clock);
+  WindowLesson lesson;
+  FrameLine end;
+  // The edges of the frame and the end of the ground do not depend on the lesson.
+  task.workers.run(view.blank ? 1 : 3, [&](int part) {
+    if (part == 0)
+      lesson = teacher_.learn(view, same_place ? memory_.boundary : no_curve, memory_.window, tables_,
+                              terrain, clock);
+    else if (part == 1)
+      tracer_.look(view, scorer_.look(view), continued ? memory_.boundary : no_curve);
+    else
+      end = end_of_ground(view, continued, memory_.holes.motion, terrain.line, long_lines_, memory_.lines);
+  });
   out.estimate().flags = lesson.flags;
   if (!lesson.known) {
     out.label_unknown();
@@ -93,10 +103,8 @@ void FreeSpacePipeline::process(const FrameTask& task, Terrain& terrain, Estimat
   remember(view.grid, task.frame.pts, memory_.last);
   const Scores scores = scorer_.score(view, lesson.trusted, continued, memory_.average, tables_, terrain);
   clock.lap(Stage::scoring);
-  const Ground& ground = tracer_.trace(
-      view, scores, lesson.horizon.row,
-      end_of_ground(view, continued, memory_.holes.motion, terrain.line, long_lines_, memory_.lines),
-      continued, memory_.boundary, terrain.horizon);
+  const Ground& ground =
+      tracer_.trace(view, scores, lesson.horizon.row, end, memory_.boundary, terrain.horizon);
   curves_.refine(view, ground);
   holes_.find({view, ground, curves_, terrain.horizon, known_line(task), continued, soon}, memory_.holes);
   const MotionTrack& track = memory_.holes.motion;

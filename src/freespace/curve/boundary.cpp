@@ -262,15 +262,16 @@ void cut_above(int row, GroundBehind& behind) {
 
 } // namespace
 
+void GroundTracer::look(const View& view, const ColorSteps& steps, const GridCurve& before) {
+  search_.look(view.grid, steps, view.exposure.gain, before);
+  if (view.task.settings.connected_ground)
+    search_.price_edgeless(view.grid, view.connected.edgeless(view.grid));
+}
+
 const Ground& GroundTracer::trace(const View& view, const Scores& scores, int first_row, const FrameLine& end,
-                                  bool continued, GridCurve& last, std::uint32_t& slow_horizon) {
+                                  GridCurve& last, std::uint32_t& slow_horizon) {
   const Settings& settings = view.task.settings;
   const Grid& grid = view.grid;
-  if (!continued)
-    last.clear();
-  search_.look(grid, scores.steps, view.exposure.gain, last);
-  if (settings.connected_ground)
-    search_.price_edgeless(grid, view.connected.edgeless(grid));
   search(view, scores, end, slow_horizon);
   GridCurve& boundary = ground_.boundary;
   if (settings.second_look &&

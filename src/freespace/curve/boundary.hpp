@@ -75,12 +75,16 @@ struct View;
 
 class GroundTracer {
  public:
+  /// Weighs the edges of a frame for trace(). `steps` are its colour steps; `before` is the boundary of the
+  /// last frame, empty when there is none.
+  void look(const View& view, const ColorSteps& steps, const GridCurve& before);
+
   /// Searches the boundary, repeats the search with this frame's appearance on both sides of it, then finds
   /// ground behind obstacles and doubtful ground. No ground is above `first_row` or far above `end`, the end
-  /// of the ground plane. `last` is the boundary of the previous frame and is replaced by this one. Updates
-  /// `slow_horizon` (Q8 of the height).
+  /// of the ground plane. The frame is that of look(). Writes the boundary to `last`, updates `slow_horizon`
+  /// (Q8 of the height).
   const Ground& trace(const View& view, const Scores& scores, int first_row, const FrameLine& end,
-                      bool continued, GridCurve& last, std::uint32_t& slow_horizon);
+                      GridCurve& last, std::uint32_t& slow_horizon);
 
  private:
   void search(const View& view, const Scores& scores, const FrameLine& end, std::uint32_t& slow_horizon);

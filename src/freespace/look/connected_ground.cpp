@@ -205,14 +205,14 @@ void ConnectedGround::spread(std::size_t row, std::size_t width) {
 
 const std::vector<std::uint8_t>& ConnectedGround::edgeless(const Grid& grid) {
   const auto width = static_cast<std::size_t>(grid.width);
-  compare(grid, 0, width, edge_limits, down_);
+  compare(grid, 0, width, edge_limits, unbroken_);
   edgeless_.assign(grid.size(), 0);
   for (int r = 1; r < grid.height; ++r) {
     std::uint8_t* const out = &edgeless_[grid.at(r, 0)];
     std::fill_n(out, width, std::uint8_t{1});
     // The edge between rows k - 1 and k.
     for (int k = std::max(r - edge_reach, 1); k <= std::min(r + edge_reach, grid.height - 1); ++k) {
-      const std::uint8_t* const alike = &down_[grid.at(k - 1, 0)];
+      const std::uint8_t* const alike = &unbroken_[grid.at(k - 1, 0)];
       for (std::size_t j = 0; j < width; ++j)
         out[j] &= alike[j];
     }

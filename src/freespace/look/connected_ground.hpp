@@ -53,7 +53,7 @@ class ConnectedGround {
                                            const std::vector<std::uint16_t>& texture);
 
   /// One byte per cell: 1 at row r of a column when there is no edge between any two of the rows r - 4 to r +
-  /// 3. The top row is 0. Ignored cells have an edge around them.
+  /// 3. The top row is 0. Ignored cells have an edge around them. May be called during grow() and vouched().
   const std::vector<std::uint8_t>& edgeless(const Grid& grid);
 
  private:
@@ -78,6 +78,7 @@ class ConnectedGround {
   std::array<int, 3> means_{}; ///< luma and chromas of the seeds of grow(), means in the same units
   /// Whether a cell and its neighbour on that side are similar; undefined at the ends of rows.
   std::vector<std::uint8_t> right_, down_, down_left_, down_right_;
+  std::vector<std::uint8_t> unbroken_; ///< whether there is no edge between a cell and the one below it
   std::vector<std::uint8_t> joined_, taught_, vouched_, edgeless_;
 };
 

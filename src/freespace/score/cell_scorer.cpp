@@ -356,6 +356,14 @@ Columns in_one_light(const View& view, std::span<const Cell> trusted) {
 
 } // namespace
 
+const ColorSteps& CellScorer::look(const View& view) {
+  const Settings& settings = view.task.settings;
+  measure_color_steps(view.grid, view.exposure.gain, settings.geodesic, steps_);
+  if (settings.upright)
+    coherence_.look(view.luma, view.grid);
+  return steps_;
+}
+
 Scores CellScorer::score(const View& view, const Vouched& trusted, bool continued, CellScores& average,
                          TerrainTables& tables, const Terrain& terrain) {
   const Settings& settings = view.task.settings;
@@ -364,17 +372,14 @@ Scores CellScorer::score(const View& view, const Vouched& trusted, bool continue
                            penalty_);
   else
     penalty_.assign(view.grid.size(), 0);
-  measure_color_steps(view.grid, view.exposure.gain, settings.geodesic, steps_);
   if (settings.geodesic)
     geodesic_.raise(view.grid, steps_, trusted.seeds, penalty_);
   score_cells(view.grid, view.cells, tables.of(terrain, settings, view.cells.color), penalty_, trusted,
               in_one_light(view, trusted.seeds), score_);
-  if (settings.upright) {
-    coherence_.look(view.luma, view.grid);
+  if (settings.upright)
     coherence_.weigh(view.grid, score_);
-  }
   average_scores(score_, continued, average);
-  return {average, penalty_, steps_};
+  return {average, penalty_};
 }
 
 } // namespace terrainseg

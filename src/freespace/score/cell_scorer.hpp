@@ -48,7 +48,6 @@ class UprightCoherence {
 struct Scores {
   const CellScores& average; ///< over the frames that show the same place
   const CellPenalties& penalty;
-  const ColorSteps& steps;
 };
 
 /// Luma and time of the last frame, to decide whether the next frame continues it.
@@ -109,9 +108,12 @@ class GeodesicPenalty {
 
 class CellScorer {
  public:
+  /// Measures what score() uses and no lesson changes. Returns the colour steps of the frame.
+  const ColorSteps& look(const View& view);
+
   /// Colour and texture give evidence for and against ground; the distance from the trusted ground and
-  /// upright edges give evidence against it. `trusted` are the window's cells that vouch for the ground;
-  /// empty when the window was not examined.
+  /// upright edges give evidence against it. The frame is that of look(). `trusted` are the window's cells
+  /// that vouch for the ground; empty when the window was not examined.
   Scores score(const View& view, const Vouched& trusted, bool continued, CellScores& average,
                TerrainTables& tables, const Terrain& terrain);
 
