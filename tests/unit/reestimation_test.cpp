@@ -36,13 +36,20 @@ TEST(ColorHistogram, BlursAlongEveryAxis) {
   std::vector<std::uint32_t> in(color_bins), between(color_bins), out(color_bins);
   for (auto& bin : in)
     bin = dice() % 3 ? 0 : 64 * (dice() % 1000);
-  blur_colors(in, between, out);
+  blur_colors(in, {}, between, out);
   const std::vector<double> expected = blurred(std::vector<double>(in.begin(), in.end()), {256, 16, 1});
   for (std::size_t i = 0; i < out.size(); ++i)
     ASSERT_EQ(out[i], expected[i]) << i; // multiples of 64 lose nothing
+  for (const BinRange u : {BinRange{0, 1}, BinRange{3, 7}, BinRange{15, 16}}) {
+    std::vector<std::uint32_t> part(color_bins, 0);
+    blur_colors(in, u, between, part);
+    for (std::size_t i = 0; i < part.size(); ++i)
+      if (const int bin = static_cast<int>(i) / 16 % 16; bin >= u.first && bin < u.end)
+        ASSERT_EQ(part[i], out[i]) << i;
+  }
   in.assign(color_bins, 0);
   in[color_bins - 1] = 0xffffffffu / 3; // as much as there may be, where ends are repeated
-  blur_colors(in, between, out);
+  blur_colors(in, {}, between, out);
   EXPECT_NEAR(out[color_bins - 1], in[color_bins - 1] * 27.0 / 64, 3);
 }
 

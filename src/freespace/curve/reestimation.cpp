@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdlib>
-#include <numeric>
 
 #include "base/fixed.hpp"
 #include "base/tuning.hpp"
@@ -39,8 +38,21 @@ std::uint32_t smoothed(const std::array<std::uint32_t, texture_bins>& histogram,
   return (at(bin - 1) + 2 * at(bin) + at(bin + 1)) / 4;
 }
 
-template <std::size_t size> std::uint32_t total_of(const std::array<std::uint32_t, size>& histogram) {
-  return std::accumulate(histogram.begin(), histogram.end(), std::uint32_t{0});
+// The bins of U that occur. Auto-vectorised.
+BinRange range_of_u(const std::vector<std::uint16_t>& colors) {
+  std::int16_t least = 255, greatest = 0;
+  for (const std::uint16_t color : colors) {
+    const auto u = static_cast<std::int16_t>(color & 0xf0);
+    least = std::min(least, u);
+    greatest = std::max(greatest, u);
+  }
+  return {least >> 4, (greatest >> 4) + 1};
+}
+
+// Calls f(first bin, number of bins) for each luma.
+template <typename F> void for_each_luma(const BinRange& u, F f) {
+  for (int first = u.first * chroma_bins; first < color_bins; first += chroma_bins * chroma_bins)
+    f(first, u.count() * chroma_bins);
 }
 
 } // namespace
@@ -65,8 +77,10 @@ bool Reestimation::revise(const Grid& grid, const CellBins& cells, const GridCur
 }
 
 void Reestimation::count(const Grid& grid, const CellBins& cells, const GridCurve& boundary) {
+  u_ = range_of_u(cells.color);
   for (Side* side : {&ground_, &rest_}) {
-    side->color.fill(0);
+    for_each_luma(with_neighbours(u_),
+                  [&](int first, int count) { std::fill_n(&side->color[first], count, 0u); });
     side->texture.fill(0);
     side->cells = 0;
   }
@@ -84,13 +98,16 @@ void Reestimation::count(const Grid& grid, const CellBins& cells, const GridCurv
 
 void Reestimation::compare() {
   for (Side* side : {&ground_, &rest_})
-    blur_colors(side->color, between_, side->blurred);
-  const std::uint32_t ground = total_of(ground_.blurred) + color_floors * floor,
-                      rest = total_of(rest_.blurred) + color_floors * floor;
-  for (std::size_t i = 0; i < color_.size(); ++i)
-    if (ground_.color[i] + rest_.color[i] > 0) // bins that do not occur are not read
-      color_[i] = static_cast<std::int16_t>(
-          ratio(ground_.blurred[i] + floor, ground, rest_.blurred[i] + floor, rest, color_weight));
+    blur_colors(side->color, u_, between_, side->blurred);
+  // Blurring keeps the sum of all bins, because `one` is divided without a rest.
+  const std::uint32_t ground = one * ground_.cells + color_floors * floor,
+                      rest = one * rest_.cells + color_floors * floor;
+  for_each_luma(u_, [&](int first, int count) {
+    for (int i = first; i < first + count; ++i)
+      if (ground_.color[i] + rest_.color[i] > 0) // bins that do not occur are not read
+        color_[i] = static_cast<std::int16_t>(
+            ratio(ground_.blurred[i] + floor, ground, rest_.blurred[i] + floor, rest, color_weight));
+  });
   for (int i = 0; i < texture_bins; ++i)
     texture_[i] = static_cast<std::int16_t>(
         ratio(smoothed(ground_.texture, i) + floor, one * ground_.cells + texture_bins * floor,

@@ -26,7 +26,7 @@ class Reestimation {
               const CellPenalties& penalty, const CellScores& score, CellScores& revised);
 
  private:
-  /// Histograms of one side.
+  /// Histograms of one side. Of colours the bins beside u_ are cleared too; others are undefined.
   struct Side {
     std::array<std::uint32_t, color_bins> color, blurred;
     std::array<std::uint32_t, texture_bins> texture;
@@ -36,6 +36,7 @@ class Reestimation {
   void compare();
 
   Side ground_{}, rest_{};
+  BinRange u_; ///< the bins of U that occur in the frame
   std::array<std::uint32_t, color_bins> between_{};
   std::array<std::int16_t, color_bins> color_{};     ///< Q4, positive for ground
   std::array<std::int16_t, texture_bins> texture_{}; ///< Q4, positive for ground

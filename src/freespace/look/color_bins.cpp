@@ -233,19 +233,10 @@ void bin_colors(const std::uint8_t* __restrict y, const std::uint8_t* __restrict
                                           v[j] >> chroma_bin_shift);
 }
 
-// Blurs along one axis: `count` neighbours per block, `slice` bins apart.
-void blur(std::span<const std::uint32_t> in, std::span<std::uint32_t> out, int slice, int count) {
-  const int block = slice * count;
-  for (int start = 0; start < color_bins; start += block) {
-    const std::uint32_t* from = &in[start];
-    std::uint32_t* to = &out[start];
-    for (int i = 0; i < slice; ++i)
-      to[i] = (3 * from[i] + from[i + slice]) >> 2;
-    for (int i = slice; i < block - slice; ++i)
-      to[i] = (from[i - slice] + 2 * from[i] + from[i + slice]) >> 2;
-    for (int i = block - slice; i < block; ++i)
-      to[i] = (from[i - slice] + 3 * from[i]) >> 2;
-  }
+// Blurs `count` bins along one axis, with the bins so far before and after each. Auto-vectorised.
+void blur(const std::uint32_t* from, int before, int after, int count, std::uint32_t* __restrict to) {
+  for (int i = 0; i < count; ++i)
+    to[i] = (from[i - before] + 2 * from[i] + from[i + after]) >> 2;
 }
 
 } // namespace
@@ -301,11 +292,34 @@ void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, cons
   }
 }
 
-void blur_colors(std::span<const std::uint32_t> in, std::span<std::uint32_t> between,
+void blur_colors(std::span<const std::uint32_t> in, BinRange u, std::span<std::uint32_t> between,
                  std::span<std::uint32_t> out) {
-  blur(in, out, chroma_bins * chroma_bins, luma_bins);
-  blur(out, between, chroma_bins, chroma_bins);
-  blur(between, out, 1, chroma_bins);
+  constexpr int last = chroma_bins - 1, slice = chroma_bins * chroma_bins;
+  const BinRange wide = with_neighbours(u), inner{std::max(u.first, 1), std::min(u.end, last)};
+  for (int l = 0; l < luma_bins; ++l) {
+    const int first = l * slice + wide.first * chroma_bins;
+    blur(&in[first], l > 0 ? slice : 0, l + 1 < luma_bins ? slice : 0, wide.count() * chroma_bins,
+         &out[first]);
+  }
+  for (int l = 0; l < luma_bins; ++l) {
+    const std::uint32_t* const from = &out[l * slice];
+    std::uint32_t* const to = &between[l * slice];
+    if (u.first == 0)
+      blur(from, 0, chroma_bins, chroma_bins, to);
+    blur(from + inner.first * chroma_bins, chroma_bins, chroma_bins, inner.count() * chroma_bins,
+         to + inner.first * chroma_bins);
+    if (u.end == chroma_bins)
+      blur(from + last * chroma_bins, chroma_bins, 0, chroma_bins, to + last * chroma_bins);
+  }
+  for (int l = 0; l < luma_bins; ++l) {
+    const std::uint32_t* const from = &between[l * slice];
+    std::uint32_t* const to = &out[l * slice];
+    blur(from + u.first * chroma_bins + 1, 1, 1, u.count() * chroma_bins - 2, to + u.first * chroma_bins + 1);
+    for (int i = u.first * chroma_bins; i < u.end * chroma_bins; i += chroma_bins) { // the ends
+      blur(from + i, 0, 1, 1, to + i);
+      blur(from + i + last, 1, 0, 1, to + i + last);
+    }
+  }
 }
 
 } // namespace terrainseg

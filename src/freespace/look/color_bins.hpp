@@ -3,6 +3,7 @@
 // histograms of these bins.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -84,10 +85,20 @@ void mean_around(const Grid& grid, int reach, std::vector<std::uint8_t>& between
 void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, const ExposureTables& exposure,
                std::uint32_t mean, CellBins& cells);
 
+/// Bins `first` to `end` - 1 of one chroma.
+struct BinRange {
+  int first = 0, end = chroma_bins;
+  int count() const { return end - first; }
+};
+inline BinRange with_neighbours(const BinRange& range) {
+  return {std::max(range.first - 1, 0), std::min(range.end + 1, chroma_bins)};
+}
+
 /// Smooths a histogram of color_bins bins by 1-2-1 along luma and both chromas, with repeated ends. Each sum
-/// is divided by 4, rounded down. `between` is working memory. The sum of all bins must be at most (2^32 - 1)
-/// / 3. The three arrays must not overlap.
-void blur_colors(std::span<const std::uint32_t> in, std::span<std::uint32_t> between,
+/// is divided by 4, rounded down. Reads the bins of `u` and their neighbours; what it writes for other bins
+/// is undefined. `between` is working memory. The sum of all bins must be at most (2^32 - 1) / 3. The three
+/// arrays must not overlap.
+void blur_colors(std::span<const std::uint32_t> in, BinRange u, std::span<std::uint32_t> between,
                  std::span<std::uint32_t> out);
 
 } // namespace terrainseg

@@ -251,7 +251,7 @@ void Likelihood::weigh_against(const Terrain& learned, Negatives negatives) {
     log_total_ = log2_q8(color_bins);
     return;
   }
-  blur_colors(learned.negative_colors, half_blurred_, blurred_);
+  blur_colors(learned.negative_colors, {}, half_blurred_, blurred_);
   const std::uint64_t total = std::max<std::uint64_t>(total_of(blurred_), 1);
   floor_ = total / smallest_share;
   log_total_ = log2_q8(total);
