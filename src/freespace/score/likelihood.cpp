@@ -125,16 +125,17 @@ void mark_lessons(const Grid& grid, std::span<const Cell> window, std::span<cons
                   std::span<const std::uint8_t> joined, Negatives negatives, const GridCurve& last,
                   std::vector<Lesson>& lessons) {
   lessons.assign(grid.size(), Lesson::against);
+  // These loops are auto-vectorised.
   if (negatives == Negatives::split && last.size() == static_cast<std::size_t>(grid.width))
-    for (int j = 0; j < grid.width; ++j)
-      for (int i = last[j]; i < grid.height; ++i)
-        lessons[grid.at(i, j)] = Lesson::against_little;
+    for (int i = 0; i < grid.height; ++i) {
+      Lesson* const row = &lessons[grid.at(i, 0)];
+      for (int j = 0; j < grid.width; ++j)
+        row[j] = last[j] <= i ? Lesson::against_little : Lesson::against;
+    }
   for (std::size_t i = 0; i < joined.size(); ++i)
-    if (joined[i])
-      lessons[i] = Lesson::terrain;
+    lessons[i] = joined[i] ? Lesson::terrain : lessons[i];
   for (std::size_t i = 0; i < grid.size(); ++i)
-    if (grid.ignored[i])
-      lessons[i] = Lesson::nothing;
+    lessons[i] = grid.ignored[i] ? Lesson::nothing : lessons[i];
   for (const Cell& cell : window)
     lessons[grid.at(cell.y, cell.x)] = Lesson::nothing;
   for (const Cell& cell : kept)
