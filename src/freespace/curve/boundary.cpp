@@ -116,9 +116,7 @@ void BoundarySearch::look(const Grid& grid, const ColorSteps& steps, int gain_q8
 void BoundarySearch::find(const Grid& grid, const CellScores& score, const RowPriors& prior,
                           bool ground_behind, GridCurve& boundary) {
   const int rows = grid.height + 1;
-  weigh_columns(grid, score, prior);
-  if (ground_behind)
-    add_ground_behind(grid, score, prior);
+  weigh_columns(grid, score, prior, ground_behind);
   loss_.resize(utility_.size());
   base_.resize(grid.width);
   for (int j = 0; j < grid.width; ++j) {
@@ -192,12 +190,16 @@ void BoundarySearch::price_edgeless(const Grid& grid, const std::vector<std::uin
       edges_[j * (height + 1) + r] -= 16 * behind_price * edgeless[r * width + j];
 }
 
-// Computes per row the sum of the scores below minus the sum above, plus the value of the edge.
-void BoundarySearch::weigh_columns(const Grid& grid, const CellScores& score, const RowPriors& prior) {
+// Computes per row the sum of the scores below minus the sum above, plus the value of the edge, plus the gain
+// of the best stretch of ground above the curve minus its price.
+void BoundarySearch::weigh_columns(const Grid& grid, const CellScores& score, const RowPriors& prior,
+                                   bool ground_behind) {
   const auto width = static_cast<std::size_t>(grid.width), height = static_cast<std::size_t>(grid.height),
              rows = height + 1;
   utility_.resize(width * rows);
   sums_.assign(width, 0);
+  stretch_.assign(width, 0);
+  behind_.assign(width, 0);
   const auto weight = [&](std::size_t row, std::size_t j) {
     return score[row * width + j] + 16 * prior[row];
   };
@@ -208,24 +210,16 @@ void BoundarySearch::weigh_columns(const Grid& grid, const CellScores& score, co
     if (r > 0)
       for (std::size_t j = 0; j < width; ++j)
         sums_[j] -= 2 * weight(r - 1, j);
+    if (ground_behind && r > 1)
+      for (std::size_t j = 0; j < width; ++j) {
+        const std::int32_t stretch = std::max(stretch_[j], 0) + 2 * weight(r - 2, j);
+        stretch_[j] = stretch;
+        behind_[j] = std::max(behind_[j], stretch - 16 * behind_price);
+      }
+    std::int32_t* const utility = &utility_[r];
+    const std::int32_t* const edges = &edges_[r];
     for (std::size_t j = 0; j < width; ++j)
-      utility_[j * rows + r] = sums_[j] + edges_[j * rows + r];
-  }
-}
-
-// Adds the gain of the best stretch of ground above the curve, minus its price.
-void BoundarySearch::add_ground_behind(const Grid& grid, const CellScores& score, const RowPriors& prior) {
-  const auto width = static_cast<std::size_t>(grid.width), rows = static_cast<std::size_t>(grid.height) + 1;
-  stretch_.assign(width, 0);
-  behind_.assign(width, 16 * behind_price);
-  for (std::size_t r = 2; r < rows; ++r) {
-    const std::int16_t* above = &score[(r - 2) * width];
-    const int row_prior = 16 * prior[r - 2];
-    for (std::size_t j = 0; j < width; ++j) {
-      stretch_[j] = std::max(stretch_[j], 0) + 2 * (above[j] + row_prior);
-      behind_[j] = std::max(behind_[j], stretch_[j]);
-      utility_[j * rows + r] += behind_[j] - 16 * behind_price;
-    }
+      utility[j * rows] = sums_[j] + behind_[j] + edges[j * rows];
   }
 }
 

@@ -55,8 +55,7 @@ class BoundarySearch {
 
  private:
   void weigh_edges(const Grid& grid, const ColorSteps& steps, int gain_q8, const GridCurve& before);
-  void weigh_columns(const Grid& grid, const CellScores& score, const RowPriors& prior);
-  void add_ground_behind(const Grid& grid, const CellScores& score, const RowPriors& prior);
+  void weigh_columns(const Grid& grid, const CellScores& score, const RowPriors& prior, bool ground_behind);
   void price_steps(const Grid& grid, const ColorSteps& steps);
   int predecessor(int column, int row, int rows) const;
 
@@ -66,9 +65,9 @@ class BoundarySearch {
   std::vector<std::int32_t> base_;    ///< per column: what was subtracted from its losses
   std::vector<std::int32_t> sums_;    ///< per column of a row: sum of the scores below minus the sum above
   std::vector<std::int32_t> stretch_; ///< per column of a row, doubled: the stretch of ground that ends here
-  std::vector<std::int32_t> behind_;  ///< per column of a row, doubled: the best stretch above
-  std::vector<std::int32_t> place_;   ///< columns x (rows + 1): sum of the prices for passing the rows above,
-                                      ///< from the column to the left
+  std::vector<std::int32_t> behind_; ///< per column of a row, doubled: the best stretch above, less its price
+  std::vector<std::int32_t> place_;  ///< columns x (rows + 1): sum of the prices for passing the rows above,
+                                     ///< from the column to the left
 };
 
 struct View;
