@@ -4,6 +4,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <iterator>
 #include <type_traits>
 
 // With GCC 12 the target for SVE vectors of exactly 32 bytes gives wrong three-byte pixels (found by
@@ -22,7 +23,12 @@
 /// For #if, after including Highway.
 #define TERRAINSEG_GATHERS (HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL)
 
+#include <hwy/targets.h>
+
 namespace terrainseg::kernels {
+
+/// What Highway chose. A reference, because its library would be called for every kernel otherwise.
+inline const hwy::ChosenTarget& chosen_target = hwy::GetChosenTarget();
 
 /// Calls `use` with the one of `constants` that equals `value`, as a std::integral_constant: a loop is
 /// compiled for each of them. Calls nothing when there is none. `use` has the attribute HWY_ATTR; this
@@ -41,9 +47,12 @@ template <auto... constants, class Value, class Use>
 } // namespace terrainseg::kernels
 
 /// Defines the function `name` that a caller sees, which the header declares as a constant pointer: calls the
-/// variant for this processor of HWY_NAMESPACE::variant.
+/// variant for this processor of HWY_NAMESPACE::variant, as HWY_DYNAMIC_DISPATCH does.
 // NOLINTBEGIN(bugprone-macro-parentheses): a name that is declared cannot stand in parentheses
 #define TERRAINSEG_DISPATCH(name, variant)                                                                   \
   HWY_EXPORT(variant);                                                                                       \
-  decltype(name) name = [](auto... values) { return HWY_DYNAMIC_DISPATCH(variant)(values...); }
+  decltype(name) name = [](auto... values) {                                                                 \
+    const auto& table = HWY_DISPATCH_TABLE(variant);                                                         \
+    return table[std::size(table) > 1 ? ::terrainseg::kernels::chosen_target.GetIndex() : 0](values...);     \
+  }
 // NOLINTEND(bugprone-macro-parentheses)

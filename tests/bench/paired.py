@@ -16,6 +16,7 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BENCH = ROOT / 'tests' / 'bench'
@@ -24,6 +25,7 @@ ROWS = [('480p', 854, 480, 0, 1), ('1080p', 1920, 1080, 0, 1), ('1080p, mask-lev
         ('4K, mask-level=2', 3840, 2160, 2, 1), ('1080p, n-threads=2', 1920, 1080, 0, 2), ('4K, n-threads=2', 3840, 2160, 0, 2)]
 FRAMES = 8
 WARM_UP = 20
+ASLEEP = 0.002  # seconds, after which the threads of the other program, which wait for a next frame, no longer spin
 
 
 def compiled(source, build, out):
@@ -56,6 +58,7 @@ class Side:
         return [int(word) for word in self.process.stdout.readline().split()]
 
     def measure(self):
+        time.sleep(ASLEEP)
         self.times.append(sum(self.run(FRAMES)) / FRAMES)
 
     def end(self):
