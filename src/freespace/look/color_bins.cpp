@@ -108,18 +108,19 @@ constexpr int middle_grey = 1664; ///< log2(90) Q8
 /// 24 bins over 10 octaves, Q16.
 TERRAINSEG_TUNED(int, color_bins, bins_per_octave, 614);
 
-// Offset of the roughness for each luma, log2 Q8.
+/// Sums of differences are multiplied by 2^lookup_shift for the look-up, which makes them at least 2^10.
+constexpr int lookup_shift = 4;
+static_assert(noise_floor << lookup_shift >= 1 << 10);
+
+// For each luma what turns the logarithm of a sum of differences into roughness, Q8.
 constexpr std::array<std::int16_t, 256> brightness = [] {
   std::array<std::int16_t, 256> table{};
   for (int y = 0; y < 256; ++y)
     table[y] = static_cast<std::int16_t>(
-        (brightness_slope * (middle_grey - log2_q8(static_cast<std::uint64_t>(y) + 16))) >> 8);
+        ((brightness_slope * (middle_grey - log2_q8(static_cast<std::uint64_t>(y) + 16))) >> 8) -
+        256 * lookup_shift - 512);
   return table;
 }();
-
-/// Sums of differences are multiplied by 2^lookup_shift for the look-up, which makes them at least 2^10.
-constexpr int lookup_shift = 4;
-static_assert(noise_floor << lookup_shift >= 1 << 10);
 
 // Table of log2 in Q8.
 constexpr auto octave_table = [] {
@@ -138,9 +139,19 @@ void scale_differences(const std::uint16_t* __restrict differences, std::uint32_
     out[i] = ((differences[i] * gain >> 8) + floor) << lookup_shift;
 }
 
+// Auto-vectorised.
+void bin_roughness(const std::int16_t* __restrict roughness, std::size_t count,
+                   std::uint8_t* __restrict bin) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto at = static_cast<std::int16_t>((roughness[i] * bins_per_octave) >> 16);
+    const std::int16_t least = at < 0 ? std::int16_t{0} : at;
+    bin[i] = static_cast<std::uint8_t>(std::min(least, std::int16_t{texture_bins - 1}));
+  }
+}
+
 // Looks up the normalised luma and the gain of the chroma.
 void look_up_exposure(const std::uint8_t* __restrict in, const ExposureTables& exposure, int count,
-                      std::uint8_t* __restrict luma, std::uint32_t* __restrict gain) {
+                      std::uint8_t* __restrict luma, std::uint16_t* __restrict gain) {
   for (int j = 0; j < count; ++j) {
     luma[j] = exposure.luma[in[j]];
     gain[j] = exposure.chroma_gain[in[j]];
@@ -216,13 +227,18 @@ void flatten_light(const std::vector<std::uint8_t>& around, std::uint32_t mean, 
     luma[i] = static_cast<std::uint8_t>(luma[i] * factor[around[i]] >> 8);
 }
 
-// This function and the next are auto-vectorised.
-void normalise_chroma(const std::uint8_t* __restrict in, const std::uint32_t* __restrict gain, int count,
+// This function and the next are auto-vectorised, this one in 16 bits: no product of a chroma and a byte of
+// the gain is larger.
+void normalise_chroma(const std::uint8_t* __restrict in, const std::uint16_t* __restrict gain, int count,
                       std::uint8_t* __restrict out) {
+  using Short = std::int16_t;
   for (int j = 0; j < count; ++j) {
-    const int beyond = ((in[j] - 128) * static_cast<int>(gain[j])) >> 8; // fits 16 bits
-    const auto chroma = static_cast<std::int16_t>(128 + beyond);
-    out[j] = static_cast<std::uint8_t>(std::clamp(chroma, std::int16_t{0}, std::int16_t{255}));
+    const auto chroma = static_cast<Short>(in[j] - 128);
+    const auto whole = static_cast<Short>(chroma * (gain[j] >> 8)),
+               rest = static_cast<Short>(chroma * (gain[j] & 255));
+    const auto sum = static_cast<Short>(128 + whole + (rest >> 8));
+    const Short least = sum < 0 ? Short{0} : sum;
+    out[j] = static_cast<std::uint8_t>(least < 255 ? least : Short{255});
   }
 }
 
@@ -282,14 +298,9 @@ void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, cons
   scale_differences(texture.data(), static_cast<std::uint32_t>(exposure.gain), grid.size(),
                     out.differences.data());
   log2_q8(out.differences.data(), static_cast<int>(grid.size()), out.roughness.data());
-  const std::uint8_t* const luma = out.luma.data();
-  std::int16_t* __restrict roughness = out.roughness.data();
-  std::uint8_t* __restrict bin = out.texture.data();
-  for (std::size_t i = 0; i < grid.size(); ++i) {
-    const int rough = roughness[i] - 256 * lookup_shift - 512 + brightness[luma[i]];
-    roughness[i] = static_cast<std::int16_t>(rough);
-    bin[i] = static_cast<std::uint8_t>(std::clamp((rough * bins_per_octave) >> 16, 0, texture_bins - 1));
-  }
+  for (std::size_t i = 0; i < grid.size(); ++i)
+    out.roughness[i] = static_cast<std::int16_t>(out.roughness[i] + brightness[out.luma[i]]);
+  bin_roughness(out.roughness.data(), grid.size(), out.texture.data());
 }
 
 void blur_colors(std::span<const std::uint32_t> in, BinRange u, std::span<std::uint32_t> between,

@@ -57,7 +57,8 @@ struct CellBins {
   std::vector<std::uint8_t> texture;    ///< 0..texture_bins - 1
   std::vector<std::int16_t> roughness;  ///< log2 in Q8, normalised for brightness; the texture bins quantise
                                         ///< it
-  std::vector<std::uint32_t> gain, differences; ///< working memory of bin_cells(), as the following
+  std::vector<std::uint16_t> gain;      ///< working memory of bin_cells(), as the following
+  std::vector<std::uint32_t> differences;
   std::vector<std::uint8_t> around, half_around;
   std::vector<std::uint32_t> sums;
 };
