@@ -44,8 +44,9 @@ TEST(ColorHistogram, BlursAlongEveryAxis) {
     std::vector<std::uint32_t> part(color_bins, 0);
     blur_colors(in, u, between, part);
     for (std::size_t i = 0; i < part.size(); ++i)
-      if (const int bin = static_cast<int>(i) / 16 % 16; bin >= u.first && bin < u.end)
+      if (const int bin = static_cast<int>(i) / 16 % 16; bin >= u.first && bin < u.end) {
         ASSERT_EQ(part[i], out[i]) << i;
+      }
   }
   in.assign(color_bins, 0);
   in[color_bins - 1] = 0xffffffffu / 3; // as much as there may be, where ends are repeated
