@@ -182,6 +182,101 @@ void follow_cells(const ComponentRow& cells, const std::uint8_t* ignored, const 
     follow(Single(), i);
 }
 
+// Q16 of 1 / the number of rows or columns in reach.
+HWY_INLINE std::uint32_t share_of_box(int at, int reach, int size) {
+  const int count = std::min(at + reach, size - 1) - std::max(at - reach, 0) + 1;
+  return (65536u + static_cast<std::uint32_t>(count) / 2) / static_cast<std::uint32_t>(count);
+}
+HWY_INLINE std::uint8_t mean_of_box(std::uint32_t sum, std::uint32_t share) {
+  const std::uint32_t mean = (sum * share + 32768) >> 16;
+  return static_cast<std::uint8_t>(mean < 255 ? mean : 255);
+}
+
+// Means over the rows in reach. The inner loops are auto-vectorised.
+void means_over_rows(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height, int reach,
+                     std::uint32_t* __restrict sums, std::uint8_t* __restrict out) {
+  std::fill_n(sums, width, 0u);
+  const auto add = [&](int i) HWY_ATTR {
+    const std::uint8_t* __restrict row = in + i * stride;
+    for (int j = 0; j < width; ++j)
+      sums[j] += row[j];
+  };
+  for (int i = 0; i < std::min(reach, height); ++i)
+    add(i);
+  for (int i = 0; i < height; ++i, out += width) {
+    if (i + reach < height)
+      add(i + reach);
+    if (i > reach) {
+      const std::uint8_t* __restrict row = in + (i - reach - 1) * stride;
+      for (int j = 0; j < width; ++j)
+        sums[j] -= row[j];
+    }
+    const std::uint32_t share = share_of_box(i, reach, height);
+    for (int j = 0; j < width; ++j)
+      out[j] = mean_of_box(sums[j], share);
+  }
+}
+
+// Means over the columns in reach, in place. `sums` holds 2 * (width + reach) + 1 elements: the sum of the
+// cells before each column, with a margin of `reach` on both sides, then the shares.
+void means_over_columns(std::uint8_t* __restrict cells, int width, int height, int reach,
+                        std::uint32_t* __restrict sums) {
+  std::uint32_t* const shares = sums + width + 2 * reach + 1;
+  std::fill_n(sums, reach + 1, 0u);
+  for (int j = 0; j < width; ++j)
+    shares[j] = share_of_box(j, reach, width);
+  for (int i = 0; i < height; ++i, cells += width) {
+    std::uint32_t sum = 0;
+    for (int j = 0; j < width; ++j)
+      sums[reach + 1 + j] = sum += cells[j];
+    std::fill_n(sums + reach + 1 + width, reach, sum);
+    for (int j = 0; j < width; ++j)
+      cells[j] = mean_of_box(sums[j + 2 * reach + 1] - sums[j], shares[j]);
+  }
+}
+
+// Auto-vectorised, as the next loops.
+void distances_passed(const std::int32_t* __restrict from, const std::uint16_t* __restrict steps,
+                      const std::uint8_t* __restrict ignored_from, const std::uint8_t* __restrict ignored_to,
+                      int free, int count, std::int32_t* __restrict to) {
+  for (int i = 0; i < count; ++i) {
+    const int beyond = steps[i] - free,
+              price = (beyond > 0 ? beyond : 0) & ((ignored_from[i] | ignored_to[i]) - 1),
+              passed = from[i] + price;
+    to[i] = passed < to[i] ? passed : to[i];
+  }
+}
+
+void penalties_raised(std::int32_t* __restrict distances, int free, int most, int shift, int count,
+                      std::int8_t* __restrict penalty) {
+  for (int i = 0; i < count; ++i) {
+    const int distance = distances[i], beyond = distance - free < most ? distance - free : most,
+              before = penalty[i];
+    penalty[i] = static_cast<std::int8_t>(beyond > before ? beyond : before);
+    distances[i] = distance - (distance >> shift);
+  }
+}
+
+// In 16 bits.
+void looks_compared(const LookRow& a, const LookRow& b, const LookLimits& limits, int dark, int count,
+                    std::uint8_t* __restrict alike) {
+  using Short = std::int16_t;
+  const auto [ya, ua, va, ra] = a.values;
+  const auto [yb, ub, vb, rb] = b.values;
+  const std::uint8_t *const ignored_a = a.ignored, *const ignored_b = b.ignored;
+  const LookLimits most = limits;
+  const auto added = static_cast<Short>(dark);
+  const auto apart = [](Short x, Short y) { return static_cast<Short>(x < y ? y - x : x - y); };
+  for (int i = 0; i < count; ++i) {
+    const auto step = static_cast<Short>(most.luma * apart(ya[i], yb[i]));
+    const auto sum = static_cast<Short>(ya[i] + yb[i] + added);
+    const auto color = static_cast<Short>(apart(ua[i], ub[i]) + apart(va[i], vb[i]));
+    const int same = (step <= sum) & (color <= most.chroma) & (apart(ra[i], rb[i]) <= most.rough);
+    const int ignored = ignored_a[i] | ignored_b[i];
+    alike[i] = static_cast<std::uint8_t>((same & (ignored ^ 1)) | (ignored & most.if_ignored));
+  }
+}
+
 // Auto-vectorised.
 void smooth_cells(const std::int32_t* __restrict in, int count, std::int32_t* __restrict out) {
   if (count == 1) {
@@ -317,6 +412,11 @@ TERRAINSEG_DISPATCH(largest_steps, largest_steps_of_cells);
 TERRAINSEG_DISPATCH(weigh_upright, upright_evidence);
 TERRAINSEG_DISPATCH(color_steps, color_steps_between);
 TERRAINSEG_DISPATCH(follow_row, follow_cells);
+TERRAINSEG_DISPATCH(compare_looks, looks_compared);
+TERRAINSEG_DISPATCH(pass_distances, distances_passed);
+TERRAINSEG_DISPATCH(average_rows, means_over_rows);
+TERRAINSEG_DISPATCH(average_columns, means_over_columns);
+TERRAINSEG_DISPATCH(raise_penalties, penalties_raised);
 TERRAINSEG_DISPATCH(smooth_row, smooth_cells);
 TERRAINSEG_DISPATCH(strongest_edges, strongest_of_strip);
 TERRAINSEG_DISPATCH(look_up_octaves, octaves_looked_up);

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 namespace terrainseg::kernels {
@@ -84,6 +85,42 @@ extern void (*const strongest_edges)(const Strip& strip,
 extern void (*const look_up_octaves)(const std::uint32_t* values, const std::int16_t* table, int count,
                                      std::int16_t* out);
 inline constexpr int octaves_of_table = 15;
+
+/// What is compared of a row of cells: luma, chromas and roughness, whose differences and sums fit 16 bits;
+/// and 1 for ignored cells.
+struct LookRow {
+  std::array<const std::int16_t*, 4> values;
+  const std::uint8_t* ignored;
+};
+/// Largest differences between two similar cells.
+struct LookLimits {
+  std::int16_t luma;       ///< relative, at most 32: 1/luma of the sum of both lumas plus `dark`
+  std::int16_t chroma;     ///< sum of the differences of both chromas
+  std::int16_t rough;      ///< difference of the roughness
+  std::uint8_t if_ignored; ///< result where one of the cells is ignored
+};
+/// alike[i] = 1 where cells i of both rows are similar, otherwise 0. Lumas are 0 to 1020.
+extern void (*const compare_looks)(const LookRow& a, const LookRow& b, const LookLimits& limits, int dark,
+                                   int count, std::uint8_t* alike);
+
+/// to[i] = min(to[i], from[i] + the price of the move): what steps[i] exceeds `free` by, 0 where one of the
+/// two cells is ignored. Steps and `free` are below 2^15.
+extern void (*const pass_distances)(const std::int32_t* from, const std::uint16_t* steps,
+                                    const std::uint8_t* ignored_from, const std::uint8_t* ignored_to,
+                                    int free, int count, std::int32_t* to);
+
+/// Means over the rows up to `reach` away, as (sum * (65536 / rows, rounded) + 32768) >> 16, at most 255.
+/// `sums` is working memory for `width` elements.
+extern void (*const average_rows)(const std::uint8_t* in, std::ptrdiff_t stride, int width, int height,
+                                  int reach, std::uint32_t* sums, std::uint8_t* out);
+/// The same over the columns, in place. `sums` is working memory for 2 * (width + reach) + 1 elements.
+extern void (*const average_columns)(std::uint8_t* cells, int width, int height, int reach,
+                                     std::uint32_t* sums);
+
+/// Raises penalty[i], which is not negative, to distances[i] - `free`, at most `most`; then reduces the
+/// distance by 2^-shift of it.
+extern void (*const raise_penalties)(std::int32_t* distances, int free, int most, int shift, int count,
+                                     std::int8_t* penalty);
 
 /// values[i] = min over k of values[k] + |places[i] - places[k]|. `places` start with 0 and do not decrease;
 /// |values| and places are below 2^28.

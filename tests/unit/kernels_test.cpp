@@ -747,6 +747,119 @@ TEST(Kernels, FollowAndSmoothRow) {
   });
 }
 
+TEST(Kernels, CompareLooks) {
+  on_every_row(13, [](int count, bool at_end, Fill, std::mt19937& random) {
+    const auto size = static_cast<std::size_t>(count);
+    struct Row {
+      explicit Row(std::size_t count, bool at_end)
+          : y(count, at_end), u(count, at_end), v(count, at_end), rough(count, at_end),
+            ignored(count, at_end) {}
+      LookRow row() const { return {{y.data(), u.data(), v.data(), rough.data()}, ignored.data()}; }
+      Guarded<std::int16_t> y, u, v, rough;
+      Guarded<std::uint8_t> ignored;
+    };
+    const Row a(size, at_end), b(size, at_end);
+    const Guarded<std::uint8_t> alike(size, at_end);
+    const LookLimits limits{
+        static_cast<std::int16_t>(between(1, 32, random)), static_cast<std::int16_t>(between(0, 40, random)),
+        static_cast<std::int16_t>(between(0, 700, random)), static_cast<std::uint8_t>(random() % 2)};
+    const int dark = between(0, 100, random);
+    for (std::size_t i = 0; i < size; ++i) {
+      const bool far = random() % 4 == 0;
+      const auto pair = [&](const Guarded<std::int16_t>& first, const Guarded<std::int16_t>& second,
+                            int least, int most, int apart) {
+        first[i] = static_cast<std::int16_t>(between(least, most, random));
+        const int other = far ? between(least, most, random) : first[i] + between(-apart, apart, random);
+        second[i] = static_cast<std::int16_t>(std::clamp(other, least, most));
+      };
+      pair(a.y, b.y, 0, 1020, 40);
+      pair(a.u, b.u, 0, 1020, 12);
+      pair(a.v, b.v, 0, 1020, 12);
+      pair(a.rough, b.rough, -8000, 20000, 500);
+      a.ignored[i] = random() % 8 == 0;
+      b.ignored[i] = random() % 8 == 0;
+    }
+    compare_looks(a.row(), b.row(), limits, dark, count, alike.data());
+    for (std::size_t i = 0; i < size; ++i) {
+      const bool same = limits.luma * std::abs(a.y[i] - b.y[i]) <= a.y[i] + b.y[i] + dark &&
+                        std::abs(a.u[i] - b.u[i]) + std::abs(a.v[i] - b.v[i]) <= limits.chroma &&
+                        std::abs(a.rough[i] - b.rough[i]) <= limits.rough;
+      ASSERT_EQ(alike[i], a.ignored[i] || b.ignored[i] ? limits.if_ignored : same) << count << " at " << i;
+    }
+  });
+}
+
+TEST(Kernels, PassDistancesAndRaisePenalties) {
+  on_every_row(14, [](int count, bool at_end, Fill, std::mt19937& random) {
+    const auto size = static_cast<std::size_t>(count);
+    const Guarded<std::int32_t> from(size, at_end), to(size, at_end);
+    const Guarded<std::uint16_t> steps(size, at_end);
+    const Guarded<std::uint8_t> ignored_from(size, at_end), ignored_to(size, at_end);
+    const Guarded<std::int8_t> penalty(size, at_end);
+    for (std::size_t i = 0; i < size; ++i) {
+      from[i] = random() % 3 ? between(0, 3000, random) : 1 << 20;
+      to[i] = random() % 3 ? between(0, 3000, random) : 1 << 20;
+      steps[i] = static_cast<std::uint16_t>(random() % 5 ? between(0, 1023, random) : (1 << 15) - 1);
+      ignored_from[i] = random() % 6 == 0;
+      ignored_to[i] = random() % 6 == 0;
+      penalty[i] = static_cast<std::int8_t>(between(0, 127, random));
+    }
+    const std::vector<std::int32_t> before(to.begin(), to.end());
+    const std::vector<std::int8_t> least(penalty.begin(), penalty.end());
+    const int free = between(0, 30, random), most = between(0, 127, random), shift = between(1, 4, random);
+    pass_distances(from.data(), steps.data(), ignored_from.data(), ignored_to.data(), free, count, to.data());
+    for (std::size_t i = 0; i < size; ++i) {
+      const int price = ignored_from[i] || ignored_to[i] ? 0 : std::max(steps[i] - free, 0);
+      ASSERT_EQ(to[i], std::min(before[i], from[i] + price)) << count << " at " << i;
+    }
+    const std::vector<std::int32_t> distances(to.begin(), to.end());
+    raise_penalties(to.data(), free, most, shift, count, penalty.data());
+    for (std::size_t i = 0; i < size; ++i) {
+      ASSERT_EQ(penalty[i], std::max<int>(least[i], std::min(distances[i] - free, most)))
+          << count << " at " << i;
+      ASSERT_EQ(to[i], distances[i] - floor_shift(distances[i], shift)) << count << " at " << i;
+    }
+  });
+}
+
+TEST(Kernels, AverageRowsAndColumns) {
+  on_every_row(15, [](int width, bool at_end, Fill how, std::mt19937& random) {
+    const int height = between(2, 12, random), reach = between(1, 15, random),
+              stride = width + between(0, 3, random);
+    const auto mean = [](std::int64_t sum, int first, int end) {
+      const int number = end - first;
+      return std::min<std::int64_t>((sum * ((65536 + number / 2) / number) + 32768) / 65536, 255);
+    };
+    const auto size = static_cast<std::size_t>(width * height);
+    const Guarded<std::uint8_t> in(static_cast<std::size_t>(stride * (height - 1) + width), at_end),
+        out(size, at_end);
+    const Guarded<std::uint32_t> row_sums(static_cast<std::size_t>(width), at_end),
+        column_sums(static_cast<std::size_t>(2 * (width + reach) + 1), at_end);
+    fill(in, how, random);
+    average_rows(in.data(), stride, width, height, reach, row_sums.data(), out.data());
+    for (int i = 0; i < height; ++i)
+      for (int j = 0; j < width; ++j) {
+        const int first = std::max(i - reach, 0), end = std::min(i + reach + 1, height);
+        std::int64_t sum = 0;
+        for (int k = first; k < end; ++k)
+          sum += in[static_cast<std::size_t>(k * stride + j)];
+        ASSERT_EQ(out[static_cast<std::size_t>(i * width + j)], mean(sum, first, end))
+            << width << " at " << i << ' ' << j;
+      }
+    const std::vector<std::uint8_t> rows(out.begin(), out.end());
+    average_columns(out.data(), width, height, reach, column_sums.data());
+    for (int i = 0; i < height; ++i)
+      for (int j = 0; j < width; ++j) {
+        const int first = std::max(j - reach, 0), end = std::min(j + reach + 1, width);
+        std::int64_t sum = 0;
+        for (int k = first; k < end; ++k)
+          sum += rows[static_cast<std::size_t>(i * width + k)];
+        ASSERT_EQ(out[static_cast<std::size_t>(i * width + j)], mean(sum, first, end))
+            << width << " at " << i << ' ' << j;
+      }
+  });
+}
+
 TEST(Kernels, StrongestEdges) {
   on_every_target([] {
     std::mt19937 random(12);

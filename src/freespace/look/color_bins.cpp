@@ -158,58 +158,6 @@ void look_up_exposure(const std::uint8_t* __restrict in, const ExposureTables& e
   }
 }
 
-// Q16 of 1 / the number of rows or columns in reach.
-std::uint32_t share_of_box(int at, int reach, int size) {
-  const int count = std::min(at + reach, size - 1) - std::max(at - reach, 0) + 1;
-  return (65536u + static_cast<std::uint32_t>(count) / 2) / static_cast<std::uint32_t>(count);
-}
-std::uint8_t mean_of_box(std::uint32_t sum, std::uint32_t share) {
-  return static_cast<std::uint8_t>(std::min((sum * share + 32768) >> 16, 255u));
-}
-
-// Means over the rows in reach. The inner loops are auto-vectorised.
-void average_rows(const Plane& in, int width, int height, int reach, std::uint32_t* __restrict sums,
-                  std::uint8_t* __restrict out) {
-  std::fill_n(sums, width, 0u);
-  const auto add = [&](int i) {
-    const std::uint8_t* __restrict row = in.row(i);
-    for (int j = 0; j < width; ++j)
-      sums[j] += row[j];
-  };
-  for (int i = 0; i < std::min(reach, height); ++i)
-    add(i);
-  for (int i = 0; i < height; ++i, out += width) {
-    if (i + reach < height)
-      add(i + reach);
-    if (i > reach) {
-      const std::uint8_t* __restrict row = in.row(i - reach - 1);
-      for (int j = 0; j < width; ++j)
-        sums[j] -= row[j];
-    }
-    const std::uint32_t share = share_of_box(i, reach, height);
-    for (int j = 0; j < width; ++j)
-      out[j] = mean_of_box(sums[j], share);
-  }
-}
-
-// Means over the columns in reach, in place. `sums` holds 2 * (width + reach) + 1 elements: the sum of the
-// cells before each column, with a margin of `reach` on both sides, then the shares.
-void average_columns(std::uint8_t* __restrict cells, int width, int height, int reach,
-                     std::uint32_t* __restrict sums) {
-  std::uint32_t* const shares = sums + width + 2 * reach + 1;
-  std::fill_n(sums, reach + 1, 0u);
-  for (int j = 0; j < width; ++j)
-    shares[j] = share_of_box(j, reach, width);
-  for (int i = 0; i < height; ++i, cells += width) {
-    std::uint32_t sum = 0;
-    for (int j = 0; j < width; ++j)
-      sums[reach + 1 + j] = sum += cells[j];
-    std::fill_n(sums + reach + 1 + width, reach, sum);
-    for (int j = 0; j < width; ++j)
-      cells[j] = mean_of_box(sums[j + 2 * reach + 1] - sums[j], shares[j]);
-  }
-}
-
 // Reduces the luma of cells with surroundings brighter than the `mean` (Q8). All are seen above `black`.
 void flatten_light(const std::vector<std::uint8_t>& around, std::uint32_t mean, int black,
                    std::vector<std::uint8_t>& luma) {
@@ -267,10 +215,11 @@ void mean_around(const Grid& grid, int reach, std::vector<std::uint8_t>& between
   sums.resize(2 * w + 2 * reach + 1);
   between.resize(grid.size());
   out.resize(grid.size());
-  average_rows(grid.planes[0], w, h, reach, sums.data(), between.data());
-  average_columns(between.data(), w, h, reach, sums.data());
-  average_rows({between.data(), w}, w, h, reach, sums.data(), out.data());
-  average_columns(out.data(), w, h, reach, sums.data());
+  const Plane& luma = grid.planes[0];
+  kernels::average_rows(luma.row(0), luma.stride, w, h, reach, sums.data(), between.data());
+  kernels::average_columns(between.data(), w, h, reach, sums.data());
+  kernels::average_rows(between.data(), w, w, h, reach, sums.data(), out.data());
+  kernels::average_columns(out.data(), w, h, reach, sums.data());
 }
 
 void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, const ExposureTables& exposure,

@@ -68,13 +68,13 @@ std::int16_t distance(std::int16_t a, std::int16_t b) {
   return static_cast<std::int16_t>(std::max(a, b) - std::min(a, b));
 }
 
-} // namespace
-
 // 6 % of the luma, 2.4 grey levels of chroma, a third of an octave of roughness.
-const ConnectedGround::Limits ConnectedGround::joined_limits{32, 9, 369, 1};
+constexpr kernels::LookLimits joined_limits{32, 9, 369, 1};
 // 10 %, 4 grey levels, 0.6 octaves. The luma limit is relative: an absolute limit of 8 grey levels would miss
 // a quarter of the true edges at dusk.
-const ConnectedGround::Limits ConnectedGround::edge_limits{20, 16, 616, 0};
+constexpr kernels::LookLimits edge_limits{20, 16, 616, 0};
+
+} // namespace
 
 void ConnectedGround::look(const Grid& grid, const CellBins& cells) {
   for (auto& values : smooth_)
@@ -88,28 +88,17 @@ void ConnectedGround::look(const Grid& grid, const CellBins& cells) {
 }
 
 // Compares every cell with the one `to` - `from` cells after it, in row order.
-void ConnectedGround::compare(const Grid& grid, std::size_t from, std::size_t to, const Limits& limits,
-                              std::vector<std::uint8_t>& alike) const {
+void ConnectedGround::compare(const Grid& grid, std::size_t from, std::size_t to,
+                              const kernels::LookLimits& limits, std::vector<std::uint8_t>& alike) const {
   alike.resize(grid.size());
   const std::size_t farther = std::max(from, to);
   if (farther >= grid.size())
     return;
-  const std::size_t count = grid.size() - farther;
-  const auto &y = smooth_[0], &u = smooth_[1], &v = smooth_[2], &rough = smooth_[3];
-  const std::int16_t *const ya = &y[from], *const yb = &y[to], *const ua = &u[from], *const ub = &u[to],
-                            *const va = &v[from], *const vb = &v[to], *const ra = &rough[from],
-                            *const rb = &rough[to];
-  const std::uint8_t *const ignored_a = &grid.ignored[from], *const ignored_b = &grid.ignored[to];
-  std::uint8_t* __restrict out = &alike[from];
-  const Limits most = limits;
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto step = static_cast<std::int16_t>(most.luma * distance(ya[i], yb[i])); // at most 32 * 1020
-    const auto sum = static_cast<std::int16_t>(ya[i] + yb[i] + dark_luma);
-    const auto color = static_cast<std::int16_t>(distance(ua[i], ub[i]) + distance(va[i], vb[i]));
-    const int same = (step <= sum) & (color <= most.chroma) & (distance(ra[i], rb[i]) <= most.rough);
-    const int ignored = ignored_a[i] | ignored_b[i];
-    out[i] = static_cast<std::uint8_t>((same & (ignored ^ 1)) | (ignored & most.if_ignored));
-  }
+  const auto row_at = [&](std::size_t at) -> kernels::LookRow {
+    return {{&smooth_[0][at], &smooth_[1][at], &smooth_[2][at], &smooth_[3][at]}, &grid.ignored[at]};
+  };
+  kernels::compare_looks(row_at(from), row_at(to), limits, dark_luma, static_cast<int>(grid.size() - farther),
+                         &alike[from]);
 }
 
 const std::vector<std::uint8_t>& ConnectedGround::grow(const Grid& grid, const std::vector<Cell>& seeds) {

@@ -10,6 +10,7 @@
 
 #include "coarse/grid.hpp"
 #include "freespace/look/color_bins.hpp"
+#include "kernels/cells.hpp"
 
 namespace terrainseg {
 
@@ -57,17 +58,8 @@ class ConnectedGround {
   const std::vector<std::uint8_t>& edgeless(const Grid& grid);
 
  private:
-  /// Largest differences between two similar cells.
-  struct Limits {
-    std::int16_t luma;       ///< relative: 1/luma of the sum of both lumas and eight grey levels
-    std::int16_t chroma;     ///< sum of both chroma components, in quarters of a grey level
-    std::int16_t rough;      ///< in 1/1024 octave
-    std::uint8_t if_ignored; ///< 1 when an ignored cell counts as similar to its neighbours
-  };
-  static const Limits joined_limits, edge_limits;
-
   std::array<int, 3> means_of(const Grid& grid, const std::vector<Cell>& seeds) const;
-  void compare(const Grid& grid, std::size_t from, std::size_t to, const Limits& limits,
+  void compare(const Grid& grid, std::size_t from, std::size_t to, const kernels::LookLimits& limits,
                std::vector<std::uint8_t>& alike) const;
   void keep_like_seeds(); ///< fills taught_
   void climb(std::size_t row, std::size_t width);

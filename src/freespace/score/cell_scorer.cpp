@@ -307,32 +307,30 @@ void GeodesicPenalty::raise(const Grid& grid, const ColorSteps& steps, std::span
   here_.resize(size);
   below_.assign(size, far);
   place_.assign(size, 0);
-  const auto price = [&](const std::vector<std::uint16_t>& step, std::size_t a, std::size_t b) {
-    // Ignored cells are crossed without a cost.
-    return std::max(step[a] - free, 0) & ((grid.ignored[a] | grid.ignored[b]) - 1);
-  };
   for (int i = lowest; i >= 0; --i) {
     const std::size_t row = grid.at(i, 0);
     int* here = here_.data();
-    const int* below = below_.data();
     for (int j = 0; j < width; ++j)
       here[j] = is_seed_[row + j] ? 0 : far;
+    // From the cells below, `side` columns apart.
+    const auto come_from = [&](const std::vector<std::uint16_t>& step, int side) {
+      const std::size_t from = side > 0, to = side < 0;
+      kernels::pass_distances(&below_[from], &step[row + to], &grid.ignored[row + size + from],
+                              &grid.ignored[row + to], free, width - std::abs(side), here + to);
+    };
     if (i < lowest) {
-      for (std::size_t j = 0; j < size; ++j)
-        here[j] = std::min(here[j], below[j] + price(steps.down, row + j, row + size + j));
-      for (std::size_t j = 1; j < size; ++j)
-        here[j] = std::min(here[j], below[j - 1] + price(steps.down_left, row + j, row + size + j - 1));
-      for (std::size_t j = 0; j + 1 < size; ++j)
-        here[j] = std::min(here[j], below[j + 1] + price(steps.down_right, row + j, row + size + j + 1));
+      come_from(steps.down, 0);
+      come_from(steps.down_left, -1);
+      come_from(steps.down_right, 1);
     }
-    for (std::size_t j = 1; j < size; ++j)
-      place_[j] = place_[j - 1] + price(steps.right, row + j - 1, row + j);
+    for (std::size_t j = 1; j < size; ++j) {
+      const std::size_t left = row + j - 1;
+      // Ignored cells are crossed without a cost.
+      const bool costs = (grid.ignored[left] | grid.ignored[left + 1]) == 0;
+      place_[j] = place_[j - 1] + (costs ? std::max(steps.right[left] - free, 0) : 0);
+    }
     kernels::spread_least(here, place_.data(), width);
-    std::int8_t* out = &penalty[row];
-    for (int j = 0; j < width; ++j) {
-      out[j] = static_cast<std::int8_t>(std::max<int>(out[j], std::clamp(here[j] - free_distance, 0, most)));
-      here[j] -= here[j] >> forgive_shift;
-    }
+    kernels::raise_penalties(here, free_distance, most, forgive_shift, width, &penalty[row]);
     here_.swap(below_);
   }
 }
