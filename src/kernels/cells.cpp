@@ -250,9 +250,8 @@ void distances_passed(const std::int32_t* __restrict from, const std::uint16_t* 
 void penalties_raised(std::int32_t* __restrict distances, int free, int most, int shift, int count,
                       std::int8_t* __restrict penalty) {
   for (int i = 0; i < count; ++i) {
-    const int distance = distances[i], beyond = distance - free < most ? distance - free : most,
-              before = penalty[i];
-    penalty[i] = static_cast<std::int8_t>(beyond > before ? beyond : before);
+    const int distance = distances[i], beyond = distance - free < most ? distance - free : most;
+    penalty[i] = beyond > penalty[i] ? static_cast<std::int8_t>(beyond) : penalty[i];
     distances[i] = distance - (distance >> shift);
   }
 }
