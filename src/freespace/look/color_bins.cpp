@@ -113,7 +113,7 @@ constexpr int lookup_shift = 4;
 static_assert(noise_floor << lookup_shift >= 1 << 10);
 
 // For each luma what turns the logarithm of a sum of differences into roughness, Q8.
-constexpr std::array<std::int16_t, 256> brightness = [] {
+constexpr std::array<std::int16_t, 256> roughness_offset = [] {
   std::array<std::int16_t, 256> table{};
   for (int y = 0; y < 256; ++y)
     table[y] = static_cast<std::int16_t>(
@@ -248,7 +248,7 @@ void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, cons
                     out.differences.data());
   log2_q8(out.differences.data(), static_cast<int>(grid.size()), out.roughness.data());
   for (std::size_t i = 0; i < grid.size(); ++i)
-    out.roughness[i] = static_cast<std::int16_t>(out.roughness[i] + brightness[out.luma[i]]);
+    out.roughness[i] = static_cast<std::int16_t>(out.roughness[i] + roughness_offset[out.luma[i]]);
   bin_roughness(out.roughness.data(), grid.size(), out.texture.data());
 }
 
