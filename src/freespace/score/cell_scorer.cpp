@@ -314,9 +314,10 @@ void GeodesicPenalty::raise(const Grid& grid, const ColorSteps& steps, std::span
       here[j] = is_seed_[row + j] ? 0 : far;
     // From the cells below, `side` columns apart.
     const auto come_from = [&](const std::vector<std::uint16_t>& step, int side) {
-      const std::size_t from = side > 0, to = side < 0;
-      kernels::pass_distances(&below_[from], &step[row + to], &grid.ignored[row + size + from],
-                              &grid.ignored[row + to], free, width - std::abs(side), here + to);
+      const int from = side > 0, to = side < 0;
+      const std::uint8_t* const ignored = grid.ignored.data() + row;
+      kernels::pass_distances(below_.data() + from, step.data() + row + to, ignored + size + from,
+                              ignored + to, free, width - std::abs(side), here + to);
     };
     if (i < lowest) {
       come_from(steps.down, 0);
