@@ -826,9 +826,13 @@ TEST(Kernels, AverageRowsAndColumns) {
   on_every_row(15, [](int width, bool at_end, Fill how, std::mt19937& random) {
     const int height = between(2, 12, random), reach = between(1, 15, random),
               stride = width + between(0, 3, random);
-    const auto mean = [](std::int64_t sum, int first, int end) {
-      const int number = end - first;
-      return std::min<std::int64_t>((sum * ((65536 + number / 2) / number) + 32768) / 65536, 255);
+    // Of the cells up to `reach` from the one `at` of `number` in a line, `step` elements apart.
+    const auto mean = [&](const std::uint8_t* line, int step, int at, int number) {
+      const int first = std::max(at - reach, 0), end = std::min(at + reach + 1, number), count = end - first;
+      std::int64_t sum = 0;
+      for (int k = first; k < end; ++k)
+        sum += line[k * step];
+      return std::min<std::int64_t>((sum * ((65536 + count / 2) / count) + 32768) / 65536, 255);
     };
     const auto size = static_cast<std::size_t>(width * height);
     const Guarded<std::uint8_t> in(static_cast<std::size_t>(stride * (height - 1) + width), at_end),
@@ -838,25 +842,15 @@ TEST(Kernels, AverageRowsAndColumns) {
     fill(in, how, random);
     average_rows(in.data(), stride, width, height, reach, row_sums.data(), out.data());
     for (int i = 0; i < height; ++i)
-      for (int j = 0; j < width; ++j) {
-        const int first = std::max(i - reach, 0), end = std::min(i + reach + 1, height);
-        std::int64_t sum = 0;
-        for (int k = first; k < end; ++k)
-          sum += in[static_cast<std::size_t>(k * stride + j)];
-        ASSERT_EQ(out[static_cast<std::size_t>(i * width + j)], mean(sum, first, end))
+      for (int j = 0; j < width; ++j)
+        ASSERT_EQ(out[static_cast<std::size_t>(i * width + j)], mean(in.data() + j, stride, i, height))
             << width << " at " << i << ' ' << j;
-      }
     const std::vector<std::uint8_t> rows(out.begin(), out.end());
     average_columns(out.data(), width, height, reach, column_sums.data());
     for (int i = 0; i < height; ++i)
-      for (int j = 0; j < width; ++j) {
-        const int first = std::max(j - reach, 0), end = std::min(j + reach + 1, width);
-        std::int64_t sum = 0;
-        for (int k = first; k < end; ++k)
-          sum += rows[static_cast<std::size_t>(i * width + k)];
-        ASSERT_EQ(out[static_cast<std::size_t>(i * width + j)], mean(sum, first, end))
+      for (int j = 0; j < width; ++j)
+        ASSERT_EQ(out[static_cast<std::size_t>(i * width + j)], mean(rows.data() + i * width, 1, j, width))
             << width << " at " << i << ' ' << j;
-      }
   });
 }
 
