@@ -38,17 +38,6 @@ std::uint32_t smoothed(const std::array<std::uint32_t, texture_bins>& histogram,
   return (at(bin - 1) + 2 * at(bin) + at(bin + 1)) / 4;
 }
 
-// The bins of U that occur. Auto-vectorised.
-BinRange range_of_u(const std::vector<std::uint16_t>& colors) {
-  std::int16_t least = 255, greatest = 0;
-  for (const std::uint16_t color : colors) {
-    const auto u = static_cast<std::int16_t>(color & 0xf0);
-    least = std::min(least, u);
-    greatest = std::max(greatest, u);
-  }
-  return {least >> 4, (greatest >> 4) + 1};
-}
-
 // Calls f(first bin, number of bins) for each luma.
 template <typename F> void for_each_luma(const BinRange& u, F f) {
   for (int first = u.first * chroma_bins; first < color_bins; first += chroma_bins * chroma_bins)

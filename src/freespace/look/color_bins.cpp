@@ -252,25 +252,30 @@ void bin_cells(const Grid& grid, const std::vector<std::uint16_t>& texture, cons
   bin_roughness(out.roughness.data(), grid.size(), out.texture.data());
 }
 
+BinRange range_of_u(const std::vector<std::uint16_t>& colors) {
+  std::int16_t least = 255, greatest = 0;
+  for (const std::uint16_t color : colors) {
+    const auto u = static_cast<std::int16_t>(color & 0xf0);
+    least = std::min(least, u);
+    greatest = std::max(greatest, u);
+  }
+  return {least >> 4, (greatest >> 4) + 1};
+}
+
 void blur_colors(std::span<const std::uint32_t> in, BinRange u, std::span<std::uint32_t> between,
                  std::span<std::uint32_t> out) {
   constexpr int last = chroma_bins - 1, slice = chroma_bins * chroma_bins;
-  const BinRange wide = with_neighbours(u), inner{std::max(u.first, 1), std::min(u.end, last)};
+  const BinRange wide = with_neighbours(u);
   for (int l = 0; l < luma_bins; ++l) {
     const int first = l * slice + wide.first * chroma_bins;
     blur(&in[first], l > 0 ? slice : 0, l + 1 < luma_bins ? slice : 0, wide.count() * chroma_bins,
          &out[first]);
   }
-  for (int l = 0; l < luma_bins; ++l) {
-    const std::uint32_t* const from = &out[l * slice];
-    std::uint32_t* const to = &between[l * slice];
-    if (u.first == 0)
-      blur(from, 0, chroma_bins, chroma_bins, to);
-    blur(from + inner.first * chroma_bins, chroma_bins, chroma_bins, inner.count() * chroma_bins,
-         to + inner.first * chroma_bins);
-    if (u.end == chroma_bins)
-      blur(from + last * chroma_bins, chroma_bins, 0, chroma_bins, to + last * chroma_bins);
-  }
+  for (int l = 0; l < luma_bins; ++l)
+    for (int i = u.first; i < u.end; ++i) {
+      const int first = l * slice + i * chroma_bins;
+      blur(&out[first], i > 0 ? chroma_bins : 0, i < last ? chroma_bins : 0, chroma_bins, &between[first]);
+    }
   for (int l = 0; l < luma_bins; ++l) {
     const std::uint32_t* const from = &between[l * slice];
     std::uint32_t* const to = &out[l * slice];

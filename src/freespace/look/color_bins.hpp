@@ -94,6 +94,8 @@ struct BinRange {
 inline BinRange with_neighbours(const BinRange& range) {
   return {std::max(range.first - 1, 0), std::min(range.end + 1, chroma_bins)};
 }
+/// The bins of U from the least to the greatest of these colours. Auto-vectorised.
+BinRange range_of_u(const std::vector<std::uint16_t>& colors);
 
 /// Smooths a histogram of color_bins bins by 1-2-1 along luma and both chromas, with repeated ends. Each sum
 /// is divided by 4, rounded down. Reads the bins of `u` and their neighbours; what it writes for other bins
